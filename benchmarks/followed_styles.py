@@ -114,7 +114,7 @@ class Follower:
         time = step * np.arange(1, height.shape[1] + 1)
         errors = np.concatenate([r.style_error for r in rollouts])
         return Followed(
-            stood=np.concatenate([r.stood for r in rollouts]),
+            stood=np.concatenate([r.outcome.stood for r in rollouts]),
             height_error=errors[:, 0],
             angle_error=np.degrees(errors[:, 1:].mean(axis=1)),
             restarts=np.concatenate([r.restarts for r in rollouts]),

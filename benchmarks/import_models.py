@@ -25,11 +25,12 @@ import tyro
 
 import humanoid_getup as hg
 from humanoid_getup.cli.parsing import registry
-from humanoid_getup.experiments.play import Rollout, Trace
-from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.reporting.film_strip import render_frames, save_sheet
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.kinematics import place
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
@@ -69,30 +70,31 @@ def list_models(folder: Path) -> list[ImportRequest]:
     ]
 
 
-def hold(world: hg.World) -> Trace:
+def hold(world: hg.World) -> Outcome:
     """Let a robot stand in its stance, its servos at its angles."""
     robot = world.robot
     start = place(robot, world.model, robot.standing)
     cycles = round((HOLD_TIME + SETTLING) / robot.control_period)
     targets = np.tile(robot.standing.joint_pos, (1, cycles, 1))
-    return Rollout(world, 1).play(start[None], targets, DomainParameters.nominal(world, 1))
+    record = play(world, Scenarios.nominal(world, start), targets).take(0)
+    return Outcome(record, robot)
 
 
-def judge_stance(world: hg.World, trace: Trace) -> str:
+def judge_stance(world: hg.World, outcome: Outcome) -> str:
     """Say whether the robot stood, else what broke its stand first."""
-    stance = measure_stance(world, trace)
-    if judge(is_upright(stance, world.robot)[0], trace.period).stood:
+    stance = outcome.record.stance
+    if outcome.stood:
         return "holds"
-    share = stance.neck_height[0, -1] / world.robot.standing_neck_height
-    touch = ", touches the ground" if stance.non_foot_contact[0, -1] else ""
-    return f"**falls**: {share:.0%} of its height, {np.degrees(stance.tilt[0, -1]):.0f}°{touch}"
+    share = stance.neck_height[-1] / world.robot.standing_neck_height
+    touch = ", touches the ground" if stance.non_foot_contact[-1] else ""
+    return f"**falls**: {share:.0%} of its height, {np.degrees(stance.tilt[-1]):.0f}°{touch}"
 
 
-def save_pictures(world: hg.World, trace: Trace, path: Path) -> None:
+def save_pictures(world: hg.World, outcome: Outcome, path: Path) -> None:
     """Save the stance from three sides, and the end of the hold."""
     start = place(world.robot, world.model, world.robot.standing)
     sides = [render_frames(world.robot, world.model, start[None], azimuth=a) for a in SIDES]
-    end = render_frames(world.robot, world.model, trace.qpos[0, -1:], azimuth=SIDES[1])
+    end = render_frames(world.robot, world.model, outcome.qpos[-1:], azimuth=SIDES[1])
     save_sheet(np.concatenate([*sides, end]), ["front", "oblique", "left", "end"], path)
 
 

@@ -24,8 +24,10 @@ from peer_keyframes import PAGES_FILE, Page
 from rich.console import Console
 from rich.table import Table
 
-from humanoid_getup.experiments.play import Rollout
-from humanoid_getup.experiments.standing import HOLD, is_upright, judge, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
@@ -124,9 +126,8 @@ def play_page(world: World, page: Page, stance: Array, starts: Array, friction: 
         ]
     )
     parameters = DomainParameters.nominal(world, n, friction=friction)
-    trace = Rollout(world, n).play(starts, np.tile(targets, (n, 1, 1)), parameters)
-    upright = is_upright(measure_stance(world, trace), robot)
-    return sum(judge(row, period).stood for row in upright)
+    record = play(world, Scenarios(starts=starts, parameters=parameters), [targets] * n)
+    return int(Outcome(record, robot).stood.sum())
 
 
 def compare(robot: Robot, peers: Path, meshes: Path, *, number: int, n: int, seed: int) -> Any:

@@ -24,7 +24,7 @@ from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judge import APART, count_episodes
+from humanoid_getup.experiments.outcome import APART, count_episodes
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize, wilson_interval
 from humanoid_getup.motions.motion import Motion
@@ -84,7 +84,7 @@ def measure_quality(world: World, motion: Motion) -> Quality:
     return Quality(
         ground_depth_m=depth,
         slip_m=slip,
-        self_collisions=count_episodes(overlap[:, None] > DEEP, apart)[0],
+        self_collisions=int(count_episodes(overlap > DEEP, apart)),
         jerk_rad_s3=float(np.sqrt(np.mean(jerk**2))),
     )
 

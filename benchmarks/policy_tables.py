@@ -167,14 +167,14 @@ def _find_stands(
     """Let robots rise; return where those are that stand."""
     model = build_training_world(robot, load_scene(falls.scene, robot), 0.002).model
     risen = put_through(Perturbation(), [fall.posture for fall in falls.falls])
-    return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.stood]]
+    return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.outcome.stood]]
 
 
 def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) -> dict[str, Any]:
     """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
     figures = summarize_rollouts(held, rises, ("held",))
-    stayed = np.concatenate([r.upright.all(axis=1) for r in rises])
+    stayed = np.concatenate([r.outcome.record.upright.all(axis=1) for r in rises])
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):
         row |= {"stood": int(stayed.sum()), "stood_interval_95": [low, high]}

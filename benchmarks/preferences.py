@@ -29,10 +29,9 @@ from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.play import randomize_rollouts
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.experiments.starts import Fall, sample_falls
 from humanoid_getup.experiments.summary import summarize, summarize_records
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES
@@ -129,18 +128,12 @@ def _roll_out(
 ) -> dict[str, float | None]:
     """Play targets (T, n) in hard worlds that no search saw."""
     world = strategy.world
-    starts, parameters = randomize_rollouts(
-        world,
-        place(world.robot, world.model, fall.posture),
-        WORLDS,
-        HARD_DISTURBANCE,
-        strategy.torque_limit,
-        np.random.default_rng([*seed, 2]),
-    )
-    worlds = Worlds(starts=starts, parameters=parameters)
-    outcome = DisturbedRollout(world, WORLDS).play(worlds, [target])
+    lying = place(world.robot, world.model, fall.posture)
+    rng = np.random.default_rng([*seed, 2])
+    scenarios = HARD_DISTURBANCE.sample(world, lying, WORLDS, rng, strategy.torque_limit)
+    outcome = Experiment(world).compare(scenarios, [target])
     return {
-        "neck_delta_v_m_s": float(outcome.impact[0, 0]),
+        "neck_delta_v_m_s": float(np.asarray(outcome.neck_delta_v)[0, 0]),
         "hard_share": float(outcome.stood.mean()),
     }
 

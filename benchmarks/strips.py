@@ -19,7 +19,7 @@ def get_up(world: hg.World, start: str, seed: int, name: str) -> Array | None:
             result = hg.get_up(twin, hg.PlannedRise(world), seed=number, max_attempts=1)
         print(f"{name}, seed {number}: {result}", flush=True)
         if result.stood and result.outcome is not None:
-            end = result.outcome.stand.start_time + film_strip.AFTERMATH
+            end = float(result.outcome.stand_time) + film_strip.AFTERMATH
             rise = result.outcome.qpos[: round(end / world.robot.control_period)]
             return np.concatenate([*(move.outcome.qpos for move in result.moves), rise])
     return None

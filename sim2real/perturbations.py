@@ -163,18 +163,27 @@ def summarize_rollouts(
 ) -> dict[str, Any]:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
+    outcomes = [each.outcome for each in records]
+    stood = np.concatenate([outcome.stood for outcome in outcomes])
     columns = {
-        "stood": np.concatenate([r.stood for r in records]),
-        "stand_time_s": np.concatenate([r.stand_time for r in records]),
-        "rms_torque_nm": np.concatenate([r.rms_torque() for r in records]),
-        "peak_torque_nm": np.concatenate([r.peak_torque() for r in records]),
-        "head_impact_m_s": np.concatenate([r.head_impact for r in records]),
+        "stood": stood,
+        "stand_time_s": np.concatenate([outcome.stand_time for outcome in outcomes]),
+        "rms_torque_nm": np.where(
+            stood, np.concatenate([outcome.rms_torque for outcome in outcomes]), np.nan
+        ),
+        "peak_torque_nm": np.concatenate([outcome.peak_torque for outcome in outcomes]),
+        "peak_braking_torque_nm": np.concatenate(
+            [outcome.peak_braking_torque for outcome in outcomes]
+        ),
+        "head_impact_m_s": np.concatenate(
+            [np.asarray(outcome.head_impact, float) for outcome in outcomes]
+        ),
         "height_error": np.concatenate([r.style_error[:, 0] for r in records]),
         "angle_error_deg": np.concatenate(
             [np.degrees(r.style_error[:, 1:].mean(axis=1)) for r in records]
         ),
         "restarts": np.concatenate([r.restarts for r in records]).astype(float),
-        "standing_joint_speed_rad_s": np.concatenate([r.standing_speed() for r in records]),
+        "standing_joint_speed_rad_s": np.concatenate([r.standing_speed for r in records]),
     }
     everyone = np.ones(len(kinds), dtype=bool)
     return {

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.judge import find_impact
-from humanoid_getup.experiments.standing import judge
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.record import Record, join_records
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     Floats,
@@ -23,7 +23,7 @@ from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.features import COUNT
 from humanoid_getup.style.style_errors import StyleErrors
 from robots.quaternion import Array
-from sim2real.environment.physics.training_simulation import Record, TrainingSim
+from sim2real.environment.physics.training_simulation import TrainingSim
 
 PolicyFunction = Callable[[Floats], tuple[Array, Array]]
 """Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""
@@ -35,11 +35,17 @@ DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PolicyRollouts(Record):
-    """Rollouts of N robots, judged."""
+class PolicyRollouts:
+    """Rollouts of N robots in S policy steps, judged."""
 
-    period: float
-    """[s]"""
+    outcome: Outcome
+    """(N,)"""
+    qpos: Array
+    """MuJoCo positions at the end of each policy step, (N, S, nq)."""
+    target: Array
+    """Targets of the servos at the end of each policy step [rad], (N, S, n)."""
+    features: Array
+    """Style features at the end of each policy step, (N, S, 3)."""
     style_error: Array
     """Mean error of each feature from the curves that a robot was first given, while they last,
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
@@ -47,37 +53,11 @@ class PolicyRollouts(Record):
     """How often each robot restarted after it had deviated from its curves, (N,)."""
 
     @property
-    def stood(self) -> NDArray[np.bool_]:
-        """Return which robots ended in a held stand, (N,)."""
-        return np.array([judge(row, self.period).stood for row in self.upright])
-
-    @property
-    def stand_time(self) -> Array:
-        """Return the start time of each held stand [s]; nan without one, (N,)."""
-        return np.array([judge(row, self.period).start_time for row in self.upright])
-
-    @property
-    def head_impact(self) -> Array:
-        """Return the largest speed at which each head hit the ground [m/s], (N,)."""
-        return find_impact(self.head_contact, self.head_speed)
-
-    def peak_torque(self) -> Array:
-        """Return the largest torque of each robot, braking or driving [N·m], (N,)."""
-        return np.abs(self.torque).max(axis=(1, 2))
-
     def standing_speed(self) -> Array:
-        """Compute the RMS joint speed of the last 2 s [rad/s]; nan without a stand, (N,)."""
-        recent = self.joint_vel[:, -round(2.0 / self.period) :]
-        return np.where(self.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
-
-    def rms_torque(self) -> Array:
-        """Compute the RMS torque of all joints until the stand [N·m]; nan without one, (N,)."""
-        ends = self.stand_time / self.period
-        means = [
-            np.nan if np.isnan(end) else np.mean(row[: round(end) + 1] ** 2)
-            for row, end in zip(self.torque, ends, strict=True)
-        ]
-        return np.sqrt(np.array(means))
+        """Return the RMS joint speed of the last 2 s [rad/s]; nan without a stand, (N,)."""
+        record = self.outcome.record
+        recent = record.joint_vel[:, -round(2.0 / record.period) :]
+        return np.where(self.outcome.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
 
 
 def roll_out_policy(
@@ -114,7 +94,8 @@ def roll_out_policy(
     memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
     records: list[Record] = []
-    diverged = np.zeros(sim.n, dtype=bool)
+    targets: list[Array] = []
+    features: list[Array] = []
     restarts = np.zeros(sim.n, dtype=int)
     for step in range(round(duration / sim.step_time)):
         on_step(step)
@@ -132,24 +113,22 @@ def roll_out_policy(
             np.clip(outputs.astype(float), -1.0, 1.0),
         )
         records.append(sim.follow_recorded(target, following))
-        diverged |= sim.diverged
+        targets.append(following)
+        features.append(sim.measure_features())
         target = following
         sensed = sim.sense(rng)
         if tracker is not None and errors is not None and choose_style is not None:
             tracker.advance(sim.step_time)
             tracker.measure(sensed.gravity, sensed.joint_pos)
-            errors.note(records[-1].features[:, -1], sim.step_time)
+            errors.note(features[-1], sim.step_time)
             again = tracker.restart_deviating(sim.step_time, choose_style)
             memory[again] = 0.0
             restarts[again] += 1
-    columns = {
-        field.name: np.concatenate([getattr(record, field.name) for record in records], axis=1)
-        for field in fields(Record)
-    }
-    columns["upright"] &= ~diverged[:, None]
     return PolicyRollouts(
-        period=robot.control_period,
+        outcome=Outcome(join_records(records), robot),
+        qpos=np.stack([record.qpos[:, -1] for record in records], axis=1),
+        target=np.stack(targets, axis=1),
+        features=np.stack(features, axis=1),
         style_error=errors.mean if errors else np.full((sim.n, COUNT), np.nan),
         restarts=restarts,
-        **columns,
     )

@@ -215,7 +215,7 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
 
         try:
             report, outcome = play(player, guard, judge, on_cycle=look)
-            succeeded = report.ending is Ending.DONE and ends_as_meant(world, motion, outcome)
+            succeeded = report.ending is Ending.DONE and bool(ends_as_meant(motion, outcome))
         except FaultyError as error:
             report, succeeded = str(error), False
         since = injected_at[0] - robot.control_period if injected_at else ports.main.time

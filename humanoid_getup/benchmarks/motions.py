@@ -9,24 +9,18 @@ from typing import Any
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
-from humanoid_getup.experiments.judge import GroundTruthJudge, RunOutcome
-from humanoid_getup.experiments.lying import measure_lying
-from humanoid_getup.experiments.play import (
-    Rollout,
-    RolloutRandomization,
-    Trace,
-    randomize_rollouts,
-)
-from humanoid_getup.experiments.standing import is_upright, judge, measure_stance
+from humanoid_getup.experiments.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import play as play_rollouts
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.experiments.summary import wilson_interval
-from humanoid_getup.motions.motion import NO_END, STANDING, Motion
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE
 from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -34,6 +28,19 @@ from robots.quaternion import Array
 LIMITS = np.array([4.1, 3.5, 3.0, 2.5, 2.2, 2.0, 1.8, 1.6, 1.5, 1.4, 1.3, 1.2, 1.1, 1.0])
 """Torque limits on servos with the first as their stall torque [N·m]; others get the same
 shares."""
+
+
+FIGURES = (
+    "stand_time_s",
+    "head_impact_m_s",
+    "torso_impact_m_s",
+    "peak_torque_nm",
+    "rms_torque_nm",
+    "peak_velocity_rad_s",
+    "self_collisions",
+    "limit_violations",
+)
+"""What is told of the undisturbed play."""
 
 
 def bench_motions(
@@ -78,19 +85,13 @@ def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
     twin = Twin(world)
     twin.place(read_posture(robot, world.model, start))
     run, outcome = _play(twin, world, motion)
+    figures = outcome.figures()
     return {
         "start_class": motion.start_class,
         "end_class": motion.end_class,
         "strategy": motion.strategy,
-        "succeeded": ends_as_meant(world, motion, outcome),
-        "stand_time_s": outcome.stand.start_time,
-        "head_impact_m_s": outcome.head_impact,
-        "torso_impact_m_s": outcome.torso_impact,
-        "peak_torque_nm": outcome.peak_torque,
-        "rms_torque_nm": outcome.rms_torque,
-        "peak_velocity_rad_s": outcome.peak_velocity,
-        "self_collisions": outcome.self_collisions,
-        "limit_violations": outcome.limit_violations,
+        "succeeded": bool(ends_as_meant(motion, outcome)),
+        **{key: figures[key] for key in FIGURES},
         "clips": run.clips.total,
     }
 
@@ -105,40 +106,32 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
     hold = round(hold_time(motion) / period)
     targets = motion.sample(np.arange(motion.time[0], motion.time[-1] + 0.5 * period, period))
     targets = np.concatenate([targets, np.repeat(targets[-1:], hold, axis=0)])
-    parameters = DomainParameters.nominal(world, n, torque_limit=limits)
-    trace = Rollout(world, n).play(np.tile(start, (n, 1)), np.tile(targets, (n, 1, 1)), parameters)
-    unbroken = np.cumprod(_judge_rollouts(world, motion, trace)).astype(bool)
+    scenarios = Scenarios(
+        starts=np.tile(start, (n, 1)),
+        parameters=DomainParameters.nominal(world, n, torque_limit=limits),
+    )
+    outcome = Outcome(play_rollouts(world, scenarios, [targets] * n), world.robot)
+    unbroken = np.cumprod(ends_as_meant(motion, outcome)).astype(bool)
     return float(limits[unbroken][-1]) if unbroken.any() else None
-
-
-def _judge_rollouts(world: World, motion: Motion, trace: Trace) -> np.ndarray:
-    """Return which rollouts of a motion end as it should, (N,)."""
-    if motion.end_class == NO_END:
-        return np.ones(len(trace.diverged), dtype=bool)
-    if motion.end_class != STANDING:
-        return measure_lying(world, trace, motion.end_class).lies
-    upright = is_upright(measure_stance(world, trace), world.robot)
-    return np.array([judge(u, trace.period).stood for u in upright])
 
 
 def _play_disturbed(
     world: World, motion: Motion, start: Array, plays: int, rng: np.random.Generator
 ) -> list[bool]:
     robot = world.robot
-    starts, parameters = randomize_rollouts(
-        world, start, plays + 1, RolloutRandomization(), FULL_TORQUE, rng
-    )
+    scenarios = USUAL.sample(world, start, plays + 1, rng)
+    starts, parameters = scenarios.starts, scenarios.parameters
     succeeded = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
         model = copy.copy(world.model)
         model.geom_friction[model.geom(GROUND).id, 0] = parameters.friction[i]
         twin = Twin(World(robot, world.scene, model=model), voltage=float(parameters.voltage[i]))
         twin.place(read_posture(robot, model, starts[i]))
-        succeeded.append(ends_as_meant(world, motion, _play(twin, world, motion)[1]))
+        succeeded.append(bool(ends_as_meant(motion, _play(twin, world, motion)[1])))
     return succeeded
 
 
-def _play(twin: Twin, world: World, motion: Motion) -> tuple[RunReport, RunOutcome]:
+def _play(twin: Twin, world: World, motion: Motion) -> tuple[RunReport, Outcome]:
     """Play a motion without monitors, which would end a failing one early."""
     player = MotionPlayer(twin.robot, motion, hold=hold_time(motion))
     judge = GroundTruthJudge(twin.simulation, None, world.scene)

@@ -13,7 +13,8 @@ from drivers import Twin
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.keep_stand import keep_stand
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.play import RolloutRandomization
+from humanoid_getup.experiments.distributions import draw
+from humanoid_getup.experiments.disturbance import USUAL
 from humanoid_getup.experiments.standing import StanceMeter, is_upright
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.experiments.summary import summarize, wilson_interval
@@ -22,7 +23,6 @@ from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 from robots.ground import GROUND
 from robots.kinematics import read_posture
 
-SPREAD = RolloutRandomization()
 LIMITS = {
     "full torque": FULL_TORQUE,
     "2.5 N·m by PWM": TorqueLimit(2.5, "pwm"),
@@ -68,11 +68,11 @@ def bench_sit(
 def _sample_stand(world: World, rng: np.random.Generator) -> Stand:
     """Sample a stand at rest, disturbed."""
     robot = world.robot
-    friction = float(rng.uniform(*SPREAD.friction))
-    voltage = float(rng.uniform(*SPREAD.supply)) * robot.supply_voltage
+    friction = float(draw(USUAL.ground_friction, rng))
+    voltage = float(draw(USUAL.supply, rng)) * robot.supply_voltage
     meter = StanceMeter(robot, world.model)
     while True:
-        angles = robot.standing.joint_pos + rng.normal(scale=SPREAD.joints, size=robot.n)
+        angles = robot.standing.joint_pos + draw(USUAL.joints, rng, robot.n)
         disturbed = replace(
             robot.standing,
             orientation=quaternion.from_yaw(float(rng.uniform(-np.pi, np.pi))),
@@ -95,16 +95,20 @@ def _sit(world: World, stand: Stand, limit: TorqueLimit) -> AfterStand:
 
 def _summarize(results: list[AfterStand]) -> dict[str, Any]:
     succeeded = sum(result.succeeded for result in results)
-    judged = [r.way_down.outcome for r in results if r.way_down and r.way_down.outcome]
+    judged = [r.way_down.outcome.figures() for r in results if r.way_down and r.way_down.outcome]
     return {
         "n": len(results),
         "succeeded": succeeded,
         "interval_95": wilson_interval(succeeded, len(results)),
-        "head_impact_m_s": summarize([run.head_impact for run in judged]),
-        "head_impact_max_m_s": max((run.head_impact or 0.0 for run in judged), default=None),
-        "torso_impact_m_s": summarize([run.torso_impact for run in judged]),
-        "torso_impact_max_m_s": max((run.torso_impact or 0.0 for run in judged), default=None),
-        "peak_torque_nm": summarize([run.peak_torque for run in judged]),
-        "rms_torque_nm": summarize([run.rms_torque for run in judged]),
+        "head_impact_m_s": summarize([run["head_impact_m_s"] for run in judged]),
+        "head_impact_max_m_s": _find_most(judged, "head_impact_m_s"),
+        "torso_impact_m_s": summarize([run["torso_impact_m_s"] for run in judged]),
+        "torso_impact_max_m_s": _find_most(judged, "torso_impact_m_s"),
+        "peak_torque_nm": summarize([run["peak_torque_nm"] for run in judged]),
+        "rms_torque_nm": summarize([run["rms_torque_nm"] for run in judged]),
         "failures": [result.reason for result in results if not result.succeeded],
     }
+
+
+def _find_most(judged: list[dict[str, Any]], figure: str) -> float | None:
+    return max((run[figure] or 0.0 for run in judged), default=None)

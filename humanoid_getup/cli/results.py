@@ -21,7 +21,7 @@ from humanoid_getup.cli.output import ARTEFACTS, REPORT, STRIP, STYLE, TORQUE, w
 from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary
@@ -135,7 +135,7 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
         return "nothing was played"
     robot, outcome, plan = world.robot, result.outcome, result.plan
     plan.save(folder)
-    end = outcome.stand.start_time + film_strip.AFTERMATH if result.stood else math.inf
+    end = float(outcome.stand.start_time) + film_strip.AFTERMATH if result.stood else math.inf
     again = result.attempts[-1].start_class if len(result.attempts) > 1 else None
     lay = again or result.start_class
     side = "-side" if lay in ("left", "right") else ""
@@ -150,13 +150,13 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
 
 
 def draw_run(
-    outcome: RunOutcome,
+    outcome: Outcome,
     world: World,
     options: MoveOptions,
     folder: Path,
     title: str,
     end: float = math.inf,
-    moves: Sequence[RunOutcome] = (),
+    moves: Sequence[Outcome] = (),
 ) -> str | None:
     """Draw torques, and a film strip up to a time [s] and of the last posture.
 

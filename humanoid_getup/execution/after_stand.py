@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers import Command, Ending, RunReport
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot
 from robots.quaternion import Array
@@ -63,7 +63,7 @@ class Step:
     run: RunReport
     abort: Abort | None = None
     """Why the supervisor aborted, if it did."""
-    outcome: RunOutcome | None = None
+    outcome: Outcome | None = None
     """None for a part that is not judged."""
     succeeded: bool = True
     """Whether it was judged to end as it should."""
@@ -139,14 +139,15 @@ class AfterStand:
     def record(self) -> dict[str, Any]:
         """Return the figures under report.json's keys."""
         outcome = self.way_down and self.way_down.outcome
+        figures = outcome.figures() if outcome else {}
         return {
             "succeeded": self.succeeded,
             "reason": self.reason,
             "held_s": self.hold.run.duration if self.hold else 0.0,
             "way_down_s": self.way_down.run.duration if self.way_down else None,
-            "head_impact_m_s": outcome.head_impact if outcome else None,
-            "torso_impact_m_s": outcome.torso_impact if outcome else None,
-            "peak_torque_nm": outcome.peak_torque if outcome else None,
+            "head_impact_m_s": figures.get("head_impact_m_s"),
+            "torso_impact_m_s": figures.get("torso_impact_m_s"),
+            "peak_torque_nm": figures.get("peak_torque_nm"),
             "hand_over": self.hand_over.record() if self.hand_over else None,
         }
 

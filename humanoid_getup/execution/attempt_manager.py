@@ -14,7 +14,7 @@ from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, 
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.starts import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
@@ -269,7 +269,7 @@ class AttemptManager:
         return replace(
             attempt,
             run=report,
-            outcome=ended if isinstance(ended, RunOutcome) else None,
+            outcome=ended if isinstance(ended, Outcome) else None,
             joint_figures=ended if isinstance(ended, JointFigures) else None,
             abort=controller.aborted,
             warnings=tuple(controller.warnings),

@@ -9,12 +9,26 @@ from typing import Any
 from drivers import Ending, RunReport
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import Robot
+
+FIGURES = (
+    "peak_torque_nm",
+    "peak_braking_torque_nm",
+    "peak_velocity_rad_s",
+    "torque_use",
+    "rms_torque_nm",
+    "self_collisions",
+    "ground_penetrations",
+    "limit_violations",
+    "head_impact_m_s",
+    "neck_delta_v_m_s",
+)
+"""Keys of the outcome's figures in report.json."""
 
 
 class AttemptStatus(Enum):
@@ -31,7 +45,7 @@ class PlayedMove:
     """A move to where there is room to rise, as it was played."""
 
     plan: RisePlan
-    outcome: RunOutcome
+    outcome: Outcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +61,7 @@ class Attempt:
     """Verdict of the preflight."""
     run: RunReport | None = None
     """None if nothing was played."""
-    outcome: RunOutcome | None = None
+    outcome: Outcome | None = None
     joint_figures: JointFigures | None = None
     """What the joints of a robot without an IMU measured, in place of an outcome."""
     abort: Abort | None = None
@@ -73,7 +87,7 @@ class Attempt:
         """Return whether it ended in a held stand."""
         if self.run is None or self.outcome is None or self.abort is not None:
             return False
-        return self.run.ending is Ending.DONE and self.outcome.stand.stood
+        return self.run.ending is Ending.DONE and bool(self.outcome.stood)
 
     @property
     def is_unknown(self) -> bool:
@@ -147,7 +161,7 @@ class RiseResult:
         return self.attempts[-1].run if self.attempts else None
 
     @property
-    def outcome(self) -> RunOutcome | None:
+    def outcome(self) -> Outcome | None:
         """Return the outcome of the last run."""
         return self.attempts[-1].outcome if self.attempts else None
 
@@ -169,10 +183,10 @@ class RiseResult:
     def _describe_moves(self) -> dict[str, float | None]:
         """Return the figures of all moves."""
         outcomes = [move.outcome for attempt in self.attempts for move in attempt.moves]
-        impacts = [o.head_impact for o in outcomes if o.head_impact is not None]
+        impacts = [float(o.head_impact) for o in outcomes if o.head_impact is not None]
         return {
-            "moves_s": sum(len(o.torque) for o in outcomes) * self.robot.control_period,
-            "moves_peak_torque_nm": max((o.peak_torque for o in outcomes), default=None),
+            "moves_s": sum(int(o.record.cycles) for o in outcomes) * self.robot.control_period,
+            "moves_peak_torque_nm": max((float(o.peak_torque) for o in outcomes), default=None),
             "moves_head_impact_m_s": max(impacts, default=None),
         }
 
@@ -184,8 +198,8 @@ class RiseResult:
             "start_class": self.start_class,
             "stood": self.stood,
             "reason": self.reason,
-            "stand_time_s": outcome.stand.start_time if outcome and self.stood else None,
-            "hold_s": outcome.stand.hold_time if outcome else 0.0,
+            "stand_time_s": float(outcome.stand_time) if outcome and self.stood else None,
+            "hold_s": float(outcome.stand.hold_time) if outcome else 0.0,
             **self.plan.record(),
             "plan_s": sum(plan.plan_s for plan in plans),
             "filter_s": sum(plan.filter_s for plan in plans),
@@ -205,19 +219,8 @@ class RiseResult:
             "after": self.after.record() if self.after else None,
         }
         if outcome:
-            record |= {
-                "judged_by": "sensors" if outcome.is_sensed else "truth",
-                "peak_torque_nm": outcome.peak_torque,
-                "peak_braking_torque_nm": outcome.peak_braking_torque,
-                "peak_velocity_rad_s": outcome.peak_velocity,
-                "torque_use": outcome.torque_use,
-                "rms_torque_nm": outcome.rms_torque,
-                "self_collisions": outcome.self_collisions,
-                "ground_penetrations": outcome.ground_penetrations,
-                "limit_violations": outcome.limit_violations,
-                "head_impact_m_s": outcome.head_impact,
-                "neck_delta_v_m_s": outcome.neck_delta_v,
-            }
+            record["judged_by"] = "sensors" if outcome.is_sensed else "truth"
+            record |= {key: outcome.figures()[key] for key in FIGURES}
         return record if self.has_imu else record | self._describe_unknown()
 
     def _describe_unknown(self) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_watch import StandWatch
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
@@ -223,8 +223,8 @@ class StandKeeper:
         if run.ending is Ending.DONE:  # it rests, and judging takes longer than a cycle
             self._guard.write(Command.limp(self._guard.robot.n))
         outcome = judge.conclude()
-        assert isinstance(outcome, RunOutcome)  # a robot without an IMU does not lie down
-        lies = ends_as_meant(session.world, self._way_down, outcome)
+        assert isinstance(outcome, Outcome)  # a robot without an IMU does not lie down
+        lies = bool(ends_as_meant(self._way_down, outcome))
         return Step(run=run, abort=supervisor.aborted, outcome=outcome, succeeded=lies)
 
     def _hand_over(self) -> HandOver:

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from drivers import Cycle, State
-from humanoid_getup.experiments.judge import count_left_ranges, estimate_torque, limit_torque
-from humanoid_getup.experiments.torque import split_torque
+from humanoid_getup.experiments.judge import record_joints
+from humanoid_getup.experiments.outcome import Outcome
 from robots import Robot
 
 
@@ -34,20 +32,15 @@ class JointFigures:
     @staticmethod
     def of(robot: Robot, torque_limit: float | None, states: Sequence[State]) -> JointFigures:
         """Measure a run, one state a control period, under a torque limit [N·m]."""
-        current, velocity, angles = (
-            np.array([getattr(state, name) for state in states]).reshape(-1, robot.n)
-            for name in ("joint_current", "joint_vel", "joint_pos")
-        )
-        torque = estimate_torque(robot, current)
-        shares = split_torque(torque, velocity)
-        limit = limit_torque(robot, torque_limit)
+        record = record_joints(robot, states, robot.control_period)
+        outcome = Outcome(record, robot, torque_limit=torque_limit)
         return JointFigures(
-            peak_torque=float(shares.driving.max(initial=0.0)),
-            peak_braking_torque=float(shares.braking.max(initial=0.0)),
-            rms_torque=float(np.sqrt(np.mean(torque**2))) if len(torque) else 0.0,
-            torque_use=float((shares.driving / limit).max(initial=0.0)),
-            peak_velocity=float(np.abs(velocity).max(initial=0.0)),
-            limit_violations=count_left_ranges(robot, angles, robot.control_period),
+            peak_torque=float(outcome.peak_torque),
+            peak_braking_torque=float(outcome.peak_braking_torque),
+            rms_torque=float(outcome.rms_torque),
+            torque_use=float(outcome.torque_use),
+            peak_velocity=float(outcome.peak_velocity),
+            limit_violations=int(outcome.limit_violations),
         )
 
     def __str__(self) -> str:

@@ -1,10 +1,9 @@
-"""Judges: what happened in a run, from ground truth or from sensors alone."""
+"""Judges: records of a run on a twin, by ground truth, or on a robot, by its sensors alone."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -13,106 +12,18 @@ from numpy.typing import NDArray
 from drivers import Cycle, State
 from drivers.errors import NoImuError
 from drivers.twin.simulation import Simulation
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, compute_delta_v
-from humanoid_getup.experiments.standing import (
-    HOLD_TIME,
-    StanceMeter,
-    Stand,
-    is_upright,
-    judge,
-)
-from humanoid_getup.experiments.torque import split_torque
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.standing import HOLD_TIME, Stance, StanceMeter, is_upright, judge
+from humanoid_getup.experiments.torque import estimate_torque
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene, Support
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
-from robots.kinematics import lowest_point, place_postures, torso_orientation
+from robots.kinematics import lowest_point, place_postures, site_positions, torso_orientation
 from robots.quaternion import Array
+from robots.robot import Layout
 
 DEEP_GROUND = 0.005  # m; more than the soft contact of a resting robot
-APART = 0.1  # s after which a collision or violation counts again
-LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunOutcome:
-    """Figures of a run, and whether it ended in a stand."""
-
-    stand: Stand
-    peak_torque: float
-    """Greatest torque with which a servo drove its joint [N·m]."""
-    peak_braking_torque: float
-    """Greatest torque with which a servo was turned from outside [N·m]."""
-    peak_velocity: float
-    """[rad/s]"""
-    torque_use: float
-    """Largest driving torque of any servo as a share of its limit."""
-    rms_torque: float
-    """RMS over all joints, up to the stand [N·m]."""
-    self_collisions: int | None
-    """Number of collisions of the robot with itself; None if not observable."""
-    ground_penetrations: int | None
-    """Number of times it pressed deeper into the ground than at rest; None if not observable."""
-    limit_violations: int
-    """Number of times a joint left its range."""
-    head_impact: float | None
-    """Greatest speed at which the head hit the ground [m/s]; None if not observable."""
-    torso_impact: float | None
-    """Greatest speed of the torso's faster end as it hit the ground [m/s]; None likewise."""
-    neck_delta_v: float | None
-    """Largest change of the neck's velocity within a control period, up to the stand [m/s]; None
-    if not observable."""
-    torque: Array
-    """Servo torques [N·m], (T, n)."""
-    torque_vel: Array
-    """Actuator speeds at which they were made [rad/s], (T, n)."""
-    qpos: Array
-    """MuJoCo positions, (T, nq)."""
-    is_sensed: bool = False
-    """Judged by sensors alone: torques are estimated from currents, contacts unknown."""
-
-
-def count_episodes(present: np.ndarray, apart: int) -> list[int]:
-    """Count the episodes in each column of (T, k) flags, more than ``apart`` rows apart."""
-    rows = [np.flatnonzero(column) for column in present.T]
-    return [int(len(r) > 0) + int(np.sum(np.diff(r) > apart)) for r in rows]
-
-
-def count_left_ranges(robot: Robot, joint_pos: Array, period: float) -> int:
-    """Count how often a joint left its range, by angles (T, n), one row every period [s]."""
-    beyond = np.maximum(robot.lower - joint_pos, joint_pos - robot.upper) > LIMIT_SLACK
-    return count_episodes(beyond.any(axis=1)[:, None], round(APART / period))[0]
-
-
-def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
-    """Return the torque limits of the servos [N·m], (n,)."""
-    return robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
-
-
-def _make_outcome(
-    stand: Stand, torque: Array, velocity: Array, limit: Array, period: float, **others: Any
-) -> RunOutcome:
-    """Make an outcome of torques [N·m] and the speeds [rad/s] at which they were made, (T, n)."""
-    shares = split_torque(torque, velocity)
-    rising = torque[: round(stand.start_time / period) + 1] if stand.stood else torque
-    return RunOutcome(
-        stand=stand,
-        torque=torque,
-        torque_vel=velocity,
-        peak_torque=float(shares.driving.max(initial=0.0)),
-        peak_braking_torque=float(shares.braking.max(initial=0.0)),
-        torque_use=float((shares.driving / limit).max(initial=0.0)),
-        rms_torque=float(np.sqrt(np.mean(rising**2))) if len(rising) else 0.0,
-        **others,
-    )
-
-
-def find_impact(touch: np.ndarray, speed: Array) -> Array:
-    """Find the greatest speed (..., T) [m/s], one sample before, at which contacts began.
-
-    A contact at the start is not an impact.
-    """
-    begins = touch[..., 1:] & ~touch[..., :-1]
-    return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)
 
 
 class GroundTruthJudge:
@@ -129,21 +40,23 @@ class GroundTruthJudge:
         scene: Scene = FLAT_SCENE,
         support: Support | None = None,
     ) -> None:
-        self._simulation = simulation
-        self._limit = limit_torque(simulation.robot, torque_limit)
+        self._simulation, self._limit = simulation, torque_limit
+        robot, model = simulation.robot, simulation.model
         self._deep_ground = DEEP_GROUND + scene.deepest_sink
-        self._meter = StanceMeter(simulation.robot, simulation.model, support or scene.support)
-        self._is_foot, self._head = _find_feet_and_head(simulation.robot, simulation.model)
-        self._site_pos: list[Array] = []
-        self._non_foot_contact: list[bool] = []
-        self._torque: list[Array] = []
-        self._velocity: list[Array] = []
-        self._torque_vel: list[Array] = []
+        self._meter = StanceMeter(robot, model, support or scene.support)
+        self._is_foot, self._head = _find_feet_and_head(robot, model)
+        self._torso = model.body(robot.torso).id
+        self._neck = model.site(robot.neck_site).id
+        self._joint_state: list[tuple[Array, Array, Array]] = []
+        """Speeds, torques, actuator speeds."""
         self._qpos: list[Array] = []
-        self._torso = simulation.model.body(simulation.robot.torso).id
-        self._neck = simulation.model.site(simulation.robot.neck_site).id
-        self._impacts: list[tuple[bool, float, bool, float]] = []
-        self._faults: list[tuple[bool, bool, bool]] = []
+        self._site_pos: list[Array] = []
+        self._depth: list[tuple[float, float]] = []
+        """Of self-penetration, in the ground."""
+        self._touch: list[tuple[bool, bool, bool]] = []
+        """Of anything but the feet, of the head, of the torso."""
+        self._speed: list[tuple[float, float]] = []
+        """Of the head, of the torso."""
         simulation.on_sensor_update.append(self._look)
 
     def __call__(self, _cycle: Cycle) -> None:
@@ -152,87 +65,68 @@ class GroundTruthJudge:
     def _look(self) -> None:
         if not self._simulation.has_torque:
             return
-        truth, robot = self._simulation.truth, self._simulation.robot
-        touching = truth.touching_bodies
-        self._site_pos.append(truth.site_pos)
-        self._non_foot_contact.append(not self._is_foot[touching].all())
-        self._torque.append(truth.joint_torque.copy())
-        self._velocity.append(truth.joint_vel.copy())
-        self._torque_vel.append(self._simulation.torque_vel)
+        truth = self._simulation.truth
+        touching, head = truth.touching_bodies, self._head
         self._qpos.append(truth.qpos)
-        self._impacts.append((*self._measure_head(touching), *self._measure_torso(touching)))
-        angles = truth.posture.joint_pos
-        beyond = np.maximum(robot.lower - angles, angles - robot.upper).max()
-        self._faults.append(
+        self._site_pos.append(truth.site_pos)
+        self._joint_state.append(
+            (truth.joint_vel.copy(), truth.joint_torque.copy(), self._simulation.torque_vel)
+        )
+        self._depth.append((truth.self_penetration, truth.ground_penetration))
+        self._touch.append(
             (
-                truth.self_penetration > DEEP_OVERLAP,
-                truth.ground_penetration > self._deep_ground,
-                bool(beyond > LIMIT_SLACK),
+                not self._is_foot[touching].all(),
+                bool(np.any(touching == head)),
+                bool(np.any(touching == self._torso)),
             )
         )
-
-    def _measure_head(self, touching: NDArray[np.integer]) -> tuple[bool, float]:
-        """Return whether the head touches the world, and its speed [m/s]."""
-        if self._head is None:
-            return False, 0.0
-        speed = self._simulation.truth.measure_speed(self._head)
-        return bool(np.any(touching == self._head)), speed
-
-    def _measure_torso(self, touching: NDArray[np.integer]) -> tuple[bool, float]:
-        """Return whether the torso touches the world, and the speed of its faster end [m/s]."""
-        truth = self._simulation.truth
         ends = truth.measure_speed(self._torso), truth.measure_site_speed(self._neck)
-        return bool(np.any(touching == self._torso)), max(ends)
+        self._speed.append((0.0 if head is None else truth.measure_speed(head), max(ends)))
 
     def end(self) -> bool:
         """Stop sampling; return at once whether the run ended in a held stand."""
         if self._look in self._simulation.on_sensor_update:
             self._simulation.on_sensor_update.remove(self._look)
-        return self._judge_stand().stood
+        return bool(self._conclude().stood)
 
-    def _judge_stand(self) -> Stand:
-        robot, model = self._simulation.robot, self._simulation.model
-        stance = self._meter.measure(
-            np.array(self._qpos).reshape(-1, model.nq),
-            np.array(self._site_pos).reshape(-1, model.nsite, 3),
-            np.array(self._non_foot_contact, dtype=bool),
-        )
-        return judge(is_upright(stance, robot), self._simulation.period)
-
-    def conclude(self) -> RunOutcome:
+    def conclude(self) -> Outcome:
         """Judge the run; one that ended before its first cycle did not stand."""
         self.end()
-        robot, period = self._simulation.robot, self._simulation.period
-        qpos = np.array(self._qpos).reshape(-1, self._simulation.model.nq)
-        stand = self._judge_stand()
-        faults = count_episodes(
-            np.array(self._faults, dtype=bool).reshape(-1, 3), round(APART / period)
-        )
-        impacts = np.array(self._impacts, dtype=float).reshape(-1, 4)
-        touches, speeds = impacts[:, ::2].T.astype(bool), impacts[:, 1::2].T
-        head_impact, torso_impact = find_impact(touches, speeds).tolist()
-        return _make_outcome(
-            stand,
-            np.array(self._torque).reshape(-1, robot.n),
-            np.array(self._torque_vel).reshape(-1, robot.n),
-            self._limit,
-            period,
-            peak_velocity=float(np.abs(self._velocity).max(initial=0.0)),
-            self_collisions=faults[0],
-            ground_penetrations=faults[1],
-            limit_violations=faults[2],
-            head_impact=head_impact,
-            torso_impact=torso_impact,
-            neck_delta_v=self._measure_neck(stand),
-            qpos=qpos,
-        )
+        return self._conclude()
 
-    def _measure_neck(self, stand: Stand) -> float:
-        """Measure the largest change of the neck's velocity in a period, up to the stand [m/s]."""
-        period = self._simulation.period
-        neck = np.array(self._site_pos).reshape(-1, self._simulation.model.nsite, 3)[:, self._neck]
-        rising = neck[: round(stand.start_time / period) + 1] if stand.stood else neck
-        return float(compute_delta_v(rising, period).max(initial=0.0))
+    def _conclude(self) -> Outcome:
+        return Outcome(self._record(), self._simulation.robot, torque_limit=self._limit)
+
+    def _record(self) -> Record:
+        robot, model = self._simulation.robot, self._simulation.model
+        qpos = np.array(self._qpos).reshape(-1, model.nq)
+        sites = np.array(self._site_pos).reshape(-1, model.nsite, 3)
+        joints = np.array(self._joint_state).reshape(-1, 3, robot.n)
+        depth, speed = (np.array(rows).reshape(-1, 2) for rows in (self._depth, self._speed))
+        touch = np.array(self._touch, dtype=bool).reshape(-1, 3)
+        stance = self._meter.measure(qpos, sites, touch[:, 0])
+        return Record(
+            layout=robot.layout(model),
+            period=self._simulation.period,
+            voltage=np.array(self._simulation.voltage),
+            upright=is_upright(stance, robot),
+            stance=stance,
+            qpos=qpos,
+            joint_vel=joints[:, 0],
+            neck=sites[:, self._neck],
+            torque=joints[:, 1],
+            actuator_vel=joints[:, 2],
+            overlap=depth[:, 0],
+            ground_depth=depth[:, 1] - self._deep_ground,
+            head_touch=touch[:, 1],
+            head_speed=speed[:, 0],
+            torso_touch=touch[:, 2],
+            torso_speed=speed[:, 1],
+            diverged=np.array(False),
+            cycles=np.array(len(qpos)),
+            settled=np.array(False),
+            failed=np.array(False),
+        )
 
 
 # On the twin with sensor noise, 71 disturbed rises ended their stand with the torso turning
@@ -240,14 +134,6 @@ class GroundTruthJudge:
 # up sways more than that and does stand, so these bounds exclude only robots that do not.
 STILL_TURN = 1.0  # rad/s of the torso
 STILL_JOINT = 2.0  # rad/s of the fastest joint
-
-
-def estimate_torque(robot: Robot, current: Array) -> Array:
-    """Estimate torques [N·m] from motor currents [A], (..., n).
-
-    The datasheet's stall point gives the ratio; gear friction is not in it.
-    """
-    return current * robot.torque_per_ampere
 
 
 def _find_feet_and_head(
@@ -269,8 +155,7 @@ class SensorJudge:
     """
 
     def __init__(self, world: World, period: float, torque_limit: float | None) -> None:
-        self._world, self._period = world, period
-        self._limit = limit_torque(world.robot, torque_limit)
+        self._world, self._period, self._limit = world, period, torque_limit
         self._meter = StanceMeter(world.robot, world.model)
         self._states: list[State] = []
         self._has_ended = False
@@ -290,44 +175,72 @@ class SensorJudge:
         """Stop observing; return at once whether the run ended in a held stand."""
         self._has_ended = True
         newest = self._states[1:][-round(HOLD_TIME / self._period) - 2 :]
-        return self._judge_stand(newest).stood
+        return bool(judge(self._measure(newest)[1], self._period).stood)
 
-    def _judge_stand(self, states: Sequence[State]) -> Stand:
-        robot, model = self._world.robot, self._world.model
-        velocity = np.array([s.joint_vel for s in states]).reshape(-1, robot.n)
-        turn = np.linalg.norm(np.array([s.gyro for s in states]).reshape(-1, 3), axis=1)
-        angles = np.array([s.joint_pos for s in states]).reshape(-1, robot.n)
-        measured = np.array([s.orientation for s in states]).reshape(-1, 4)
-        stance = self._meter.estimate(torso_orientation(robot, model, measured), angles)
-        still = (turn <= STILL_TURN) & np.all(np.abs(velocity) <= STILL_JOINT, axis=1)
-        return judge(is_upright(stance, robot) & still, self._period)
-
-    def conclude(self) -> RunOutcome:
+    def conclude(self) -> Outcome:
         """Judge the run; one that ended before its second cycle did not stand."""
         robot, model = self._world.robot, self._world.model
         states = self._states[1:]  # the first was measured before the first command
-        angles = np.array([s.joint_pos for s in states]).reshape(-1, robot.n)
-        velocity = np.array([s.joint_vel for s in states]).reshape(-1, robot.n)
-        current = np.array([s.joint_current for s in states]).reshape(-1, robot.n)
-        measured = np.array([s.orientation for s in states]).reshape(-1, 4)
-        torso = torso_orientation(robot, model, measured)
-        stand = self._judge_stand(states)
-        return _make_outcome(
-            stand,
-            estimate_torque(robot, current),
-            robot.transmission.to_actuator(velocity),
-            self._limit,
-            self._period,
-            peak_velocity=float(np.abs(velocity).max(initial=0.0)),
-            self_collisions=None,
-            ground_penetrations=None,
-            limit_violations=count_left_ranges(robot, angles, self._period),
-            head_impact=None,
-            torso_impact=None,
-            neck_delta_v=None,
-            qpos=_place_on_ground(robot, model, torso, angles),
-            is_sensed=True,
+        stance, upright = self._measure(states)
+        record = record_joints(robot, states, self._period)
+        qpos = _place_on_ground(robot, model, _orient(robot, model, states), record.joint_pos)
+        record = replace(
+            record,
+            layout=robot.layout(model),
+            upright=upright,
+            stance=stance,
+            qpos=qpos,
+            neck=site_positions(model, qpos, robot.neck_site),
         )
+        return Outcome(record, robot, torque_limit=self._limit)
+
+    def _measure(self, states: Sequence[State]) -> tuple[Stance, NDArray[np.bool_]]:
+        """Measure stances, and whether they are upright and still."""
+        robot, model = self._world.robot, self._world.model
+        angles = _column(states, "joint_pos", robot.n)
+        stance = self._meter.estimate(_orient(robot, model, states), angles)
+        turn = np.linalg.norm(_column(states, "gyro", 3), axis=1)
+        speed = np.abs(_column(states, "joint_vel", robot.n))
+        still = (turn <= STILL_TURN) & np.all(speed <= STILL_JOINT, axis=1)
+        return stance, is_upright(stance, robot) & still
+
+
+def record_joints(robot: Robot, states: Sequence[State], period: float) -> Record:
+    """Record what joints and servos measured by themselves, every period [s].
+
+    Nothing is known of the torso: the robot is upright nowhere.
+    """
+    angles, velocity = (_column(states, name, robot.n) for name in ("joint_pos", "joint_vel"))
+    none = np.zeros(len(states), dtype=bool)
+    unknown = np.full(len(states), np.nan)
+    joints = np.arange(robot.n)
+    return Record(
+        layout=Layout(qpos=joints, dof=joints, root_qpos=0, root_dof=0, torso=0),
+        period=period,
+        voltage=np.array(robot.supply_voltage),
+        upright=none,
+        stance=Stance(neck_height=unknown, tilt=unknown, non_foot_contact=none),
+        qpos=angles,
+        joint_vel=velocity,
+        neck=np.full((len(states), 3), np.nan),
+        torque=estimate_torque(robot, _column(states, "joint_current", robot.n)),
+        actuator_vel=robot.transmission.to_actuator(velocity),
+        diverged=np.array(False),
+        cycles=np.array(len(states)),
+        settled=np.array(False),
+        failed=np.array(False),
+        is_sensed=True,
+    )
+
+
+def _column(states: Sequence[State], name: str, size: int) -> Array:
+    """Return a measurement of each state, (T, size)."""
+    return np.array([getattr(state, name) for state in states]).reshape(-1, size)
+
+
+def _orient(robot: Robot, model: mujoco.MjModel, states: Sequence[State]) -> Array:
+    """Return the orientations of the torso, (T, 4)."""
+    return torso_orientation(robot, model, _column(states, "orientation", 4))
 
 
 def _place_on_ground(robot: Robot, model: mujoco.MjModel, torso: Array, joint_pos: Array) -> Array:

@@ -6,15 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.play import Trace
-from humanoid_getup.experiments.standing import measure_stance
-from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
-from robots.kinematics import site_positions
+from humanoid_getup.experiments.record import Record
+from robots import quaternion
 from robots.quaternion import Array
 
 LyingSide = Literal["supine", "prone", "left", "right"]
@@ -80,25 +76,8 @@ def judge_lying(
     )
 
 
-def measure_lying(world: World, trace: Trace, side: LyingSide) -> Lying:
-    """Judge N rollouts, (N,)."""
-    layout = world.robot.layout(world.model)
+def measure_lying(record: Record, side: LyingSide) -> Lying:
+    """Judge the ends of runs, (...)."""
     return judge_lying(
-        trace.qpos[..., layout.root_orientation],
-        trace.qpos[..., layout.qpos],
-        measure_stance(world, trace).neck_height,
-        trace.period,
-        side,
-    )
-
-
-def judge_run(robot: Robot, model: mujoco.MjModel, qpos: Array, side: LyingSide) -> Lying:
-    """Judge one run by its MuJoCo positions (T, nq), on flat ground."""
-    layout = robot.layout(model)
-    return judge_lying(
-        qpos[:, layout.root_orientation],
-        qpos[:, layout.qpos],
-        site_positions(model, qpos, robot.neck_site)[:, 2],
-        robot.control_period,
-        side,
+        record.orientation, record.joint_pos, record.neck[..., 2], record.period, side
     )

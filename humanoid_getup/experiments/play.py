@@ -1,53 +1,25 @@
-"""Rollouts: joint trajectories played in simulation, many at a time, nominal or randomized."""
+"""Plays targets or feedback laws in simulation, on many robots at a time, and records them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.vectorized_simulation import VecSim
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.early_stop import CHUNK, EarlyStop
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.record import Record, combine_records, join_records
+from humanoid_getup.experiments.recorder import RECORDED, Recorder
+from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
-from robots import TorqueLimit, quaternion
-from robots.ground import GROUND_FRICTION
-from robots.kinematics import lowest_point
 from robots.quaternion import Array
-from robots.robot import Layout
+
+LONG = 50  # control periods that are simulated in one call where none is stopped early
 
 Bools = NDArray[np.bool_]
-
-RECORDED = ("qpos", "site_xpos", "sensordata", "actuator_force")
-CHUNK = 50  # control periods that are simulated in one call
-
-
-ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
-MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trace:
-    """Record of N rollouts, sampled at the end of every control period."""
-
-    period: float
-    """[s]"""
-    qpos: Array
-    """MuJoCo positions, shape (N, T, nq)."""
-    site_pos: Array
-    """Positions of all sites in the world [m], (N, T, nsite, 3)."""
-    non_foot_contact: Bools
-    """Whether anything but the feet touched the world, (N, T)."""
-    overlap: Array
-    """Greatest depth of self-penetration [m], (N, T)."""
-    torque: Array
-    """Servo torques [N·m], (N, T, n)."""
-    target: Array
-    """Targets that the servos were sent [rad], (N, T, n)."""
-    diverged: Bools
-    """Whether the physics diverged: a rollout says nothing from there on, (N,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,158 +45,166 @@ FeedbackLaw = Callable[[Feedback], Array | None]
 """Maps feedback to the targets that are sent (N, n), or to ``None`` at the end."""
 
 
-class Rollout:
-    """Plays ``n`` joint trajectories side by side in copies of a world."""
+class Experiment:
+    """Plays robots in a world, side by side; it keeps the simulation that it needs for that."""
 
-    def __init__(self, world: World, n: int, *, threads: int = 0) -> None:
-        self.world, self.sim = world, VecSim(world, n, threads=threads)
-        self.sim.bind(*RECORDED, "subtree_com", "xaxis", "xanchor")
-        model, robot = world.model, world.robot
-        self._hold = count_substeps(model, robot.control_period)
-        self._limbs = [int(self.world.model.sensor(f"limb_{b}").adr[0]) for b in world.limbs]
-        self._layout = robot.layout(model)
-        self._joint_ids = [model.joint(name).id for name in robot.joint_names]
+    def __init__(self, world: World, *, threads: int = 0) -> None:
+        """Prepare for a world; 0 threads are one per processor."""
+        self.world, self._threads = world, threads
+        self._steps = count_substeps(world.model, world.robot.control_period)
+        self._recorder = Recorder(world)
+        self._sim: VecSim | None = None
 
-    def play(self, starts: Array, targets: Array, parameters: DomainParameters) -> Trace:
-        """Play targets [rad], (N, T, n), from MuJoCo positions (N, nq), at rest.
+    def play(
+        self,
+        scenarios: Scenarios,
+        source: Array | Sequence[Array] | FeedbackLaw,
+        *,
+        stop_early: bool = False,
+        give_up: bool = False,
+    ) -> Record:
+        """Play N robots from rest; targets are sent one a control period.
 
-        Targets last a control period each.
+        Args:
+            scenarios: Where the robots start, and how they differ.
+            source: Targets [rad], (T, n) of each, of which the last is held; or the feedback law
+                that sends them.
+            stop_early: Whether a robot is stopped once it is known whether it stands up.
+            give_up: Whether all are stopped, too, once the first one is known to fail.
         """
-        self._place(starts, parameters)
-        parts, diverged = [], np.zeros(self.sim.n, dtype=bool)
-        for first in range(0, targets.shape[1], CHUNK):
-            chunk = targets[:, first : first + CHUNK]
-            parts.append(self.sim.advance(chunk, self._hold, RECORDED))
-            diverged |= self.sim.diverged
-        record = {name: np.concatenate([part[name] for part in parts], axis=1) for name in RECORDED}
-        return self._read(record, targets, diverged)
+        sim, rows = self._prepare(len(scenarios)), np.arange(len(scenarios))
+        sim.set_parameters(rows, scenarios.parameters)
+        sim.place(rows, scenarios.starts)
+        if callable(source):
+            return self._track(rows, source)
+        if stop_early:
+            return self._play_until_known(rows, source, give_up=give_up)
+        return self._play(rows, _hold_all(source))
 
-    def track(self, starts: Array, law: FeedbackLaw, parameters: DomainParameters) -> Trace:
-        """Play what a feedback law sends, from MuJoCo positions (N, nq), at rest, until it ends."""
-        self._place(starts, parameters)
-        records: dict[str, list[Array]] = {name: [] for name in RECORDED}
-        sent: list[Array] = []
-        diverged = np.zeros(self.sim.n, dtype=bool)
-        while (target := law(self._observe(len(sent)))) is not None:
-            self.sim.hold(target, self._hold)
+    def compare(
+        self, scenarios: Scenarios, motions: Sequence[Array], *, give_up: bool = False
+    ) -> Outcome:
+        """Play the targets of S motions, (T, n) each, in K scenarios until known; (S, K)."""
+        sent = [motion for motion in motions for _ in range(len(scenarios))]
+        tiled = scenarios.tile(len(motions))
+        record = self.play(tiled, sent, stop_early=True, give_up=give_up)
+        return Outcome(record.reshape(len(motions), len(scenarios)), self.world.robot)
+
+    def _prepare(self, count: int) -> VecSim:
+        """Return a simulation of at least that many robots."""
+        if self._sim is None or self._sim.n < count:
+            self._sim = VecSim(self.world, count, threads=self._threads)
+            self._sim.bind(*RECORDED, "subtree_com", "xaxis", "xanchor")
+        return self._sim
+
+    def _advance(self, rows: Ids, targets: Array) -> tuple[Record, Array]:
+        """Send targets (N, T, n) to some robots; return their record, and velocities (N, T, nv)."""
+        assert self._sim is not None
+        data = self._sim.advance(targets, self._steps, RECORDED, rows)
+        return self._read(rows, data, targets, self._sim.diverged[rows]), data["qvel"]
+
+    def _read(self, rows: Ids, data: Mapping[str, Array], sent: Array, diverged: Bools) -> Record:
+        assert self._sim is not None
+        voltage = self._sim.parameters.voltage[rows]
+        return replace(self._recorder.read(data, voltage, diverged), target=sent)
+
+    def _play(self, rows: Ids, targets: Array) -> Record:
+        """Play targets (N, T, n) to their end."""
+        chunks = (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
+        return join_records([self._advance(rows, chunk)[0] for chunk in chunks])
+
+    def _track(self, rows: Ids, law: FeedbackLaw) -> Record:
+        """Play what a feedback law sends until it ends."""
+        sim = self._sim
+        assert sim is not None
+        eye, sent = _Eye(self.world, sim, rows), []
+        fields: dict[str, list[Array]] = {name: [] for name in RECORDED}
+        diverged = np.zeros(len(rows), dtype=bool)
+        while (target := law(eye.observe(len(sent)))) is not None:
+            sim.hold(target, self._steps, rows)
             sent.append(target)
-            diverged |= self.sim.diverged
-            for name, record in records.items():
-                record.append(self.sim.read(name).copy())
-        record = {name: np.stack(samples, axis=1) for name, samples in records.items()}
-        return self._read(record, np.stack(sent, 1), diverged)
+            diverged |= sim.diverged[rows]
+            for name, samples in fields.items():
+                samples.append(sim.read(name)[rows])
+        data = {name: np.stack(samples, axis=1) for name, samples in fields.items()}
+        return self._read(rows, data, np.stack(sent, axis=1), diverged)
 
-    def _place(self, starts: Array, parameters: DomainParameters) -> None:
-        self.sim.set_parameters(self.sim.everyone, parameters)
-        self.sim.place(self.sim.everyone, starts)
+    def _play_until_known(
+        self, rows: Ids, targets: Sequence[Array] | Array, *, give_up: bool
+    ) -> Record:
+        """Play targets (T, n) of each, until it is known how that ends."""
+        assert self._sim is not None
+        stop = EarlyStop(
+            self.world.robot,
+            np.array([len(target) for target in targets]),
+            self._sim.parameters.voltage[rows],
+        )
+        parts: list[Record] = []
+        while len(going := np.flatnonzero(stop.going)) and not (give_up and stop.failed[0]):
+            sent = np.array([_cut(targets[int(i)], stop.cycle) for i in going])
+            played, velocity = self._advance(going, sent)
+            stop.add(going, played, np.abs(velocity).max(axis=(1, 2)))
+            parts.append(played if len(going) == len(rows) else _fill(parts[-1], going, played))
+        return replace(
+            join_records(parts), cycles=stop.cycles, settled=stop.stood, failed=stop.failed
+        )
 
-    def _observe(self, step: int) -> Feedback:
-        contact = self.sim.read("sensordata")
+
+def play(
+    world: World,
+    scenarios: Scenarios,
+    source: Array | Sequence[Array] | FeedbackLaw,
+    *,
+    stop_early: bool = False,
+) -> Record:
+    """Play robots once, as :meth:`Experiment.play` does."""
+    return Experiment(world).play(scenarios, source, stop_early=stop_early)
+
+
+class _Eye:
+    """Looks at robots for a feedback law."""
+
+    def __init__(self, world: World, sim: VecSim, rows: Ids) -> None:
+        model, robot = world.model, world.robot
+        self._sim, self._rows = sim, rows
+        self._joints = robot.layout(model).qpos
+        self._hinges = [model.joint(name).id for name in robot.joint_names]
+        self._limbs = [int(model.sensor(f"limb_{limb}").adr[0]) for limb in world.limbs]
+
+    def observe(self, step: int) -> Feedback:
+        """Observe the robots at the start of a control period."""
+        sim, rows = self._sim, self._rows
+        contact = sim.read("sensordata")[rows]
         return Feedback(
             step=step,
-            joint_pos=self.sim.qpos[:, self._layout.qpos],
-            com=self.sim.read("subtree_com"),
-            axis=self.sim.read("xaxis")[:, self._joint_ids],
-            anchor=self.sim.read("xanchor")[:, self._joint_ids],
+            joint_pos=sim.read("qpos")[rows][:, self._joints],
+            com=sim.read("subtree_com")[rows],
+            axis=sim.read("xaxis")[rows][:, self._hinges],
+            anchor=sim.read("xanchor")[rows][:, self._hinges],
             limb_touch=contact[:, self._limbs] > 0,
             limb_point=np.stack([contact[:, a + 1 : a + 4] for a in self._limbs], axis=1),
         )
 
-    def _read(self, record: dict[str, Array], sent: Array, diverged: Bools) -> Trace:
-        contact = record["sensordata"]
-        return Trace(
-            period=self.world.robot.control_period,
-            qpos=record["qpos"],
-            site_pos=record["site_xpos"],
-            non_foot_contact=self.world.find_non_foot_contact(contact),
-            overlap=-contact[..., int(self.world.model.sensor("overlap").adr[0])],
-            torque=record["actuator_force"],
-            target=sent,
-            diverged=diverged,
-        )
+
+def _hold_all(targets: Array | Sequence[Array]) -> Array:
+    """Hold the last target of each robot (T, n) as long as the longest one, (N, T, n)."""
+    if isinstance(targets, np.ndarray):
+        return targets
+    at = np.arange(max(len(target) for target in targets))
+    return np.array([target[np.minimum(at, len(target) - 1)] for target in targets])
 
 
-@dataclass(frozen=True, kw_only=True)
-class RolloutRandomization:
-    """Spread of the randomized rollouts about the nominal one."""
-
-    joints: float = np.radians(3.0)
-    """Standard deviation of the start angles [rad]."""
-    root: float = np.radians(5.0)
-    """Standard deviation of the root's rotation about a random axis [rad]."""
-    friction: tuple[float, float] = (0.4, 1.2)
-    """Range of the sliding friction, where the nominal one is that of a usual ground."""
-    supply: tuple[float, float] = (11.0 / 12.0, 12.6 / 12.0)
-    """Range, as a share of the robot's nominal supply."""
+def _cut(target: Array, first: int) -> Array:
+    """Return a chunk of targets (T, n) from a row on; the last is repeated."""
+    return target[np.minimum(np.arange(first, first + CHUNK), len(target) - 1)]
 
 
-def randomize_rollouts(
-    world: World,
-    start: Array,
-    n: int,
-    randomization: RolloutRandomization,
-    torque_limit: TorqueLimit,
-    rng: np.random.Generator,
-) -> tuple[Array, DomainParameters]:
-    """Make starts, MuJoCo positions (n, nq), and parameters, of which the first are nominal.
+def _fill(before: Record, rows: Ids, played: Record) -> Record:
+    """Add robots that were stopped to a chunk of others: they stay as they were before it."""
 
-    The nominal ``start`` has shape (nq,); the torque limit is that of every servo.
-    """
-    robot = world.robot
-    layout = robot.layout(world.model)
-    starts = np.tile(start, (n, 1))
-    noise = rng.normal(scale=randomization.joints, size=(n, robot.n))
-    axis = rng.normal(size=(n, 3))
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    turn = quaternion.from_axis_angle(axis, rng.normal(scale=randomization.root, size=n))
-    friction = rng.uniform(*randomization.friction, size=n)
-    friction *= world.scene.friction / GROUND_FRICTION
-    supply = rng.uniform(*randomization.supply, size=n)
-    noise[0], turn[0], friction[0], supply[0] = 0.0, quaternion.IDENTITY, world.scene.friction, 1.0
-    starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + noise, robot.lower, robot.upper)
-    root = starts[:, layout.root_orientation]  # a view
-    root[:] = quaternion.multiply(turn, root)
-    _rest_as(world, start, starts[1:])
-    voltage = supply * robot.supply_voltage
-    return starts, DomainParameters.nominal(
-        world,
-        n,
-        friction=friction,
-        voltage=voltage,
-        torque_limit=torque_limit.value,
-        limit_by=torque_limit.by,
-    )
+    def fill(last: Array, new: Array) -> Array:
+        filled = np.repeat(last[:, -1:], CHUNK, axis=1) if last.ndim > 1 else last.copy()
+        filled[rows] = new
+        return filled
 
-
-def _rest_as(world: World, start: Array, others: Array) -> None:
-    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place.
-
-    They are neither lifted off the ground nor pressed into it. Where there is no room for one
-    under a table, for instance, it becomes more like the start, until there is.
-    """
-    layout = world.robot.layout(world.model)
-    root = layout.root_qpos + 2
-    if world.scene.is_flat:
-        rest = lowest_point(world.model, start)
-        others[:, root] += [rest - lowest_point(world.model, row) for row in others]
-        return
-    clearance = Clearance(world)
-    under = float(world.scene.support(start[root - 2 : root + 1]))
-    above = float(start[root] - clearance.rest_where(start)[root])
-    for row in others:
-        for share in ROOM_SHARES:
-            nearer = _blend(layout, start, row, share)
-            rested = clearance.rest(nearer, above, over=under)
-            if abs(rested[root] - start[root]) < MOST_RAISED:
-                row[:] = rested
-                break
-        else:
-            row[:] = start
-
-
-def _blend(layout: Layout, start: Array, other: Array, share: float) -> Array:
-    """Go a share of the way from one lying robot to another, MuJoCo positions (nq,)."""
-    blended = start + share * (other - start)
-    orientation = layout.root_orientation
-    blended[orientation] = quaternion.slerp(start[orientation], other[orientation], share)
-    return blended
+    return combine_records([before, played], lambda arrays: fill(*arrays))

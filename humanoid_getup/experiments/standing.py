@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.play import Trace
 from humanoid_getup.scenes.scene import Support, flat_support
-from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.quaternion import Array
 
@@ -31,6 +31,14 @@ class Stance:
     """Angle between the torso's z axis and the vertical [rad], (...)."""
     non_foot_contact: NDArray[np.bool_]
     """Whether anything but the feet touches the world, (...)."""
+
+    def change(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Stance:
+        """Change every array."""
+        return Stance(
+            neck_height=change(self.neck_height),
+            tilt=change(self.tilt),
+            non_foot_contact=change(self.non_foot_contact),
+        )
 
 
 class StanceMeter:
@@ -79,13 +87,6 @@ class StanceMeter:
         )
 
 
-def measure_stance(world: World, trace: Trace) -> Stance:
-    """Measure the stances of N rollouts, (N, T); one that diverged touches the world throughout."""
-    meter = StanceMeter(world.robot, world.model, world.scene.support)
-    foreign = trace.non_foot_contact | trace.diverged[:, np.newaxis]
-    return meter.measure(trace.qpos, trace.site_pos, foreign)
-
-
 def is_upright(stance: Stance, robot: Robot) -> NDArray[np.bool_]:
     """Check, sample by sample, whether a robot is in the standing condition, (...)."""
     tall = stance.neck_height >= MIN_NECK_SHARE * robot.standing_neck_height
@@ -99,34 +100,42 @@ def compute_uprightness(stance: Stance, robot: Robot) -> Array:
     return height * vertical * np.where(stance.non_foot_contact, 0.8, 1.0)
 
 
-def compute_progress(last: Array, best: Array) -> Array:
-    """Compute how near rises came to a stand, from 0 to 1, by their last and best uprightness."""
-    return 0.6 * last + 0.4 * best
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Stand:
-    """Whether and when a robot stood."""
+    """Whether and when robots stood, (...)."""
 
-    stood: bool
+    stood: NDArray[np.bool_]
     """Whether the record ends with a stand held for 3.0 s."""
-    start_time: float
+    start_time: Array
     """First moment of that held stand [s]; nan if it did not stand."""
-    hold_time: float
+    hold_time: Array
     """Duration of the last unbroken stand of the record [s]."""
 
 
-def judge(upright: NDArray[np.bool_], period: float, hold_time: float = HOLD_TIME) -> Stand:
-    """Judge one record (T,) of :func:`is_upright`, sampled at the end of every ``period``.
+def judge(
+    upright: NDArray[np.bool_],
+    period: float,
+    hold_time: float = HOLD_TIME,
+    *,
+    cycles: NDArray[np.int_] | int | None = None,
+    settled: NDArray[np.bool_] | bool = False,
+    failed: NDArray[np.bool_] | bool = False,
+) -> Stand:
+    """Judge records (..., T) of :func:`is_upright`, sampled at the end of every ``period`` [s].
 
     Only a stand that lasts to the end of the record counts: a robot that stood and fell again
     did not rise. Only a search whose results are checked again may use a shorter ``hold_time``
-    [s].
+    [s]. Records that were stopped early have so many samples of their own, ``cycles`` (...), and
+    were stopped in a ``settled`` stand, or because the robot ``failed``, (...).
     """
-    broken = np.flatnonzero(~upright)
-    first = 0 if len(broken) == 0 else int(broken[-1]) + 1
-    hold = max(len(upright) - first - 1, 0) * period  # from the first sample to the last
-    stood = hold >= hold_time - 1e-9
+    count = upright.shape[-1]
+    reverse = np.logical_not(upright[..., ::-1])
+    first = np.where(reverse.any(axis=-1), count - reverse.argmax(axis=-1), 0) if count else 0
+    last = (count if cycles is None else cycles) - 1
+    hold = np.maximum(last - first, 0) * period  # from the first sample to the last
+    stood = ((hold >= hold_time - 1e-9) | settled) & np.logical_not(failed)
     return Stand(
-        stood=stood, start_time=(first + 1) * period if stood else math.nan, hold_time=hold
+        stood=stood[()],
+        start_time=np.where(stood, (first + 1) * period, math.nan)[()],
+        hold_time=hold + np.zeros(upright.shape[:-1])[()],
     )

@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.disturbance import Scenarios
 from humanoid_getup.experiments.drop import FallError, drop
-from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.play import play
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
@@ -290,5 +290,4 @@ def settle_posture(world: World, posture: Posture) -> Array:
     qpos[robot.layout(model).root_qpos + 2] = 0.005 + 1.0 - lowest_point(model, qpos)
     cycles = round(HELD_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
-    trace = Rollout(world, 1).play(qpos[None], targets, DomainParameters.nominal(world, 1))
-    return trace.qpos[0, -1]
+    return play(world, Scenarios.nominal(world, qpos), targets).qpos[0, -1]

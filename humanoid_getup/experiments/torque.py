@@ -48,30 +48,32 @@ def find_saturation(
     return np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall)
 
 
-class LongestRun:
-    """Counts for how many rows in a row flags have been set."""
-
-    def __init__(self, *shape: int) -> None:
-        self.now, self.longest = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
-
-    def add(self, present: NDArray[np.bool_], rows: NDArray[np.int_] | slice = slice(None)) -> None:
-        """Add T rows of flags, (T, ...), of the whole shape or of some of its first rows."""
-        now, longest = self.now[rows], self.longest[rows]
-        for row in present:
-            now = np.where(row, now + 1, 0)
-            longest = np.maximum(longest, now)
-        self.now[rows], self.longest[rows] = now, longest
+def find_longest(flags: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Count for how many samples in a row flags (..., T, k) are set at most, (..., k)."""
+    return count_runs(flags).max(axis=-2, initial=0)
 
 
-def measure_saturation(
-    robot: Robot, torque: Array, velocity: Array, voltage: Array | float, period: float
-) -> Array:
-    """Measure for how long servos have all the torque of their supply without a break [s], (N,).
+def count_runs(
+    flags: NDArray[np.bool_], before: NDArray[np.int_] | None = None
+) -> NDArray[np.int_]:
+    """Count for how many samples in a row flags (..., T, k) have been set, up to each.
 
-    It is the longest time of any servo of each of N robots. Torques [N·m] and speeds [rad/s] of
-    the actuators are sampled every ``period`` [s], (N, T, n); the supplies [V] are a number or
-    (N, 1).
+    Up to the first one they had been set in a row for ``before`` samples, (..., k).
     """
-    runs = LongestRun(len(torque), robot.n)
-    runs.add(np.moveaxis(find_saturation(robot, torque, velocity, voltage), 1, 0))
-    return runs.longest.max(axis=1) * period
+    at = np.arange(1, flags.shape[-2] + 1)[:, np.newaxis]
+    begin = np.maximum.accumulate(np.where(flags, 0, at), axis=-2)
+    runs = at - begin
+    return runs if before is None else runs + np.where(begin == 0, before[..., np.newaxis, :], 0)
+
+
+def limit_torque(robot: Robot, torque_limit: float | None) -> Array:
+    """Return the torque limits of the servos [N·m], (n,)."""
+    return robot.max_torque if torque_limit is None else np.minimum(robot.max_torque, torque_limit)
+
+
+def estimate_torque(robot: Robot, current: Array) -> Array:
+    """Estimate torques [N·m] from motor currents [A], (..., n).
+
+    The datasheet's stall point gives the ratio; gear friction is not in it.
+    """
+    return current * robot.torque_per_ampere

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from robots.quaternion import Array
@@ -55,35 +55,54 @@ class CandidateRollout:
     """Rollout of a candidate."""
 
     candidate: Candidate
-    stood: bool
-    """Whether it ended upright for a second; a check asks for more."""
-    stand_time: float
-    """Start to the first moment of the stand [s]; nan if it did not stand."""
-    figures: RiseFigures
-    """What it took, each a number."""
+    outcome: Outcome
+    """A stand of a second counts in it; a check asks for more."""
     cost: float
     """By the filter's preference [s]; nan if it did not stand."""
-    overlap: Array
-    """Depth of self-penetration [m], (T,)."""
-    target: Array
-    """Targets that the servos were sent [rad], (T, n)."""
-    qpos: Array
-    """MuJoCo positions, (T, nq)."""
-    peak_neck: float
-    """Greatest neck height reached [m]."""
     moving: int
     """Cycles before the targets stand still."""
     joined: int
     """Cycle at which the motion was joined."""
 
     @property
+    def stood(self) -> bool:
+        """Whether it ended upright for a second, and no servo was overloaded."""
+        return bool(self.outcome.stood and not self.outcome.overloaded)
+
+    @property
+    def target(self) -> Array:
+        """Targets that the servos were sent [rad], (T, n)."""
+        return _known(self.outcome.record.target)
+
+    @property
+    def qpos(self) -> Array:
+        """MuJoCo positions, (T, nq)."""
+        return self.outcome.record.qpos
+
+    @property
+    def overlap(self) -> Array:
+        """Depth of self-penetration [m], (T,)."""
+        return _known(self.outcome.record.overlap)
+
+    @property
+    def peak_neck(self) -> float:
+        """Greatest neck height reached [m]."""
+        return float(self.outcome.record.stance.neck_height.max())
+
+    @property
     def collides(self) -> bool:
         """Whether the robot touched itself firmly."""
-        return bool(np.any(self.overlap > DEEP_OVERLAP))
+        return bool(self.outcome.collides)
 
     def measure_overlap(self, touch: float) -> float:
         """Sum up by how much the robot overlaps itself deeper than a touch [m]."""
         return float(np.maximum(self.overlap - touch, 0.0).sum())
+
+
+def _known(values: Array | None) -> Array:
+    """Return what every rollout records."""
+    assert values is not None
+    return values
 
 
 NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.play import (
-    Feedback,
-    Rollout,
-    RolloutRandomization,
-    Trace,
-    randomize_rollouts,
-)
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.experiments.standing import is_upright, judge, measure_stance
-from humanoid_getup.experiments.torque import LONG_SATURATION, measure_saturation
+from humanoid_getup.experiments.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.early_stop import LAST_CALL
+from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome
+from humanoid_getup.experiments.play import Feedback, FeedbackLaw
+from humanoid_getup.experiments.record import Record
 from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
-from humanoid_getup.filtering.disturbed_rollout import LAST_CALL, Worlds
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
@@ -28,7 +22,6 @@ from humanoid_getup.filtering.variation import limit_target, limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
@@ -40,11 +33,17 @@ FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
 LONG_HOLD = FIRST_HOLD + LAST_CALL  # s, so that every stand that a check takes shows
 LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
-CHECK_DISTURBANCE = RolloutRandomization(
-    joints=np.radians(1.5), root=np.radians(3.0), friction=(0.6, 1.1), supply=(0.96, 1.04)
+CHECK_DISTURBANCE = Disturbance(
+    joints=Normal(np.radians(1.5)),
+    turn=Normal(np.radians(3.0)),
+    ground_friction=Uniform(0.6, 1.1),
+    supply=Uniform(0.96, 1.04),
 )
-HARD_DISTURBANCE = RolloutRandomization(  # of a rise that must have a margin
-    joints=np.radians(5.0), root=np.radians(10.0), friction=(0.3, 1.3), supply=(0.85, 1.05)
+HARD_DISTURBANCE = Disturbance(  # of a rise that must have a margin
+    joints=Normal(np.radians(5.0)),
+    turn=Normal(np.radians(10.0)),
+    ground_friction=Uniform(0.3, 1.3),
+    supply=Uniform(0.85, 1.05),
 )
 TOUCH = 0.5 * DEEP_OVERLAP  # m; what a rollout avoids, so that the robot does not collide
 FEW = 2  # worlds in which a rise that stands is improved
@@ -72,26 +71,20 @@ class DynamicsFilter:
         self.count = 0
         self.searched = 0.0
         """Time that searches have simulated so far [s]."""
-        self._threads = threads
         self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
-        self._simulations: dict[int, Rollout] = {}
-        self._search = TargetSearch(
-            world, worlds=CHECKS, preference=self.preference, threads=threads
-        )
-        self._disturbed_rollout = self._search.rollout
+        self._search = TargetSearch(world, preference=self.preference, threads=threads)
+        self._experiment = self._search.experiment
         self._separation = Separation(world)
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
-        world, robot = self.world, self.world.robot
+        world = self.world
         references = [self._refer(c) for c in candidates]
         tracker = _Tracker(world, self._limbs, start, references, candidates)
-        starts = np.tile(place(robot, world.model, start), (len(candidates), 1))
-        n = len(candidates)
-        trace = self._simulate(n).track(starts, tracker, self._nominal(n))
-        return self._read(trace, candidates, tracker.moving, tracker.joined)
+        record = self._play_nominal(start, len(candidates), tracker)
+        return self._read(record, candidates, tracker.moving, tracker.joined)
 
     def follow(self, rollout: CandidateRollout) -> Candidate:
         """Make a candidate whose legs fit the ground where a rollout of it came.
@@ -119,13 +112,14 @@ class DynamicsFilter:
 
         Returns the share that ended in a held stand; 0 if the undisturbed one did not.
         """
-        return self._check_in(self._disturb(start, rng, worlds), target).share
+        return self._check_in(self._disturb(start, rng, worlds), target)[0]
 
-    def _check_in(self, worlds: Worlds, target: Array) -> _Check:
-        self.count += len(worlds)
-        outcome = self._disturbed_rollout.play(worlds, [target], give_up=True)
+    def _check_in(self, scenarios: Scenarios, target: Array) -> tuple[float, float]:
+        """Return the share that stood, as a check does, and the time that was simulated [s]."""
+        self.count += len(scenarios)
+        outcome = self._experiment.compare(scenarios, [target], give_up=True)
         share = float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
-        return _Check(share, outcome.simulated)
+        return share, outcome.record.duration
 
     def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
@@ -142,11 +136,11 @@ class DynamicsFilter:
             found = self._search.search(worlds, target, budget, rng)
             self.count += found.rollouts
             target, worlds = found.target, self._disturb(start, rng)
-            fresh = self._check_in(worlds, target)
-            budget -= found.simulated + fresh.simulated
-            self.searched += found.simulated + fresh.simulated
-            if found.share < 1.0 or fresh.share == 1.0 or budget <= 0.0:
-                return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], fresh.share
+            share, simulated = self._check_in(worlds, target)
+            budget -= found.simulated + simulated
+            self.searched += found.simulated + simulated
+            if found.share < 1.0 or share == 1.0 or budget <= 0.0:
+                return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], share
 
     def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
         """Shift the targets of a rollout that stands where the robot touches itself.
@@ -213,48 +207,33 @@ class DynamicsFilter:
         hold: float = FIRST_HOLD,
     ) -> list[CandidateRollout]:
         """Play targets, each (T, n), in the undisturbed world, and hold the last for a time [s]."""
-        world, robot, n = self.world, self.world.robot, len(targets)
+        robot, n = self.world.robot, len(targets)
         moving = np.array([len(target) for target in targets])
         length = int(moving.max()) + round(hold / robot.control_period)
         longer = np.array([hold_last(target, length) for target in targets])
-        starts = np.tile(place(robot, world.model, start), (n, 1))
-        trace = self._simulate(n).play(starts, longer, self._nominal(n))
-        return self._read(trace, [candidate] * n, moving, np.zeros(n, dtype=int))
+        record = self._play_nominal(start, n, longer)
+        return self._read(record, [candidate] * n, moving, np.zeros(n, dtype=int))
 
     def _disturb(
         self,
         start: Posture,
         rng: np.random.Generator,
-        worlds: int = CHECKS,
-        disturbance: RolloutRandomization = CHECK_DISTURBANCE,
-    ) -> Worlds:
-        world, robot = self.world, self.world.robot
-        starts, parameters = randomize_rollouts(
-            world,
-            place(robot, world.model, start),
-            worlds,
-            disturbance,
-            self.torque_limit,
-            rng,
-        )
-        return Worlds(starts=starts, parameters=parameters)
+        count: int = CHECKS,
+        disturbance: Disturbance = CHECK_DISTURBANCE,
+    ) -> Scenarios:
+        lying = place(self.world.robot, self.world.model, start)
+        return disturbance.sample(self.world, lying, count, rng, self.torque_limit)
 
-    def _nominal(self, n: int) -> DomainParameters:
-        limit = self.torque_limit
-        return DomainParameters.nominal(
-            self.world, n, torque_limit=limit.value, limit_by=limit.mode
-        )
-
-    def _simulate(self, n: int) -> Rollout:
-        """Return the simulation of that many robots, and count them."""
-        self.count += n
-        if n not in self._simulations:
-            self._simulations[n] = Rollout(self.world, n, threads=self._threads)
-        return self._simulations[n]
+    def _play_nominal(self, start: Posture, count: int, source: Array | FeedbackLaw) -> Record:
+        """Play that many robots from one posture in the undisturbed world, and count them."""
+        self.count += count
+        lying = place(self.world.robot, self.world.model, start)
+        scenario = Scenarios.nominal(self.world, lying, self.torque_limit)
+        return self._experiment.play(scenario.tile(count), source)
 
     def _read(
         self,
-        trace: Trace,
+        record: Record,
         candidates: list[Candidate],
         moving: NDArray[np.int_],
         joined: NDArray[np.int_],
@@ -263,48 +242,18 @@ class DynamicsFilter:
 
         Their motions are joined and their targets stand still after so many cycles, (N,).
         """
-        stance = measure_stance(self.world, trace)
-        upright = is_upright(stance, self.world.robot)
-        stands = [judge(one, trace.period, hold_time=FIRST_HOLD - 0.1) for one in upright]
-        overloaded = self._find_overloaded(trace)
-        stand_time = np.array([stand.start_time for stand in stands])
-        figures = RiseFigures.of_trace(trace, self.world, stand_time)
-        cost = self.preference.cost(figures)
+        outcome = Outcome(record, self.world.robot, hold_time=FIRST_HOLD - 0.1)
+        cost = self.preference.cost(outcome)
         return [
             CandidateRollout(
                 candidate=candidate,
-                stood=stands[i].stood and not overloaded[i],
-                stand_time=stands[i].start_time,
-                figures=figures.take(i),
+                outcome=outcome.take(i),
                 cost=float(cost[i]),
-                overlap=trace.overlap[i],
-                target=trace.target[i],
-                qpos=trace.qpos[i],
-                peak_neck=float(stance.neck_height[i].max()),
                 moving=int(moving[i]),
                 joined=int(joined[i]),
             )
             for i, candidate in enumerate(candidates)
         ]
-
-    def _find_overloaded(self, trace: Trace) -> NDArray[np.bool_]:
-        """Find the rollouts in which a servo's overload protection may trip, (N,)."""
-        robot = self.world.robot
-        angle = trace.qpos[..., robot.layout(self.world.model).qpos]
-        velocity = robot.transmission.to_actuator(np.gradient(angle, trace.period, axis=1))
-        saturation = measure_saturation(
-            robot, trace.torque, velocity, robot.supply_voltage, trace.period
-        )
-        return saturation > LONG_SATURATION
-
-
-class _Check(NamedTuple):
-    """Outcome of targets in disturbed worlds."""
-
-    share: float
-    """Share that ended in a held stand; 0 if the undisturbed one did not."""
-    simulated: float
-    """Simulated time [s]."""
 
 
 class _Tracker:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, RolloutOutcome, Worlds
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
@@ -63,43 +65,41 @@ class TargetSearch:
     one that stands in all of them is rolled out in the others, too.
     """
 
-    def __init__(
-        self, world: World, *, worlds: int, preference: Preference, threads: int = 0
-    ) -> None:
-        """Prepare for searches in up to that many worlds."""
+    def __init__(self, world: World, *, preference: Preference, threads: int = 0) -> None:
+        """Prepare for searches in a world."""
         self.preference = preference
-        self.rollout = DisturbedRollout(world, max(SAMPLES * HARDEST, worlds), threads=threads)
+        self.experiment = Experiment(world, threads=threads)
         self._robot, self._layout = world.robot, world.robot.layout(world.model)
 
     def search(
-        self, worlds: Worlds, target: Array, budget: float, rng: np.random.Generator
+        self, scenarios: Scenarios, target: Array, budget: float, rng: np.random.Generator
     ) -> SearchResult:
         """Vary targets [rad], (T, n), that stand in few worlds or in none.
 
         The search ends when they stand in all worlds, of which the first is the nominal one, or
         when the budget of simulated time [s] is spent.
         """
-        start = worlds.starts[0, self._layout.qpos]
-        outcome = self.rollout.play(worlds, [target])
-        rollouts, simulated, generations = len(worlds), outcome.simulated, 0
+        start = scenarios.starts[0, self._layout.qpos]
+        outcome = self.experiment.compare(scenarios, [target])
+        rollouts, simulated, generations = len(scenarios), outcome.record.duration, 0
         best, share, hardest = target, _share(outcome), _find_hardest(outcome)
         mean = np.zeros(Variation.size(self._robot))
         while share < 1.0 and simulated < budget:
             generations += 1
             genes = mean + STEP * rng.normal(size=(SAMPLES, len(mean)))
             motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.rollout.play(worlds.take(hardest), motions)
+            outcome = self.experiment.compare(scenarios.take(hardest), motions)
             rollouts += outcome.stood.size
-            simulated += outcome.simulated
+            simulated += outcome.record.duration
             cost = self._weigh(outcome)
             order = np.argsort(cost, kind="stable")
             mean = _weights() @ genes[order[:PARENTS]]
             for i in order[:RIVALS]:
                 if not outcome.stood[i].all():
                     break
-                whole = self.rollout.play(worlds, [motions[i]])
-                rollouts += len(worlds)
-                simulated += whole.simulated
+                whole = self.experiment.compare(scenarios, [motions[i]])
+                rollouts += len(scenarios)
+                simulated += whole.record.duration
                 if _share(whole) > share:
                     best, share, hardest = motions[i], _share(whole), _find_hardest(whole)
                     break
@@ -112,16 +112,16 @@ class TargetSearch:
         )
 
     def improve(
-        self, worlds: Worlds, target: Array, budget: float, rng: np.random.Generator
+        self, scenarios: Scenarios, target: Array, budget: float, rng: np.random.Generator
     ) -> Improvement:
         """Vary targets [rad], (T, n), that stand in few worlds, so that they cost less there.
 
         The budget is simulated time [s]. The search ends before it is spent when no cheaper one
         is wanted.
         """
-        start = worlds.starts[0, self._layout.qpos]
-        outcome = self.rollout.play(worlds, [target])
-        rollouts, simulated = len(worlds), outcome.simulated
+        start = scenarios.starts[0, self._layout.qpos]
+        outcome = self.experiment.compare(scenarios, [target])
+        rollouts, simulated = len(scenarios), outcome.record.duration
         mean = np.zeros(Variation.size(self._robot))
         begun = float(self._weigh(outcome)[0])
         best = [(begun, target)]
@@ -129,9 +129,9 @@ class TargetSearch:
         while not content and simulated < budget:
             genes = mean + FINE_STEP * rng.normal(size=(SAMPLES, len(mean)))
             motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.rollout.play(worlds, motions)
+            outcome = self.experiment.compare(scenarios, motions)
             rollouts += outcome.stood.size
-            simulated += outcome.simulated
+            simulated += outcome.record.duration
             cost = self._weigh(outcome)
             order = np.argsort(cost, kind="stable")
             mean = _weights() @ genes[order[:PARENTS]]
@@ -142,23 +142,23 @@ class TargetSearch:
         cheaper = [motion for cost, motion in best[:FINALISTS] if cost < begun]
         return Improvement(targets=cheaper, rollouts=rollouts, simulated=simulated)
 
-    def _is_content(self, outcome: RolloutOutcome, i: int | np.int_) -> bool:
+    def _is_content(self, outcome: Outcome, i: int | np.int_) -> bool:
         """Return whether nothing cheaper than a motion is wanted."""
-        return not (self.preference.always_improves or np.any(outcome.collides[i]))
+        return not (self.preference.always_improves or np.any(np.asarray(outcome.collides)[i]))
 
-    def _weigh(self, outcome: RolloutOutcome) -> Array:
+    def _weigh(self, outcome: Outcome) -> Array:
         """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""
         cost = np.where(outcome.stood, self.preference.cost(outcome), NO_STAND)
         gain = outcome.stood + outcome.progress - EFFORT * cost  # (S, K)
         return -gain.mean(axis=1)
 
 
-def _share(outcome: RolloutOutcome) -> float:
+def _share(outcome: Outcome) -> float:
     """Return the share of the worlds in which a motion stands; 0 if not in the first."""
     return float(outcome.stood[0].mean()) if outcome.stood[0, 0] else 0.0
 
 
-def _find_hardest(outcome: RolloutOutcome) -> NDArray[np.int_]:
+def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:
     """Return the nominal world and those in which a motion does worst, (HARDEST,).
 
     Where it does not even stand in the nominal one, they are any.

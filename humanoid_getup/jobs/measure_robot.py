@@ -224,7 +224,7 @@ def _draw(
             rise = whole.repeat(method, number)
             if rise.outcome is not None:
                 title = f"{whole.world.robot.name}, {name} fall: {rise.plan.label}"
-                end = rise.outcome.stand.start_time + AFTERMATH if rise.stood else math.inf
+                end = float(rise.outcome.stand.start_time) + AFTERMATH if rise.stood else math.inf
                 rows = end / whole.world.robot.control_period
                 qpos, robot = rise.outcome.qpos, whole.world.robot
                 save_run(robot, whole.world.model, qpos, rows, folder / file, title=title)

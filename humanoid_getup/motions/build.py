@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.experiments.play import Rollout, Trace
-from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
@@ -20,7 +22,6 @@ from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.motions.search_log import SearchLog, SearchTask
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
@@ -178,10 +179,7 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([hold_last(play, length) for play in plays])
     starts = np.array([place(robot, world.model, motion.posture(int(f))) for f in frames])
-    limits = DomainParameters.nominal(world, len(frames))
-    trace: Trace = Rollout(world, len(frames)).play(starts, targets, limits)
-    upright = is_upright(measure_stance(world, trace), robot)
-    return np.array([judge(u, period).stood for u in upright])
+    return Outcome(play(world, Scenarios.nominal(world, starts), targets), robot).stood
 
 
 def motion_file(folder: Path, name: str) -> Path:

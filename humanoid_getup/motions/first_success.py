@@ -12,9 +12,9 @@ from collections.abc import Callable
 import cma
 import numpy as np
 
-from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.scoring import (
     ANGLE_STEP,
     SEARCH_HOLD,
@@ -23,7 +23,6 @@ from humanoid_getup.motions.scoring import (
     TIME_STEP,
     score,
 )
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
@@ -39,8 +38,7 @@ class FirstSuccess:
         self._start = start
         self._world = World(world.robot, world.scene, model=copy.copy(world.model))
         self._world.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
-        self._rollout = Rollout(self._world, POPULATION)
-        self._nominal = DomainParameters.nominal(self._world, 1)
+        self._experiment = Experiment(self._world)
 
     def succeeds(self, keyframes: Keyframes) -> bool:
         """Return whether keyframes succeed as they are."""
@@ -75,10 +73,7 @@ class FirstSuccess:
     def _play(self, candidates: list[Keyframes]) -> tuple[Array, np.ndarray]:
         """Roll candidates out once; return their costs and whether they succeeded, (C,)."""
         plays = [c.targets(self._world.robot, SEARCH_HOLD + SWAY_TIME) for c in candidates]
-        length = max(len(play) for play in plays)
-        targets = np.array([hold_last(play, length) for play in plays])
-        count = len(candidates)
-        starts = np.tile(self._start, (count, 1))
-        trace = self._rollout.play(starts, targets, self._nominal.tile(count))
+        start = Scenarios.nominal(self._world, self._start)
+        record = self._experiment.play(start.tile(len(candidates)), plays)
         durations = np.array([c.duration.sum() for c in candidates])
-        return score(trace, self._world, candidates[0], SEARCH_HOLD, None, durations)
+        return score(record, self._world, candidates[0], SEARCH_HOLD, None, durations)

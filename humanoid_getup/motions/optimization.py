@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 
 import cma
 import numpy as np
 
-from humanoid_getup.experiments.play import (
-    Rollout,
-    RolloutRandomization,
-    randomize_rollouts,
-)
+from humanoid_getup.experiments.distributions import Normal
+from humanoid_getup.experiments.disturbance import USUAL, Disturbance, Scenarios
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.motions.first_success import FirstSuccess
 from humanoid_getup.motions.keyframes import Keyframes
@@ -27,7 +26,6 @@ from humanoid_getup.motions.scoring import (
     score,
 )
 from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.quaternion import Array
@@ -38,7 +36,7 @@ FIRST_SHARE = 4  # generations that may look for a first success, for each of th
 FINAL_SCENARIOS = 48
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
-MARGIN = RolloutRandomization(joints=np.radians(4.5), root=np.radians(7.5))
+MARGIN = replace(USUAL, joints=Normal(np.radians(4.5)), turn=Normal(np.radians(7.5)))
 
 
 class TrajectoryOptimizer:
@@ -58,11 +56,11 @@ class TrajectoryOptimizer:
         """
         self.world, self.start, self.preference = world, start, preference
         wants_margin = preference is not None and preference.wants_margin
-        self._randomization = MARGIN if wants_margin else RolloutRandomization()
+        self._disturbance = MARGIN if wants_margin else USUAL
         coarse = World(world.robot, world.scene, model=copy.copy(world.model))
         coarse.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
-        self._search = Rollout(coarse, POPULATION * SCENARIOS, threads=threads)
-        self._final = Rollout(world, FINAL_SCENARIOS, threads=threads)
+        self._search = Experiment(coarse, threads=threads)
+        self._final = Experiment(world, threads=threads)
 
     def optimize(
         self,
@@ -131,7 +129,7 @@ class TrajectoryOptimizer:
 
     def _roll_out(
         self,
-        rollout: Rollout,
+        experiment: Experiment,
         candidates: list[Keyframes],
         each: int,
         rng: np.random.Generator,
@@ -148,22 +146,17 @@ class TrajectoryOptimizer:
         targets = np.array(
             [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
-        starts, parameters = self._make_scenarios(candidates[0], each, rng)
-        n = len(candidates)
-        trace = rollout.play(
-            np.tile(starts, (n, 1)),
-            np.repeat(targets, each, axis=0),
-            parameters.tile(n),
-        )
+        scenarios, n = self._make_scenarios(candidates[0], each, rng), len(candidates)
+        record = experiment.play(scenarios.tile(n), np.repeat(targets, each, axis=0))
         durations = np.repeat([c.duration.sum() for c in candidates], each)
-        cost, stood = score(trace, self.world, candidates[0], hold, self.preference, durations)
+        cost, stood = score(record, self.world, candidates[0], hold, self.preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
 
     def _make_scenarios(
         self, keyframes: Keyframes, count: int, rng: np.random.Generator
-    ) -> tuple[Array, DomainParameters]:
+    ) -> Scenarios:
         limit = keyframes.torque_limit
-        return make_scenarios(self.world, self.start, limit, count, self._randomization, rng)
+        return make_scenarios(self.world, self.start, limit, count, self._disturbance, rng)
 
 
 def count_work(generations: int, done: int = 0) -> float:
@@ -178,22 +171,21 @@ def make_scenarios(
     start: Array,
     own_limit: float,
     count: int,
-    randomization: RolloutRandomization,
+    disturbance: Disturbance,
     rng: np.random.Generator,
-) -> tuple[Array, DomainParameters]:
-    """Make starts (count, nq) and parameters: two undisturbed, all others disturbed.
+) -> Scenarios:
+    """Make scenarios from MuJoCo positions (nq,): two undisturbed, all others disturbed.
 
     The first is at the motion's own torque limit [N·m], the second at full torque. The disturbed
     ones take turns at that limit and at `LIMIT_SHARES`, in the robot's own mode, so that a motion
     succeeds under the limits that users set.
     """
-    starts, parameters = randomize_rollouts(
-        world, start, count, randomization, TorqueLimit(own_limit), rng
-    )
+    scenarios = disturbance.sample(world, start, count, rng, TorqueLimit(own_limit))
+    starts, parameters = scenarios.starts, scenarios.parameters
     full = float(world.robot.max_torque.max())
     limits = np.array([own_limit, *(share * full for share in LIMIT_SHARES)])
     parameters.torque_limit[2:] = np.resize(limits, count - 2)
     starts[1], parameters.torque_limit[1] = starts[0], full
     parameters.friction[1] = parameters.friction[0]
     parameters.voltage[1] = parameters.voltage[0]
-    return starts, parameters
+    return scenarios

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from humanoid_getup.experiments.rise_figures import RiseFigures
+from humanoid_getup.experiments.outcome import Outcome
 from robots.quaternion import Array
 
 PreferenceName = Literal["time", "torque", "impact", "robustness"]
@@ -23,9 +23,9 @@ class Preference:
     rms_torque: float = 0.0
     """Of 1 N·m."""
     peak_torque: float = 0.0
-    """Of 1 N·m."""
-    impact: float = 0.0
-    """Of 1 m/s."""
+    """Of 1 N·m, driving or braking."""
+    neck_delta_v: float = 0.0
+    """Of 1 m/s by which the neck's velocity changes at once."""
     collision: float = 1.0
     """Of touching itself firmly, however often."""
     overlap: float = 1000.0
@@ -54,21 +54,26 @@ class Preference:
             raise ValueError(f"prefer is {name!r}, expected one of {expected}")
         return PREFERENCES[name]
 
-    def cost(self, figures: RiseFigures) -> Array:
-        """Weigh rises, (...) [s]; nan for one that did not stand."""
+    def cost(self, outcome: Outcome, time: Array | None = None) -> Array:
+        """Weigh runs in simulation, (...) [s], by the time [s] that they took.
+
+        None for the time to the stand; the cost of one that did not stand is nan then.
+        """
+        time = outcome.stand_time if time is None else time
+        peak = np.maximum(outcome.peak_torque, outcome.peak_braking_torque)
         return (
-            self.time * figures.stand_time
-            + self.rms_torque * figures.rms_torque
-            + self.peak_torque * figures.peak_torque
-            + self.impact * figures.impact
-            + self.collision * figures.collides
-            + self.overlap * np.maximum(figures.overlap, 0.0)
+            self.time * time
+            + self.rms_torque * outcome.rms_torque
+            + self.peak_torque * peak
+            + self.neck_delta_v * np.asarray(outcome.neck_delta_v)
+            + self.collision * np.asarray(outcome.collides)
+            + self.overlap * np.asarray(outcome.overlap)
         )
 
 
 PREFERENCES: dict[PreferenceName, Preference] = {
     "time": Preference(time=1.0, improvement=0.3),
     "torque": Preference(time=0.1, rms_torque=8.0, peak_torque=1.0, always_improves=True),
-    "impact": Preference(time=0.1, rms_torque=2.0, impact=10.0, always_improves=True),
+    "impact": Preference(time=0.1, rms_torque=2.0, neck_delta_v=10.0, always_improves=True),
     "robustness": Preference(time=0.3, wants_margin=True),
 }

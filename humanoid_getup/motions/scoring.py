@@ -5,14 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from humanoid_getup.experiments.lying import LyingSide, measure_lying
-from humanoid_getup.experiments.play import Trace
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.experiments.standing import (
-    compute_progress,
-    compute_uprightness,
-    is_upright,
-    measure_stance,
-)
+from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome, compute_progress
+from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.standing import compute_uprightness
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.preference import Preference
@@ -31,7 +26,7 @@ DESCENT_COST = 6.0  # of a meter per second at which the neck of a robot that li
 
 
 def score(
-    trace: Trace,
+    record: Record,
     world: World,
     keyframes: Keyframes,
     hold: float,
@@ -42,39 +37,36 @@ def score(
 
     ``duration`` [s], (N,), is that of the keyframes in each; ``None`` for those given.
     """
+    outcome = Outcome(record, world.robot, hold_time=hold - record.period)
     if keyframes.end_class == STANDING:
-        missed, succeeded, time = _judge_rise(trace, world, hold)
+        missed, succeeded = _miss_stand(outcome, hold)
+        time = np.where(succeeded, outcome.stand_time, 0.0)
     else:
-        missed, succeeded = _judge_lying_down(trace, world, keyframes.end_class)
+        missed, succeeded = _miss_lying(record, keyframes.end_class)
         time = np.full(len(missed), keyframes.duration.sum()) if duration is None else duration
-    travel = np.abs(np.diff(trace.target, axis=1)).sum(axis=1).mean(axis=1)
-    collides = np.mean(trace.overlap > DEEP_OVERLAP, axis=1)
-    effort = TRAVEL_COST * travel + OVERLAP_COST * collides
-    figures = RiseFigures.of_trace(trace, world, time)
+    assert record.target is not None and record.overlap is not None
+    travel = np.abs(np.diff(record.target, axis=1)).sum(axis=1).mean(axis=1)
+    effort = TRAVEL_COST * travel + OVERLAP_COST * np.mean(record.overlap > DEEP_OVERLAP, axis=1)
     if preference is None:
-        preferred = keyframes.time_cost * time + keyframes.torque_cost * figures.rms_torque
+        preferred = keyframes.time_cost * time + keyframes.torque_cost * outcome.rms_torque
     else:
-        preferred = PREFERENCE_SHARE * preference.cost(figures)
+        preferred = PREFERENCE_SHARE * preference.cost(outcome, time)
     return missed + effort + preferred, succeeded
 
 
-def _judge_lying_down(trace: Trace, world: World, side: LyingSide) -> tuple[Array, np.ndarray]:
-    lying = measure_lying(world, trace, side)
+def _miss_lying(record: Record, side: LyingSide) -> tuple[Array, np.ndarray]:
+    """Return what it costs not to lie as it should, and which rollouts do, (N,)."""
+    lying = measure_lying(record, side)
     missed = FAILURE + np.minimum(lying.lean, 2.0) + np.minimum(lying.sway, 1.0)
     return np.where(lying.lies, 0.0, missed) + DESCENT_COST * lying.descent, lying.lies
 
 
-def _judge_rise(trace: Trace, world: World, hold: float) -> tuple[Array, np.ndarray, Array]:
-    """Return what failures cost, which rollouts stood, and since when [s]; 0 for failures."""
-    robot, period = world.robot, trace.period
-    stance = measure_stance(world, trace)
-    upright = is_upright(stance, robot)
-    last = round(hold / period)
-    stood = np.asarray(upright[:, -last:].all(axis=1))
-    begin = (upright.shape[1] - np.argmax(~upright[:, ::-1], axis=1)) * period
-    near = compute_uprightness(stance, robot)
+def _miss_stand(outcome: Outcome, hold: float) -> tuple[Array, np.ndarray]:
+    """Return what it costs not to stand for the last time [s], and which rollouts do, (N,)."""
+    upright, last = outcome.record.upright, round(hold / outcome.record.period)
+    near = compute_uprightness(outcome.record.stance, outcome.robot)
     best = np.array([np.convolve(row, np.full(25, 1 / 25), "valid").max() for row in near])
     progress = compute_progress(near[:, -last:].mean(axis=1), best)
     held = upright[:, -last:].mean(axis=1)
     missed = FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
-    return np.where(stood, 0.0, missed), stood, np.where(stood, begin, 0.0)
+    return np.where(outcome.stood, 0.0, missed), outcome.stood

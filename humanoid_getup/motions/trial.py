@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from humanoid_getup.experiments.disturbance import Scenarios
 from humanoid_getup.experiments.lying import (
     LYING_TIME,
     MAX_DESCENT,
@@ -16,20 +17,17 @@ from humanoid_getup.experiments.lying import (
     Lying,
     measure_lying,
 )
-from humanoid_getup.experiments.play import Rollout, Trace
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import play
 from humanoid_getup.experiments.standing import (
     HOLD_TIME,
     MAX_TILT,
     Stance,
     Stand,
     compute_uprightness,
-    is_upright,
-    judge,
-    measure_stance,
 )
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture
@@ -46,34 +44,38 @@ class Trial:
     """MuJoCo positions at the start, (nq,)."""
     targets: Array
     """Targets that the servos were sent [rad], (T, n); the last one is held to be judged."""
-    trace: Trace
+    outcome: Outcome
 
     @classmethod
     def of(cls, world: World, keyframes: Keyframes, start: Array) -> Trial:
         """Roll keyframes out from MuJoCo positions (nq,)."""
         hold = HOLD_TIME if keyframes.end_class == STANDING else LYING_TIME
         targets = keyframes.targets(world.robot, hold + 1.0)
-        nominal = DomainParameters.nominal(world, 1)
-        trace = Rollout(world, 1).play(start[None], targets[None], nominal)
-        return cls(world=world, keyframes=keyframes, start=start, targets=targets, trace=trace)
+        record = play(world, Scenarios.nominal(world, start), targets[None]).take(0)
+        return cls(
+            world=world,
+            keyframes=keyframes,
+            start=start,
+            targets=targets,
+            outcome=Outcome(record, world.robot),
+        )
 
     @property
     def succeeded(self) -> bool:
         """Return whether it ended as the keyframes should."""
-        return self.stand.stood if self.rises else bool(self._lying.lies[0])
+        return bool(self.stand.stood if self.rises else self._lying.lies)
 
     @property
     def rises(self) -> bool:
         """Return whether it should end standing."""
         return self.keyframes.end_class == STANDING
 
-    @cached_property
+    @property
     def stand(self) -> Stand:
         """Return the stand in which it ended, if it did."""
-        upright = is_upright(self._stance, self.world.robot)[0]
-        return judge(upright, self.world.robot.control_period)
+        return self.outcome.stand
 
-    @cached_property
+    @property
     def progress(self) -> float:
         """Return how nearly it stood at best, from 0 to 1."""
         return float(compute_uprightness(self._stance, self.world.robot).max())
@@ -82,8 +84,8 @@ class Trial:
     def figures(self) -> dict[str, float]:
         """Return the figures of one that ended as it should."""
         if self.rises:
-            return {"stand_time_s": self.stand.start_time}
-        return {"descent_m_s": float(self._lying.descent[0])}
+            return {"stand_time_s": float(self.stand.start_time)}
+        return {"descent_m_s": float(self._lying.descent)}
 
     def describe(self) -> str:
         """Say how it ended; of a failure what touched, how high the neck came and when."""
@@ -102,7 +104,7 @@ class Trial:
             self.world,
             self.start,
             self.targets[:moving],
-            self.trace.qpos[0],
+            self.outcome.record.qpos,
             name=self.keyframes.name,
             robot=robot.name,
             start_class=self.keyframes.start_class,
@@ -113,18 +115,18 @@ class Trial:
 
     def _describe_fall(self) -> str:
         robot, period = self.world.robot, self.world.robot.control_period
-        share = self._stance.neck_height[0] / robot.standing_neck_height
-        best, tilt = int(np.argmax(share)), math.degrees(self._stance.tilt[0, -1])
+        share = self._stance.neck_height / robot.standing_neck_height
+        best, tilt = int(np.argmax(share)), math.degrees(self._stance.tilt[-1])
         text = (
             f"does not end in a held stand: its neck came to {share[best]:.0%} of standing height "
             f"after {(best + 1) * period:.2f} s and ended at {share[-1]:.0%}"
         )
         if tilt > math.degrees(MAX_TILT):
             text += f", tilted by {tilt:.0f}°"
-        bodies = find_touching_bodies(self.world, self.trace.qpos[0, -1])
+        bodies = find_touching_bodies(self.world, self.outcome.record.qpos[-1])
         if not bodies:
             return f"{text}; it swayed on its feet"
-        lifted = np.flatnonzero(~self._stance.non_foot_contact[0])
+        lifted = np.flatnonzero(~self._stance.non_foot_contact)
         since = 0.0 if len(lifted) == 0 else (lifted[-1] + 1) * period
         on = ", ".join(bodies)
         return f"{text}; on the ground besides the feet since {since:.2f} s, at the end: {on}"
@@ -134,20 +136,20 @@ class Trial:
         if self.succeeded:
             return f"lay {side} after {self.keyframes.duration.sum():.2f} s"
         return (
-            f"does not end lying {side}: {math.degrees(lying.lean[0]):.0f}° off that side "
+            f"does not end lying {side}: {math.degrees(lying.lean):.0f}° off that side "
             f"(expected at most {math.degrees(MAX_LEAN):.0f}°), moving by "
-            f"{math.degrees(lying.sway[0]):.0f}° at the end, its neck sank at "
-            f"{lying.descent[0]:.2f} m/s (expected at most {MAX_DESCENT:g} m/s)"
+            f"{math.degrees(lying.sway):.0f}° at the end, its neck sank at "
+            f"{lying.descent:.2f} m/s (expected at most {MAX_DESCENT:g} m/s)"
         )
 
-    @cached_property
+    @property
     def _stance(self) -> Stance:
-        return measure_stance(self.world, self.trace)
+        return self.outcome.record.stance
 
     @cached_property
     def _lying(self) -> Lying:
         assert self.keyframes.end_class != STANDING
-        return measure_lying(self.world, self.trace, self.keyframes.end_class)
+        return measure_lying(self.outcome.record, self.keyframes.end_class)
 
 
 def record_motion(world: World, start: Array, target: Array, qpos: Array, **fields: Any) -> Motion:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from humanoid_getup.experiments.judge import RunOutcome
-from humanoid_getup.experiments.lying import LYING_TIME, MAX_HEAD_IMPACT, judge_run
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.experiments.lying import LYING_TIME, MAX_HEAD_IMPACT, measure_lying
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
-from humanoid_getup.simulation.world import World
 
 REST = LYING_TIME + 0.5  # s; a robot may move on for a moment before it lies still
 
@@ -18,18 +20,18 @@ def hold_time(motion: Motion) -> float:
     return HOLD if motion.rises else REST
 
 
-def ends_as_meant(world: World, motion: Motion, outcome: RunOutcome) -> bool:
-    """Return whether a run of a motion ended in a held stand, or lying softly on its side.
+def ends_as_meant(motion: Motion, outcome: Outcome) -> NDArray[np.bool_]:
+    """Return whether runs of a motion ended in a held stand, or lying softly on its side, (...).
 
     A path is not meant to end in either.
     """
     if motion.end_class == STANDING:
-        return outcome.stand.stood
+        return outcome.stood
     if motion.end_class == NO_END:
-        return True
-    lying = judge_run(world.robot, world.model, outcome.qpos, motion.end_class)
-    is_soft = outcome.head_impact is None or outcome.head_impact <= MAX_HEAD_IMPACT
-    return bool(lying.lies) and is_soft
+        return np.ones_like(outcome.record.diverged)
+    lies = measure_lying(outcome.record, motion.end_class).lies
+    impact = outcome.head_impact
+    return lies if impact is None else lies & (impact <= MAX_HEAD_IMPACT)
 
 
 def describe_end(motion: Motion) -> str:

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
 from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.judge import RunOutcome
+from humanoid_getup.experiments.outcome import Outcome
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
 
@@ -22,7 +22,7 @@ class TimedController(Controller, Protocol):
         ...
 
 
-Outcome_co = TypeVar("Outcome_co", bound=RunOutcome | JointFigures, covariant=True)
+Outcome_co = TypeVar("Outcome_co", bound=Outcome | JointFigures, covariant=True)
 
 
 class Judge(Protocol[Outcome_co]):
@@ -44,7 +44,7 @@ class Judge(Protocol[Outcome_co]):
         ...
 
 
-AnyJudge = Judge[RunOutcome | JointFigures]
+AnyJudge = Judge[Outcome | JointFigures]
 
 
 def play(

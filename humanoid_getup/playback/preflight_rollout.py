@@ -12,9 +12,9 @@ from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.standing import Stand
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.torque import LongestRun, find_saturation, split_torque
+from humanoid_getup.experiments.torque import find_longest, find_saturation
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
@@ -79,46 +79,33 @@ def measure(
     if at_rest is None:
         at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
     balance = make_balance(world, motion) if balanced else None
-    rollout = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
+    outcome, overlap = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
     at_start = _find_overlap(world, at_rest, mujoco.MjData(world.model))
-    deepest = np.maximum(rollout.overlap, _find_deepest(world, motion))
+    deepest = np.maximum(overlap, _find_deepest(world, motion))
     stall = robot.max_torque * voltage / robot.nominal_voltage
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
-    saturated = find_saturation(robot, rollout.torque, rollout.velocity, voltage)
-    runs = LongestRun(robot.n)
-    runs.add(saturated)
-    peak_torque = split_torque(rollout.torque, rollout.velocity).driving.max(axis=0, initial=0.0)
+    torque = outcome.record.torque
+    saturated = find_saturation(robot, torque, outcome.record.actuator_vel, voltage)
+    peak_torque = outcome.shares.driving.max(axis=0, initial=0.0)
     period = robot.control_period
-    end, rises = predict_heat(robot, rollout.torque, temperature)
+    end, rises = predict_heat(robot, torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]
     return Figures(
         voltage=voltage,
         duration=motion.duration,
-        succeeded=rollout.succeeded,
-        stand_time=rollout.stand.start_time,
+        succeeded=bool(ends_as_meant(motion, outcome)),
+        stand_time=float(outcome.stand_time),
         target_speed=np.abs(steps).max(axis=0, initial=0.0),
         peak_torque=peak_torque,
-        rms_torque=np.sqrt(np.mean(rollout.torque**2, axis=0)),
+        rms_torque=np.sqrt(np.mean(torque**2, axis=0)),
         torque_use=peak_torque / limit,
         saturation=saturated.sum(axis=0) * period,
-        longest_saturation=runs.longest * period,
+        longest_saturation=period * find_longest(saturated).astype(float),
         end_temperature=end,
         rises_in_a_row=rises,
         start_overlap=float(at_start.max()),
         overlap_growth=float(np.max(deepest - at_start, initial=0.0)),
     )
-
-
-@dataclass(frozen=True)
-class _Rollout:
-    stand: Stand
-    succeeded: bool
-    torque: Array
-    """[N·m], (T, n)"""
-    velocity: Array
-    """[rad/s], (T, n)"""
-    overlap: Array
-    """Greatest depth by which each pair of links overlaps [m], (nbody, nbody)."""
 
 
 def _roll_out(
@@ -128,8 +115,11 @@ def _roll_out(
     voltage: float,
     torque_limit: TorqueLimit,
     balance: Balance | None,
-) -> _Rollout:
-    """Play the motion on a twin, without the guard's limits of supply and temperature."""
+) -> tuple[Outcome, Array]:
+    """Play the motion on a twin, without the guard's limits of supply and temperature.
+
+    Returns the outcome, and how deep each pair of links overlaps at most [m], (nbody, nbody).
+    """
     robot = world.robot
     twin = Twin(
         world,
@@ -142,25 +132,16 @@ def _roll_out(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
     )
     judge = GroundTruthJudge(twin.simulation, torque_limit.value, world.scene)
-    velocity: list[Array] = []
     overlap = np.zeros((world.model.nbody, world.model.nbody))
 
-    def record(_cycle: Cycle) -> None:
-        velocity.append(twin.simulation.torque_vel)
+    def measure_overlaps(_cycle: Cycle) -> None:
         np.maximum(overlap, measure_pair_overlaps(twin.truth.model, twin.truth.data), out=overlap)
 
-    hold = hold_time(motion)
     player = MotionPlayer(
-        robot, motion, hold=hold, torque_limit=torque_limit.value, balance=balance
+        robot, motion, hold=hold_time(motion), torque_limit=torque_limit.value, balance=balance
     )
-    _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=record)
-    return _Rollout(
-        stand=outcome.stand,
-        succeeded=ends_as_meant(world, motion, outcome),
-        torque=outcome.torque,
-        velocity=np.array(velocity),
-        overlap=overlap,
-    )
+    _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=measure_overlaps)
+    return outcome, overlap
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:

@@ -47,9 +47,9 @@ def draw_trial(trial: Trial, path: Path) -> None:
     robot, model, keyframes = trial.world.robot, trial.world.model, trial.keyframes
     times = np.concatenate([[0.0], np.cumsum(keyframes.duration)])
     keys = np.array([_stand_up(trial, key) for key in keyframes.keys])
-    end = trial.stand.start_time + film_strip.AFTERMATH if trial.rises else np.inf
-    qpos = trial.trace.qpos[0]
-    rows = film_strip.pick_frames(int(np.fmin(end / trial.trace.period, len(qpos))))
+    end = float(trial.stand.start_time) + film_strip.AFTERMATH if trial.rises else np.inf
+    qpos = trial.outcome.qpos
+    rows = film_strip.pick_frames(int(np.fmin(end / trial.outcome.record.period, len(qpos))))
     pictures = np.concatenate(
         [
             film_strip.render_frames(robot, model, keys),
@@ -57,7 +57,7 @@ def draw_trial(trial: Trial, path: Path) -> None:
         ]
     )
     captions = [f"key {k + 1}: {time:.2f} s" for k, time in enumerate(times)]
-    captions += [f"{(row + 1) * trial.trace.period:.1f} s" for row in rows]
+    captions += [f"{(row + 1) * trial.outcome.record.period:.1f} s" for row in rows]
     ending = "ends as it should" if trial.succeeded else "fails"
     title = f"{keyframes.name}: its keys without physics, then played: {ending}"
     film_strip.save_sheet(pictures, captions, path, title=title)

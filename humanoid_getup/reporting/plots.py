@@ -9,8 +9,8 @@ import numpy as np
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from humanoid_getup.experiments.judge import RunOutcome, limit_torque
-from humanoid_getup.experiments.torque import split_torque
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.torque import limit_torque
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
@@ -24,7 +24,7 @@ STANDING_SHOWN = 1.5  # s of the stand that are drawn
 
 
 def save_torque(
-    robot: Robot, outcome: RunOutcome, torque_limit: float | None, path: Path, *, title: str = ""
+    robot: Robot, outcome: Outcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
     """Plot with how much torque every servo drives its joint, and its limit, over time, as PNG.
 
@@ -32,7 +32,7 @@ def save_torque(
     are turned from outside, which no limit by PWM holds for, is one dotted line, the largest of
     all. The torque limit [N·m] is that of every servo, None for their own.
     """
-    shares = split_torque(outcome.torque, outcome.torque_vel)
+    shares = outcome.shares
     torque, braking = shares.driving, shares.braking.max(axis=1, initial=0.0)  # (T, n), (T,)
     limit = limit_torque(robot, torque_limit)
     time = np.arange(1, len(torque) + 1, dtype=float) * robot.control_period
@@ -46,8 +46,8 @@ def save_torque(
         axis.axhline(value, color="black", linestyle="--", linewidth=0.9)
         label = f"limit {value:.1f} N·m"
         axis.annotate(label, (0.0, value), (4, 3), textcoords="offset points", fontsize=8)
-    if outcome.stand.stood:
-        begin = outcome.stand.start_time
+    if outcome.stood:
+        begin = float(outcome.stand_time)
         end = min(end, begin + STANDING_SHOWN)
         axis.axvspan(begin, time[-1], color="tab:green", alpha=0.08)
         axis.text(

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.experiments.play import Rollout, Trace
-from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.robot_check.finding import CheckFinding
-from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
 from robots import Robot
@@ -23,11 +24,11 @@ COOL = 15.0  # °C below its limit that a servo should stay
 
 def check_hold(world: World) -> Iterator[CheckFinding]:
     """Let the robot stand on its servos, and see whether it stays up and cool."""
-    trace = _stand(world)
-    if not is_upright(measure_stance(world, trace), world.robot)[0].all():
-        yield _describe_fall(world, trace)
+    record = _stand(world)
+    if not record.upright.all():
+        yield _describe_fall(world, record)
         return
-    torque = trace.torque[0, -1]
+    torque = record.torque[-1]
     share = np.abs(torque) / world.robot.max_torque
     worst = int(np.argmax(share))
     yield CheckFinding(
@@ -39,20 +40,20 @@ def check_hold(world: World) -> Iterator[CheckFinding]:
     yield from _check_heat(world.robot, torque)
 
 
-def _stand(world: World) -> Trace:
+def _stand(world: World) -> Record:
     robot = world.robot
     count = round((HOLD_TIME + SETTLE_TIME) / robot.control_period)
     targets = np.tile(robot.standing.joint_pos, (1, count, 1))
-    start = place(robot, world.model, robot.standing)[None]
-    return Rollout(world, 1).play(start, targets, DomainParameters.nominal(world, 1))
+    start = Scenarios.nominal(world, place(robot, world.model, robot.standing))
+    return play(world, start, targets).take(0)
 
 
-def _describe_fall(world: World, trace: Trace) -> CheckFinding:
-    stance = measure_stance(world, trace)
-    bodies = ", ".join(find_touching_bodies(world, trace.qpos[0, -1]))
+def _describe_fall(world: World, record: Record) -> CheckFinding:
+    stance = record.stance
+    bodies = ", ".join(find_touching_bodies(world, record.qpos[-1]))
     on = f", on the ground: {bodies}" if bodies else ""
-    height = float(stance.neck_height[0, -1] / world.robot.standing_neck_height)
-    tilt = float(np.degrees(stance.tilt[0, -1]))
+    height = float(stance.neck_height[-1] / world.robot.standing_neck_height)
+    tilt = float(np.degrees(stance.tilt[-1]))
     return CheckFinding(
         level="fault",
         subject="stance",

@@ -116,12 +116,13 @@ class VecSim:
         self.diverged = np.any(warnings > 0, axis=1)
         return {name: rolled[name][:, hold - 1 :: hold] for name in record}
 
-    def hold(self, target: Array, steps: int) -> None:
-        """Send one joint target [rad] to each world, (N, n), and hold it for physics steps."""
+    def hold(self, target: Array, steps: int, ids: Ids | None = None) -> None:
+        """Send one joint target [rad] to each of the worlds ``ids``, or all, for physics steps."""
         warnings = self.batch.warning[..., 1]
         warnings[:] = 0
-        self.read("ctrl")[:] = self.robot.transmission.to_actuator(target)
-        self.batch.step(nstep=steps)
+        rows = self.everyone if ids is None else ids
+        self.read("ctrl")[rows] = self.robot.transmission.to_actuator(target)
+        self.batch.step(rows, nstep=steps)
         self.diverged = np.any(warnings > 0, axis=1)
 
     def _compute_sensors(self, ids: Ids) -> None:

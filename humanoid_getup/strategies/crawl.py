@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
-from humanoid_getup.experiments.torque import measure_saturation
+from humanoid_getup.experiments.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.filtering.variation import limit_targets
-from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.vectorized_simulation import VecSim
-from humanoid_getup.simulation.world import World, count_substeps
+from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
@@ -50,20 +48,15 @@ class Crawl:
         self,
         world: World,
         torque_limit: TorqueLimit,
-        disturbance: RolloutRandomization,
+        disturbance: Disturbance,
         *,
         threads: int = 0,
     ) -> None:
         """Prepare for a world, and for disturbances that a move has to bear."""
         self._world, self._limit, self._disturbance = world, torque_limit, disturbance
-        self._threads = threads
-        self._steps = count_substeps(world.model, world.robot.control_period)
+        self._experiment = Experiment(world, threads=threads)
         self.simulated = 0.0
         """Time simulated so far [s]."""
-
-    @cached_property
-    def _sim(self) -> VecSim:
-        return VecSim(self._world, SAMPLES * WORLDS, threads=self._threads)
 
     def search(
         self,
@@ -81,14 +74,8 @@ class Crawl:
             rng: Of the samples.
         """
         robot = self._world.robot
-        starts, parameters = randomize_rollouts(
-            self._world,
-            place(robot, self._world.model, start),
-            WORLDS,
-            self._disturbance,
-            self._limit,
-            rng,
-        )
+        lying = place(robot, self._world.model, start)
+        scenarios = self._disturbance.sample(self._world, lying, WORLDS, rng, self._limit)
         held = start.joint_pos
         mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
         best: Move | None = None
@@ -96,12 +83,12 @@ class Crawl:
             knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
             knots = np.clip(knots, robot.lower, robot.upper)
             targets = np.array([self._interpolate(held, one) for one in knots])
-            qpos, saturation = self._play(starts, parameters, targets)  # (SAMPLES, WORLDS, ...)
-            ends = qpos[:, :, -1]
-            costs = cost(ends[..., robot.layout(self._world.model).root_position])
-            costs = costs + SATURATION_COST * (saturation > MOST_SATURATION)
-            diverged = self._sim.diverged.reshape(SAMPLES, WORLDS)
-            costs = np.where(diverged, np.inf, costs).max(axis=1)
+            outcome = self._play(scenarios, targets)
+            qpos = outcome.record.qpos.reshape(SAMPLES, len(scenarios), len(targets[0]), -1)
+            costs = cost(qpos[:, :, -1, robot.layout(self._world.model).root_position])
+            saturated = (outcome.saturation > MOST_SATURATION).reshape(SAMPLES, -1)
+            diverged = outcome.record.diverged.reshape(SAMPLES, -1)
+            costs = np.where(diverged, np.inf, costs + SATURATION_COST * saturated).max(axis=1)
             order = np.argsort(costs, kind="stable")
             cheapest = order[0]
             if costs[cheapest] < (best.cost if best else np.inf):
@@ -123,29 +110,9 @@ class Crawl:
         straight = np.stack([np.interp(at, times, column) for column in rows.T], axis=1)
         return limit_targets(straight, held, self._world.robot)
 
-    def _play(
-        self, starts: Array, parameters: DomainParameters, targets: Array
-    ) -> tuple[Array, Array]:
-        """Play moves (K, T, n) in W worlds.
-
-        Returns the MuJoCo positions, (K, W, T, nq), and for how long a servo had all the torque of
-        its supply without a break [s], (K, W).
-        """
-        sim, count = self._sim, len(targets)
-        sim.set_parameters(sim.everyone, parameters.tile(count))
-        sim.place(sim.everyone, np.tile(starts, (count, 1)))
-        sent = np.repeat(targets, WORLDS, axis=0)
-        self.simulated += sent.shape[0] * sent.shape[1] * self._world.robot.control_period
-        record = sim.advance(sent, self._steps, ("qpos", "qvel", "actuator_force"))
-        robot = self._world.robot
-        saturation = measure_saturation(
-            robot,
-            record["actuator_force"],
-            robot.transmission.to_actuator(
-                record["qvel"][..., robot.layout(self._world.model).dof]
-            ),
-            sim.parameters.voltage[:, None],
-            robot.control_period,
-        )
-        qpos = record["qpos"]
-        return qpos.reshape(count, WORLDS, *qpos.shape[1:]), saturation.reshape(count, WORLDS)
+    def _play(self, scenarios: Scenarios, targets: Array) -> Outcome:
+        """Play moves (K, T, n) in every scenario, one move after the other."""
+        sent = np.repeat(targets, len(scenarios), axis=0)
+        record = self._experiment.play(scenarios.tile(len(targets)), sent)
+        self.simulated += record.duration
+        return Outcome(record, self._world.robot)

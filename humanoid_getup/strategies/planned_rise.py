@@ -256,8 +256,8 @@ class PlannedRise:
             prefer=self.prefer,
             budget=self.search_budget,
             simulated=searched,
-            figures=search.best and search.best.figures,
-            before=search.before and search.before.figures,
+            outcome=search.best and search.best.outcome,
+            before=search.before and search.before.outcome,
         )
         figures: dict[str, Any] = {
             "planned": search.planned,
@@ -276,7 +276,7 @@ class PlannedRise:
                 status=RiseStatus.STOOD,
                 motion=make_motion(self.world, search.start, search.best),
                 connection=search.best.candidate.connection,
-                stand_time=search.best.stand_time,
+                stand_time=float(search.best.outcome.stand_time),
                 **figures,
             )
         if not search.tried:

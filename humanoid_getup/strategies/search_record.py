@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from humanoid_getup.experiments.rise_figures import RiseFigures
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.motions.preference import PreferenceName
 
 
@@ -18,9 +18,9 @@ class SearchRecord:
     """Time that a search might simulate [s]."""
     simulated: float = 0.0
     """Time that searches and improvement simulated [s]."""
-    figures: RiseFigures | None = None
+    outcome: Outcome | None = None
     """Of the rise that is played, in its own rollout; None if none stood."""
-    before: RiseFigures | None = None
+    before: Outcome | None = None
     """Of the rise that was improved; None if none was, or nothing better was found."""
 
     def record(self) -> dict[str, Any]:
@@ -29,9 +29,25 @@ class SearchRecord:
             "prefer": self.prefer,
             "search_budget_s": self.budget,
             "searched_s": self.simulated,
-            "rollout": self.figures and self.figures.record(),
-            "rollout_before_improvement": self.before and self.before.record(),
+            "rollout": self.outcome and _encode(self.outcome),
+            "rollout_before_improvement": self.before and _encode(self.before),
         }
+
+
+def _encode(outcome: Outcome) -> dict[str, Any]:
+    """Return the figures of a rise's rollout under report.json's keys."""
+    figures = outcome.figures()
+    return {
+        key: figures[key]
+        for key in (
+            "stand_time_s",
+            "peak_torque_nm",
+            "peak_braking_torque_nm",
+            "rms_torque_nm",
+            "neck_delta_v_m_s",
+            "self_overlap_m",
+        )
+    }
 
 
 NO_SEARCH = {

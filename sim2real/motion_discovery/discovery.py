@@ -15,7 +15,7 @@ from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from sim2real.motion_discovery.learned_rise import LearnedRise, collect_rises
-from sim2real.motion_discovery.rehearsal import ALL, FIRST, MORE, Rehearsal, RehearsalRoom
+from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
 from sim2real.motion_discovery.shaping import SMOOTHINGS
 from sim2real.motion_discovery.strategies import group_rises, name_strategy
 
@@ -43,15 +43,15 @@ class Discovery:
 class MotionDiscovery:
     """Finds motions in the rises of a policy.
 
-    Every rise that stands is played again without the policy, as smooth as it bears, in disturbed
-    worlds; the best of each strategy becomes a motion.
+    Every rise that stands is replayed open loop, as smooth as it still stands, in disturbed worlds;
+    the best of each strategy becomes a motion.
     """
 
     def __init__(self, world: World, policy: OnnxPolicy, *, policy_name: str, seed: int) -> None:
         """Prepare to search in a scene, with the random numbers of a seed."""
         self._world, self._policy, self._seed = world, policy, seed
         self._policy_name = policy_name
-        self._room = RehearsalRoom(world, seed)
+        self._replayer = Replayer(world, seed)
 
     def search(
         self,
@@ -67,37 +67,37 @@ class MotionDiscovery:
         rng = np.random.default_rng([self._seed, SIDES.index(start_class)])
         rises = collect_rises(self._world, self._policy, start_class, count, rng)
         report(count - len(rises))
-        rehearsed: list[Rehearsal] = []
+        replayed: list[Replay] = []
         for rise in rises:
-            rehearsed += self._rehearse(rise)
+            replayed += self._replay(rise)
             report(1)
-        judged = self._judge(rehearsed, most)
+        judged = self._judge(replayed, most)
         return Discovery(
             start_class=start_class,
             tried=count,
             learned=len(rises),
-            replayed=len(rehearsed),
+            replayed=len(replayed),
             best_share=max((each.share for each in judged), default=0.0),
             motions=tuple(self._record(judged, start_class, most)),
         )
 
-    def _rehearse(self, rise: LearnedRise) -> list[Rehearsal]:
+    def _replay(self, rise: LearnedRise) -> list[Replay]:
         """Play a rise as smooth as it stands undisturbed; return it in more worlds, or nothing."""
         for smoothing in SMOOTHINGS:
-            tried = self._room.play(rise, smoothing, FIRST)
+            tried = self._replayer.play(rise, smoothing, FIRST)
             if tried.stood.all():
-                return [self._room.repeat(tried, MORE)]
+                return [self._replayer.repeat(tried, MORE)]
         return []
 
-    def _judge(self, rehearsed: Sequence[Rehearsal], most: int) -> list[Rehearsal]:
+    def _judge(self, replayed: Sequence[Replay], most: int) -> list[Replay]:
         """Play the best of each strategy in all disturbed worlds; return the best first."""
-        groups = [sorted(group, key=_rank) for group in group_rises(self._world, rehearsed)]
+        groups = [sorted(group, key=_rank) for group in group_rises(self._world, replayed)]
         turns = max((len(group) for group in groups), default=0)
         in_turn = [group[k] for k in range(turns) for group in groups if k < len(group)]
         finalists = sorted(in_turn[: FINALISTS * most], key=_rank)
-        return sorted((self._room.repeat(each, ALL) for each in finalists), key=_rank)
+        return sorted((self._replayer.repeat(each, ALL) for each in finalists), key=_rank)
 
-    def _record(self, judged: Sequence[Rehearsal], side: LyingSide, most: int) -> list[Motion]:
+    def _record(self, judged: Sequence[Replay], side: LyingSide, most: int) -> list[Motion]:
         """Record the best of each strategy that is sound and that a preflight passes."""
         motions: list[Motion] = []
         sound = [each for each in judged if each.share >= SOUND]
@@ -110,25 +110,25 @@ class MotionDiscovery:
                 break
         return motions
 
-    def _make_motion(self, rehearsal: Rehearsal, name: str) -> Motion | None:
+    def _make_motion(self, replay: Replay, name: str) -> Motion | None:
         """Make a motion with its entries; None if it cannot be entered at rest, or is refused."""
         world = self._world
         motion = record_motion(
             world,
-            rehearsal.rise.start,
-            rehearsal.target,
-            rehearsal.qpos,
+            replay.rise.start,
+            replay.target,
+            replay.qpos,
             name=name,
             robot=world.robot.name,
-            start_class=rehearsal.rise.start_class,
-            strategy=name_strategy(world, rehearsal),
+            start_class=replay.rise.start_class,
+            strategy=name_strategy(world, replay),
             provenance={
                 "program": "getup motions discover",
                 "policy": self._policy_name,
                 "seed": self._seed,
-                "disturbed_success": rehearsal.share,
-                "torque_limit": self._room.torque_limit,
-                "stand_time_s": rehearsal.stand_time,
+                "disturbed_success": replay.share,
+                "torque_limit": self._replayer.torque_limit,
+                "stand_time_s": replay.stand_time,
             },
         )
         try:
@@ -139,6 +139,6 @@ class MotionDiscovery:
         return motion if verdict.passed else None
 
 
-def _rank(rehearsal: Rehearsal) -> tuple[float, float]:
+def _rank(replay: Replay) -> tuple[float, float]:
     """Rank by robustness, in steps of a twelfth, and then by torque."""
-    return -round(MORE * rehearsal.share), rehearsal.rms_torque
+    return -round(MORE * replay.share), replay.rms_torque

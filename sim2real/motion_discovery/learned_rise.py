@@ -48,7 +48,7 @@ def collect_rises(
         world.robot, policy.action, policy.act, postures, Perturbation(), seed=0, scene=world.scene
     )
     sent = [row for rollouts in found for row in rollouts.target]
-    times = [float(time) for rollouts in found for time in rollouts.stand_time]
+    times = [float(time) for rollouts in found for time in rollouts.outcome.stand_time]
     return [
         LearnedRise(
             start_class=start_class,

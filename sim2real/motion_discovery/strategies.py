@@ -10,7 +10,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from humanoid_getup.experiments.starts import classify
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
-from sim2real.motion_discovery.rehearsal import Rehearsal
+from sim2real.motion_discovery.replay import Replay
 
 SAMPLES = 24  # of each rise, from lying to the stand
 SAME_WAY = 0.35  # rad RMS between the joint angles of rises that take the same way
@@ -18,16 +18,16 @@ SEEN_TIME = 0.15  # s for which a robot must lie on a side that its strategy is 
 UPRIGHT = "upright"
 
 
-def group_rises(world: World, rises: Sequence[Rehearsal]) -> list[list[Rehearsal]]:
+def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
     """Group rises that pass over the same sides by similar joint angles."""
-    groups: dict[tuple[str, int], list[Rehearsal]] = {}
+    groups: dict[tuple[str, int], list[Replay]] = {}
     ways = [_sample_angles(world, each).ravel() for each in rises]
     for each, label in zip(rises, _cluster(ways), strict=True):
         groups.setdefault((name_strategy(world, each), label), []).append(each)
     return list(groups.values())
 
 
-def name_strategy(world: World, rise: Rehearsal) -> str:
+def name_strategy(world: World, rise: Replay) -> str:
     """Name the sides on which a robot lies in turn on its way up."""
     layout, period = world.robot.layout(world.model), world.robot.control_period
     sides = [classify(q) or UPRIGHT for q in _until_stand(world, rise)[:, layout.root_orientation]]
@@ -49,12 +49,12 @@ def _cluster(ways: Sequence[Array]) -> list[int]:
     return fcluster(linkage(np.array(ways), "average"), distance, "distance").tolist()
 
 
-def _sample_angles(world: World, rise: Rehearsal) -> Array:
+def _sample_angles(world: World, rise: Replay) -> Array:
     """Sample the joint angles of a rise at equal shares of its time, (SAMPLES, n)."""
     qpos = _until_stand(world, rise)
     rows = np.linspace(0, len(qpos) - 1, SAMPLES).round().astype(int)
     return qpos[rows][:, world.robot.layout(world.model).qpos]
 
 
-def _until_stand(world: World, rise: Rehearsal) -> Array:
+def _until_stand(world: World, rise: Replay) -> Array:
     return rise.qpos[: max(round(rise.stand_time / world.robot.control_period), 1)]

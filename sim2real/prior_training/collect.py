@@ -135,8 +135,8 @@ def roll_out(
     falls = drop_falls(VecSim(world, count), count, rng)
     rollouts = roll_out_policy(sim, action, policy.act, falls, duration=LONGEST)
     model = robot.spec().compile()
-    for row in np.flatnonzero(rollouts.stood):
-        end = round(rollouts.stand_time[row] / PERIOD) + AFTER
+    for row in np.flatnonzero(rollouts.outcome.stood):
+        end = round(rollouts.outcome.stand_time[row] / PERIOD) + AFTER
         qpos = transfer_positions(robot, world.model, model, rollouts.qpos[row, :end])
         if len(qpos) >= SHORTEST:
             joint_pos = qpos[:, robot.layout(model).qpos]

@@ -15,8 +15,9 @@ from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.experiments.play import Rollout
-from humanoid_getup.experiments.standing import HOLD_TIME, MAX_TILT, is_upright, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.standing import HOLD_TIME, MAX_TILT, is_upright
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
@@ -151,8 +152,12 @@ def test_its_stored_motion_ends_in_a_held_stand(toddlerbot: Robot):
     world, length = World(toddlerbot), motion.duration + SWAY_TIME + HOLD_TIME
     targets = motion.sample(np.arange(0.0, length, toddlerbot.control_period))
     start = place(toddlerbot, world.model, motion.posture(0))
-    trace = Rollout(world, 1).play(start[None], targets[None], DomainParameters.nominal(world, 1))
-    stance = measure_stance(world, trace)
+    trace = play(
+        world,
+        Scenarios(starts=start[None], parameters=DomainParameters.nominal(world, 1)),
+        targets[None],
+    )
+    stance = trace.stance
     assert stance.neck_height[0, 0] < 0.85 * toddlerbot.standing_neck_height
     held = round(HOLD_TIME / toddlerbot.control_period)
     assert is_upright(stance, toddlerbot)[0, -held:].all()

@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from policy_functions import remember_actions
+from records import make_record
 
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -42,10 +44,10 @@ def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     op3: Robot, action: ActionSpec, physics: str | None
 ):
     record = hold_still(op3, action, Perturbation(physics=physics))
-    assert record.stood.all()
-    assert (record.stand_time <= 0.3).all()
-    assert (record.standing_speed() < 0.05).all()
-    assert (record.head_impact == 0.0).all()
+    assert record.outcome.stood.all()
+    assert (record.outcome.stand_time <= 0.3).all()
+    assert (record.standing_speed < 0.05).all()
+    assert (record.outcome.head_impact == 0.0).all()
 
 
 def test_backlash_lets_a_link_move_that_far_and_no_further(op3: Robot):
@@ -94,7 +96,7 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
         (record,) = evaluate_policy(
             op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
         )
-        assert 1.0 < record.peak_torque().max() <= 1.5 + 1e-9
+        assert 1.0 < record.outcome.peak_torque.max() <= 1.5 + 1e-9
 
 
 def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
@@ -127,17 +129,24 @@ def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
 def test_figures_count_by_class(op3: Robot):
     """Three robots of 4 s at 2 Hz: one stands from 0.5 s on, one falls, one never stands."""
     upright = np.array([[0, 1, 1, 1, 1, 1, 1, 1], [1] * 7 + [0], [0] * 8], dtype=bool)
-    torque = np.full((3, 8, 2), 2.0)
-    torque[0, 3:] = 100.0  # after its stand began
-    record = PolicyRollouts(
-        period=0.5,
+    torque = np.full((3, 8, op3.n), 2.0)
+    torque[0, 2:] = 100.0  # after its stand began
+    touch = np.zeros((3, 8), dtype=bool)
+    touch[:, 1:] = True
+    made = make_record(
+        op3,
+        (3, 8),
+        0.5,
         upright=upright,
+        torque=torque,
+        joint_vel=np.ones((3, 8, op3.n)),
+        head_touch=touch,
+        head_speed=np.array([[0.0], [1.5], [0.5]]) * np.eye(8)[0],
+    )
+    record = PolicyRollouts(
+        outcome=Outcome(made, op3),
         qpos=np.zeros((3, 1, 27)),
         target=np.zeros((3, 1, 20)),
-        torque=torque,
-        joint_vel=np.ones((3, 8, 2)),
-        head_contact=np.array([[False, True]] * 3),
-        head_speed=np.array([[0.0, 0.0], [1.5, 0.0], [0.5, 0.0]]),
         features=np.zeros((3, 1, 3)),
         style_error=np.full((3, 3), np.nan),
         restarts=np.zeros(3, dtype=int),

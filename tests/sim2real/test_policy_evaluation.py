@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from policy_functions import remember_actions
+from records import make_record
 
+from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.record import Record
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style_file import load_any_style
+from robots import load_robot
 from robots.kinematics import place
 from sim2real.environment.physics.randomization import ObservationNoise
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -29,13 +33,13 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
         return np.zeros((len(observations), action.size))
 
     rises = roll_out_policy(sim, action, remember_actions(idle), starts, duration=3.5, on_step=hit)
-    assert rises.stood.tolist() == [True, False, True]
-    assert not rises.upright[1].any()
-    assert rises.upright[[0, 2]].all()
+    assert rises.outcome.stood.tolist() == [True, False, True]
+    assert not rises.outcome.record.upright[1].any()
+    assert rises.outcome.record.upright[[0, 2]].all()
     assert np.isfinite(rises.qpos[[0, 2]]).all()
 
 
-def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
+def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand(op3):
     period, samples = 0.01, 500
     upright = np.zeros((5, samples), dtype=bool)
     upright[0, -1:] = True  # the last sample alone
@@ -44,57 +48,48 @@ def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand():
     upright[3, 10:-1] = True  # fell in the end
     upright[4, 10:] = True
     upright[4, -100] = False  # swayed in between
-    rollouts = PolicyRollouts(
-        period=period,
-        upright=upright,
-        qpos=np.zeros((5, 1, 9)),
-        target=np.zeros((5, 1, 2)),
-        features=np.zeros((5, 1, 3)),
-        style_error=np.full((5, 3), np.nan),
-        restarts=np.zeros(5, dtype=int),
-        torque=np.ones((5, samples, 2)),
-        joint_vel=np.ones((5, samples, 2)),
-        head_contact=np.zeros_like(upright),
-        head_speed=np.zeros(upright.shape),
-    )
-    assert rollouts.stood.tolist() == [False, False, True, False, False]
-    assert rollouts.stand_time[2] == pytest.approx(2.0)  # sample 199 ends the 200th period
-    for figure in (rollouts.stand_time, rollouts.rms_torque(), rollouts.standing_speed()):
+    rollouts = judge_policy(make_record(op3, (5, samples), period, upright=upright))
+    outcome = rollouts.outcome
+    assert outcome.stood.tolist() == [False, False, True, False, False]
+    assert outcome.stand_time[2] == pytest.approx(2.0)  # sample 199 ends the 200th period
+    for figure in (outcome.stand_time, rollouts.standing_speed):
         assert np.isfinite(figure).tolist() == [False, False, True, False, False]
 
 
 @pytest.fixture
-def stood() -> PolicyRollouts:
+def stood(op3) -> PolicyRollouts:
     """Two robots at 10 ms: the first stands from 2.0 s to 5.0 s, the second never does."""
     upright = np.zeros((2, 500), dtype=bool)
     upright[0, 199:] = True  # sample 199 ends the 200th period
-    torque = np.full((2, 500, 2), 1.0)
-    torque[0, :200] = [[1.0, -7.0]]  # mean square 25 on the way up,
-    torque[0, 200] = [0.0, 452.0**0.5]  # 226 in the first sample after it: 26 in all
+    torque = np.zeros((2, 500, op3.n))
+    torque[0, :200] = 5.0 * np.array([1, -1] * (op3.n // 2))  # on the way up
+    torque[0, 200] = 20.0
     torque[1, 3, 0] = -9.0
-    joint_vel = np.full((2, 500, 2), 4.0)
-    joint_vel[0, -200:-100] = [[0.0, -(0.8**0.5)]]  # mean square 0.4, then 0.1:
-    joint_vel[0, -100:] = [[0.2**0.5, 0.0]]  # 0.25 in the last two seconds
+    joint_vel = np.full((2, 500, op3.n), 4.0)
+    joint_vel[0, -200:-100] = -(0.4**0.5)
+    joint_vel[0, -100:] = 0.1**0.5  # mean square 0.25 in the last two seconds
+    return judge_policy(
+        make_record(op3, (2, 500), 0.01, upright=upright, torque=torque, joint_vel=joint_vel)
+    )
+
+
+def judge_policy(record: Record) -> PolicyRollouts:
+    count = len(record.cycles)
     return PolicyRollouts(
-        period=0.01,
-        upright=upright,
-        qpos=np.zeros((2, 1, 9)),
-        target=np.zeros((2, 1, 2)),
-        features=np.zeros((2, 1, 3)),
-        style_error=np.full((2, 3), np.nan),
-        restarts=np.zeros(2, dtype=int),
-        torque=torque,
-        joint_vel=joint_vel,
-        head_contact=np.zeros_like(upright),
-        head_speed=np.zeros(upright.shape),
+        outcome=Outcome(record, load_robot("op3")),
+        qpos=record.qpos[:, -1:],
+        target=np.zeros((count, 1, 2)),
+        features=np.zeros((count, 1, 3)),
+        style_error=np.full((count, 3), np.nan),
+        restarts=np.zeros(count, dtype=int),
     )
 
 
 def test_torque_is_that_of_the_way_up_and_speed_that_of_the_last_two_seconds(stood):
-    assert stood.stand_time[0] == pytest.approx(2.0)
-    assert stood.rms_torque() == pytest.approx([26.0**0.5, np.nan], nan_ok=True)
-    assert stood.standing_speed() == pytest.approx([0.5, np.nan], nan_ok=True)
-    assert stood.peak_torque() == pytest.approx([452.0**0.5, 9.0])
+    assert stood.outcome.stand_time[0] == pytest.approx(2.0)
+    assert stood.outcome.rms_torque[0] == pytest.approx(5.0)
+    assert stood.standing_speed == pytest.approx([0.5, np.nan], nan_ok=True)
+    assert stood.outcome.peak_torque == pytest.approx([20.0, 9.0])
 
 
 def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
@@ -136,11 +131,15 @@ def test_a_record_has_every_period_and_every_step(op3, action, world, falls):
     count = round(0.3 / (action.cycles * op3.control_period))
     assert steps == list(range(count))
     periods = count * action.cycles
-    assert rollouts.upright.shape == (3, periods)
-    assert rollouts.torque.shape == rollouts.joint_vel.shape == (3, periods, op3.n)
+    assert rollouts.outcome.record.upright.shape == (3, periods)
+    assert (
+        rollouts.outcome.record.torque.shape
+        == rollouts.outcome.record.joint_vel.shape
+        == (3, periods, op3.n)
+    )
     assert rollouts.qpos.shape == (3, count, world.model.nq)
-    assert rollouts.head_impact.shape == (3,)
-    assert rollouts.period == op3.control_period
+    assert rollouts.outcome.head_impact.shape == (3,)
+    assert rollouts.outcome.record.period == op3.control_period
     # Each robot begins in its own fall: 50 ms later it is still nearest to that.
     distance = np.linalg.norm(rollouts.qpos[:, None, 0] - falls[None, :3], axis=2)
     assert distance.argmin(axis=1).tolist() == [0, 1, 2]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.recorder import RECORDED, Recorder
 from humanoid_getup.experiments.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
@@ -24,29 +26,6 @@ from sim2real.environment.physics.training_world import SensorAddresses
 from sim2real.environment.privileged_state import PrivilegedState
 
 BACKLASH_TORQUE = 0.3  # N·m that keep a gear at the end of its backlash
-RECORDED = ("qpos", "qvel", "site_xpos", "sensordata", "actuator_force")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Record:
-    """Record of N robots for judges: T samples, one per control period."""
-
-    qpos: Array
-    """MuJoCo positions at the end of each policy step, (N, steps, nq)."""
-    target: Array
-    """Targets of the servos at the end of each policy step [rad], (N, steps, n)."""
-    upright: NDArray[np.bool_]
-    """Whether the standing condition held, (N, T); false for a robot whose physics diverged."""
-    torque: Array
-    """Servo torques [N·m], (N, T, n)."""
-    joint_vel: Array
-    """[rad/s], (N, T, n)"""
-    head_contact: NDArray[np.bool_]
-    """Whether the head touched the world, (N, T)."""
-    head_speed: Array
-    """[m/s], (N, T)"""
-    features: Array
-    """Style features at the end of each policy step, (N, steps, 3)."""
 
 
 class TrainingSim(VecSim):
@@ -80,6 +59,7 @@ class TrainingSim(VecSim):
         self._neck = self.model.site(self.robot.neck_site).id
         self._addresses = SensorAddresses(world)
         self._meter = StanceMeter(self.robot, self.model, world.scene.support)
+        self._recorder = Recorder(world)
         self._delays = DelayBuffers(self.model)
         if self._delays.exist:
             self._fields |= {
@@ -127,20 +107,8 @@ class TrainingSim(VecSim):
 
     def follow_recorded(self, target: Array, following: Array) -> Record:
         """Simulate a policy step as :meth:`follow` does; return its record."""
-        record = self.follow(target, following, RECORDED)
-        sensors, at = record["sensordata"], self._addresses
-        contact = self.world.find_non_foot_contact(sensors)
-        stance = self._meter.measure(record["qpos"], record["site_xpos"], contact)
-        return Record(
-            qpos=record["qpos"][:, -1:],
-            target=following[:, np.newaxis],
-            features=self.measure_features()[:, np.newaxis],
-            upright=is_upright(stance, self.robot),
-            torque=record["actuator_force"][..., self._servos],
-            joint_vel=record["qvel"][..., self._layout.dof],
-            head_contact=sensors[..., at.head_contact].sum(axis=-1) > 0,
-            head_speed=np.linalg.norm(sensors[..., at.head_velocity], axis=-1),
-        )
+        data = self.follow(target, following, RECORDED)
+        return self._recorder.read(data, self.parameters.voltage.copy(), self.diverged)
 
     def set_assistive_force(self, ids: Ids, share: Array) -> None:
         """Pull some robots up by a fraction of their weight, (len(ids),)."""

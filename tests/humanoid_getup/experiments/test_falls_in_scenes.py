@@ -5,12 +5,9 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.experiments import starts
+from humanoid_getup.experiments.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbance import MOST_RAISED, Disturbance
 from humanoid_getup.experiments.drop import FallError
-from humanoid_getup.experiments.play import (
-    MOST_RAISED,
-    RolloutRandomization,
-    randomize_rollouts,
-)
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Obstacle
@@ -69,14 +66,17 @@ def test_a_class_that_a_scene_does_not_have_is_refused(op3: Robot):
 
 def test_disturbed_starts_stay_under_the_table(op3: Robot):
     world = World(op3, "table")
-    disturbance = RolloutRandomization(
-        joints=np.radians(5.0), root=np.radians(10.0), friction=(0.6, 1.1), supply=(0.9, 1.0)
+    disturbance = Disturbance(
+        joints=Normal(np.radians(5.0)),
+        turn=Normal(np.radians(10.0)),
+        ground_friction=Uniform(0.6, 1.1),
+        supply=Uniform(0.9, 1.0),
     )
     rng = np.random.default_rng(0)
     clearance, disturbed = Clearance(world), 0
     for fall in sample_falls(world, {"left": 2, "right": 2}, rng):
         start = place(op3, world.model, fall.posture)
-        starts, _ = randomize_rollouts(world, start, 8, disturbance, FULL_TORQUE, rng)
+        starts = disturbance.sample(world, start, 8, rng, FULL_TORQUE).starts
         assert np.abs(starts[:, 2] - start[2]).max() <= MOST_RAISED
         already = clearance.measure_overlap(start)
         assert max(clearance.measure_overlap(row) for row in starts) < already + 0.002

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.play import Rollout
-from humanoid_getup.experiments.standing import is_upright, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import Experiment, play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -21,8 +21,10 @@ def _stand(world: World, n: int, cycles: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_rollout_is_bit_equal_to_bare_physics(world):
     starts, targets = _stand(world, 1, 40)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 40)[:, None]
-    trace = Rollout(world, 1).play(
-        starts, targets, DomainParameters.nominal(world, 1, limit_by="pwm")
+    trace = play(
+        world,
+        Scenarios(starts=starts, parameters=DomainParameters.nominal(world, 1, limit_by="pwm")),
+        targets,
     )
     model = world.model
     data = mujoco.MjData(model)
@@ -37,8 +39,12 @@ def test_rollouts_do_not_disturb_each_other(world):
     starts, targets = _stand(world, 3, 60)
     targets[1] += 0.2
     parameters = DomainParameters.nominal(world, 3)
-    together = Rollout(world, 3).play(starts, targets, parameters)
-    alone = Rollout(world, 1).play(starts[:1], targets[:1], DomainParameters.nominal(world, 1))
+    together = play(world, Scenarios(starts=starts, parameters=parameters), targets)
+    alone = play(
+        world,
+        Scenarios(starts=starts[:1], parameters=DomainParameters.nominal(world, 1)),
+        targets[:1],
+    )
     np.testing.assert_array_equal(together.qpos[0], alone.qpos[0])
     np.testing.assert_array_equal(together.qpos[2], alone.qpos[0])
     assert not np.allclose(together.qpos[1], together.qpos[0])
@@ -48,13 +54,13 @@ def test_a_rollout_does_not_depend_on_those_before_it(world):
     starts, targets = _stand(world, 1, 60)
     targets[0, :, :6] += np.linspace(0.0, 0.4, 60)[:, None]
     nominal = DomainParameters.nominal(world, 1)
-    alone = Rollout(world, 1).play(starts, targets, nominal)
-    used = Rollout(world, 1)
+    alone = play(world, Scenarios(starts=starts, parameters=nominal), targets)
+    used = Experiment(world)
     diverging = np.where(np.arange(60)[:, None] < 30, targets, np.nan)
     heavy = replace(nominal, mass=1.3 * nominal.mass, armature=2.0 * nominal.armature)
     for before, parameters in ((-targets, nominal), (diverging, nominal), (targets, heavy)):
-        used.play(starts, before, parameters)
-        again = used.play(starts, targets, nominal)
+        used.play(Scenarios(starts=starts, parameters=parameters), before)
+        again = used.play(Scenarios(starts=starts, parameters=nominal), targets)
         np.testing.assert_array_equal(again.qpos, alone.qpos)
         np.testing.assert_array_equal(again.torque, alone.torque)
 
@@ -68,18 +74,20 @@ def test_a_standing_robot_stands_and_a_lying_one_does_not(world):
         joint_pos=robot.standing.joint_pos,
     )
     starts[1] = place(robot, world.model, prone)
-    trace = Rollout(world, 2).play(starts, targets, DomainParameters.nominal(world, 2))
-    upright = is_upright(measure_stance(world, trace), robot)
+    trace = play(
+        world, Scenarios(starts=starts, parameters=DomainParameters.nominal(world, 2)), targets
+    )
+    upright = trace.upright
     assert upright[0].all()
     assert not upright[1].any()
-    assert trace.non_foot_contact[1, -20:].all()
+    assert trace.stance.non_foot_contact[1, -20:].all()
 
 
 def test_torque_limits_hold_for_each_rollout(world):
     starts, targets = _stand(world, 2, 30)
     targets += 0.8
     parameters = DomainParameters.nominal(world, 2, torque_limit=np.array([4.1, 1.0]))
-    trace = Rollout(world, 2).play(starts, targets, parameters)
+    trace = play(world, Scenarios(starts=starts, parameters=parameters), targets)
     peak = np.abs(trace.torque).max(axis=(1, 2))
     assert peak[1] <= 1.0
     assert peak[0] > 2.0
@@ -90,7 +98,7 @@ def test_a_lower_supply_makes_slower_servos(world):
     starts, targets = _stand(world, 2, 12)
     targets[:, :, robot.joint_names.index("head_pan")] = 1.5
     parameters = DomainParameters.nominal(world, 2, voltage=np.array([12.0, 9.0]))
-    trace = Rollout(world, 2).play(starts, targets, parameters)
+    trace = play(world, Scenarios(starts=starts, parameters=parameters), targets)
     pan = robot.layout(world.model).qpos[robot.joint_names.index("head_pan")]
     turned = trace.qpos[:, -1, pan]
     # At no load the speed follows the supply: 9 / 12 of it.
@@ -115,7 +123,9 @@ def test_feedback_sees_the_robot_and_its_targets_are_recorded(world):
         )
         return targets[:, observation.step] + 0.01
 
-    trace = Rollout(world, 1).track(starts, steer, DomainParameters.nominal(world, 1))
+    trace = play(
+        world, Scenarios(starts=starts, parameters=DomainParameters.nominal(world, 1)), steer
+    )
     assert [step for step, *_ in seen] == [0, 1, 2, 3, 4]
     for _, _, com in seen:  # the first time, too
         np.testing.assert_allclose(com, expected, atol=1e-3)

@@ -16,12 +16,12 @@ from drivers.twin.servo_model import SensorNoise, Windings
 from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.judge import (
     GroundTruthJudge,
-    RunOutcome,
     SensorJudge,
-    estimate_torque,
 )
+from humanoid_getup.experiments.outcome import Outcome
 from humanoid_getup.experiments.standing import StanceMeter
 from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.torque import estimate_torque
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.motion_player import MotionPlayer
@@ -36,7 +36,7 @@ MOTIONS = {motion.name: motion for motion in load_database(load_robot("op3")).mo
 WORLD = World(load_robot("op3"))
 
 
-def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[RunOutcome, RunOutcome, Twin]:
+def judge_twice(world: World, motion: Motion, start: Motion) -> tuple[Outcome, Outcome, Twin]:
     """Play a motion from where another begins; judge by truth and by noisy sensors."""
     twin = Twin(world, options=SimulationOptions(noise=NOISE, rng=np.random.default_rng(1)))
     at_rest = settle_posture(world, start.posture(0))
@@ -63,7 +63,7 @@ def test_it_sees_a_stand_where_there_is_one(world: World, name: str):
     assert sensed.peak_torque == pytest.approx(truth.peak_torque, rel=0.15)
     assert sensed.peak_velocity == pytest.approx(truth.peak_velocity, rel=0.15)
     assert sensed.rms_torque == pytest.approx(truth.rms_torque, rel=0.15)
-    assert sensed.torque.shape[1] == world.robot.n
+    assert sensed.record.torque.shape[1] == world.robot.n
     last = read_posture(world.robot, world.model, sensed.qpos[-1])
     assert last.position[2] == pytest.approx(twin.truth.posture.position[2], abs=0.01)
 
@@ -155,7 +155,7 @@ def test_peaks_are_estimated_from_currents(op3: Robot):
     assert outcome.peak_torque == pytest.approx(2.05)
     assert outcome.torque_use == pytest.approx(2.05 / 2.5)
     # It stands from the first sample on: two samples of twenty joints are its way up.
-    assert outcome.rms_torque == pytest.approx(2.05 / np.sqrt(2 * op3.n))
+    assert outcome.rms_torque == pytest.approx(2.05 / np.sqrt(op3.n))
     assert sense(op3, joint_current=(1, current)).torque_use == pytest.approx(0.5)
     fast = sense(op3, joint_vel=(5, np.eye(20)[7] * -3.0))
     assert fast.peak_velocity == pytest.approx(3.0)

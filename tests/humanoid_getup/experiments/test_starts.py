@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import play
 from humanoid_getup.experiments.starts import (
     FallSet,
     classify,
@@ -64,7 +65,11 @@ def test_a_fallen_robot_stays_where_it_is(falls, world):
     robot = world.robot
     starts = np.array([place(robot, world.model, fall.posture) for fall in falls])
     limp = DomainParameters.nominal(world, len(falls), torque_limit=0.0)
-    trace = Rollout(world, len(falls)).play(starts, np.zeros((len(falls), 125, robot.n)), limp)
+    trace = play(
+        world,
+        Scenarios(starts=starts, parameters=limp),
+        np.zeros((len(falls), 125, robot.n)),
+    )
     turned = quaternion.angle_between(trace.qpos[:, -1, 3:7], starts[:, 3:7])
     assert np.all(turned < np.radians(3.0))
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.torque import LongestRun, find_saturation
+from humanoid_getup.experiments.torque import count_runs, find_saturation
 from robots import Robot
 
 
@@ -33,10 +33,11 @@ def test_every_world_has_its_own_supply(op3: Robot):
 
 @given(flags=st.lists(st.booleans(), max_size=40), cuts=st.lists(st.integers(0, 40), max_size=4))
 def test_a_run_is_counted_however_it_is_cut(flags: list[bool], cuts: list[int]):
-    runs = LongestRun(1)
-    for part in np.split(
-        np.array(flags, dtype=bool)[:, None], sorted(min(c, len(flags)) for c in cuts)
-    ):
-        runs.add(part)
+    parts = np.split(np.array(flags, dtype=bool)[:, None], sorted(min(c, len(flags)) for c in cuts))
+    before, longest = np.zeros(1, dtype=int), 0
+    for part in parts:
+        runs = count_runs(part, before)
+        before = runs[-1] if len(part) else before
+        longest = max(longest, runs.max(initial=0))
     text = "".join("x" if flag else " " for flag in flags)
-    assert runs.longest[0] == max(map(len, text.split()), default=0)
+    assert longest == max(map(len, text.split()), default=0)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import Experiment, play
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, Patience
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
@@ -65,7 +65,11 @@ def test_targets_obey_the_guards_rules(world, fall, rollouts):
 def test_what_it_hands_out_replays_to_the_same_motion_without_feedback(world, fall, rollouts):
     starts = place(world.robot, world.model, fall)[None]
     for one in nonempty(rollouts[2][:2]):
-        trace = Rollout(world, 1).play(starts, one.target[None], DomainParameters.nominal(world, 1))
+        trace = play(
+            world,
+            Scenarios(starts=starts, parameters=DomainParameters.nominal(world, 1)),
+            one.target[None],
+        )
         np.testing.assert_array_equal(trace.qpos[0], one.qpos)
 
 
@@ -77,10 +81,13 @@ def test_rollouts_and_checks_run_under_the_torque_limit_as_it_acts(world, fall, 
     (one,) = limited.roll_out(fall, [candidate])
     starts = place(world.robot, world.model, fall)[None]
     same, other = (
-        Rollout(world, 1).play(
-            starts,
+        play(
+            world,
+            Scenarios(
+                starts=starts,
+                parameters=DomainParameters.nominal(world, 1, torque_limit=2.0, limit_by=mode),
+            ),
             one.target[None],
-            DomainParameters.nominal(world, 1, torque_limit=2.0, limit_by=mode),
         )
         for mode in (by, "ideal")
     )
@@ -146,11 +153,11 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     stood[0, list(falls)] = False
     played = []
 
-    def play(_, worlds, motions, *, give_up):
+    def compare(_, worlds, motions, *, give_up):
         played.append((worlds, motions, give_up))
-        return SimpleNamespace(stood=stood, simulated=0.0)
+        return SimpleNamespace(stood=stood, record=SimpleNamespace(duration=0.0))
 
-    monkeypatch.setattr(DisturbedRollout, "play", play)
+    monkeypatch.setattr(Experiment, "compare", compare)
     assert checked.check(fall, target, np.random.default_rng(0)) == share
     ((worlds, motions, give_up),) = played
     assert motions == [target]
@@ -259,15 +266,15 @@ def test_a_searched_rise_is_checked_in_fresh_worlds_and_searched_on_where_it_fal
         share = 1.0 if len(searched) < 3 else 15 / 16
         return SimpleNamespace(target=target, share=share, rollouts=1, simulated=1.0)
 
-    def play(_, worlds, _motions, *, give_up):
+    def compare(_, worlds, _motions, *, give_up):
         assert give_up
         checked.append(worlds)
         stood = np.ones((1, 16), dtype=bool)
         stood[0, 16 - len(checked) :] = False
-        return SimpleNamespace(stood=stood, simulated=1.0)
+        return SimpleNamespace(stood=stood, record=SimpleNamespace(duration=1.0))
 
     monkeypatch.setattr(TargetSearch, "search", search)
-    monkeypatch.setattr(DisturbedRollout, "play", play)
+    monkeypatch.setattr(Experiment, "compare", compare)
     better, share = dynamics_filter.search(fall, results[0], 100.0, np.random.default_rng(0))
     assert len(checked) == len(searched) == 3
     assert searched[1] is checked[0]

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
-from humanoid_getup.filtering.disturbed_rollout import Worlds
+from humanoid_getup.experiments.disturbance import USUAL, Scenarios
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import Preference
@@ -19,18 +18,15 @@ def motion(op3):
 
 @pytest.fixture(scope="module")
 def search(world):
-    return TargetSearch(world, worlds=COUNT, preference=Preference.of("time"))
+    return TargetSearch(world, preference=Preference.of("time"))
 
 
 @pytest.fixture(scope="module")
 def make_worlds(world, motion):
-    def make(torque_limit: float) -> Worlds:
+    def make(torque_limit: float) -> Scenarios:
         start = place(world.robot, world.model, motion.posture(0))
         limit, rng = TorqueLimit(torque_limit, "pwm"), np.random.default_rng(4)
-        starts, parameters = randomize_rollouts(
-            world, start, COUNT, RolloutRandomization(), limit, rng
-        )
-        return Worlds(starts=starts, parameters=parameters)
+        return USUAL.sample(world, start, COUNT, rng, limit)
 
     return make
 
@@ -48,7 +44,7 @@ def test_a_motion_too_quick_for_weak_servos_is_made_to_stand(search, motion, mak
     found = search.search(worlds, motion.joint_target, 400.0, np.random.default_rng(0))
     assert found.share == 1.0
     assert found.generations > 0
-    outcome = search.rollout.play(worlds, [found.target, motion.joint_target])
+    outcome = search.experiment.compare(worlds, [found.target, motion.joint_target])
     assert outcome.stood[0].all()
     assert not outcome.stood[1].any()
 
@@ -71,7 +67,7 @@ def test_a_quick_motion_that_does_not_touch_itself_is_left_alone(search, motion,
 
 
 def test_what_stands_is_made_cheaper_and_stands(world, motion, make_worlds):
-    search = TargetSearch(world, worlds=COUNT, preference=Preference.of("torque"))
+    search = TargetSearch(world, preference=Preference.of("torque"))
     worlds = make_worlds(4.1).take(np.arange(2))
     first, second = (
         search.improve(worlds, motion.joint_target, 150.0, np.random.default_rng(3))
@@ -79,7 +75,7 @@ def test_what_stands_is_made_cheaper_and_stands(world, motion, make_worlds):
     )
     assert 150.0 <= first.simulated < 400.0
     np.testing.assert_array_equal(first.targets[0], second.targets[0])
-    outcome = search.rollout.play(worlds, [*first.targets, motion.joint_target])
+    outcome = search.experiment.compare(worlds, [*first.targets, motion.joint_target])
     assert outcome.stood.all()
     cost = search.preference.cost(outcome).mean(axis=1)
     assert np.all(np.diff(cost) >= 0.0)  # cheapest first, and what they came from last

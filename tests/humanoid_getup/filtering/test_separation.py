@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP
+from humanoid_getup.experiments.outcome import DEEP_OVERLAP
 from humanoid_getup.experiments.starts import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from authored import load_robot_keyframes
 
-from humanoid_getup.experiments.play import Rollout, RolloutRandomization
+from humanoid_getup.experiments.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.play import play
 from humanoid_getup.motions.build import settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
@@ -32,15 +33,16 @@ def trace(world, keyframes, start):
     """The keyframes, and a robot that stays where it is."""
     targets = keyframes.targets(world.robot, HOLD + 0.2)
     still = hold_last(targets[:1], len(targets))
-    return Rollout(world, 2).play(
-        np.tile(start, (2, 1)), np.array([targets, still]), DomainParameters.nominal(world, 2)
+    return play(
+        world,
+        Scenarios(starts=np.tile(start, (2, 1)), parameters=DomainParameters.nominal(world, 2)),
+        np.array([targets, still]),
     )
 
 
 def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, start):
-    starts, parameters = make_scenarios(
-        world, start, 2.0, 11, RolloutRandomization(), np.random.default_rng(0)
-    )
+    scenarios = make_scenarios(world, start, 2.0, 11, USUAL, np.random.default_rng(0))
+    starts, parameters = scenarios.starts, scenarios.parameters
     limits = parameters.torque_limit
     np.testing.assert_allclose(limits, [2.0, 4.1, *[2.0, 3.0, 2.5] * 3], atol=0.01)
     assert {LIMIT_MODES[mode] for mode in parameters.limit_by} == {TorqueLimit().on(world.robot).by}

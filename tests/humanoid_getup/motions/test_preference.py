@@ -1,4 +1,4 @@
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.play import Rollout
-from humanoid_getup.experiments.rise_figures import DEEP_OVERLAP, RiseFigures
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome
+from humanoid_getup.experiments.play import Experiment, play
 from humanoid_getup.jobs.requests.shared import Prefer, PreferenceOptions
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
@@ -17,13 +17,28 @@ from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots.kinematics import place
 
-FIGURES = ("stand_time", "peak_torque", "rms_torque", "impact", "overlap")
+FIGURES = ("stand_time", "peak_torque", "rms_torque", "neck_delta_v", "overlap")
 amounts = st.floats(0.0, 10.0)
 
 
-def make_figures(*values: float) -> RiseFigures:
-    arrays = {name: np.array([value]) for name, value in zip(FIGURES, values, strict=True)}
-    return RiseFigures(**arrays)
+@dataclass(frozen=True)
+class Figures:
+    """What a preference weighs."""
+
+    stand_time: np.ndarray
+    peak_torque: np.ndarray
+    rms_torque: np.ndarray
+    neck_delta_v: np.ndarray
+    overlap: np.ndarray
+    peak_braking_torque: float = 0.0
+
+    @property
+    def collides(self) -> np.ndarray:
+        return self.overlap > DEEP_OVERLAP
+
+
+def make_figures(*values: float) -> Figures:
+    return Figures(*(np.array([value]) for value in values))
 
 
 @pytest.mark.parametrize("name", PREFERENCE_NAMES)
@@ -35,7 +50,8 @@ def test_no_figure_that_grows_makes_a_rise_cheaper(name, values, figure, more):
 
 
 @pytest.mark.parametrize(
-    ("name", "figure"), [("time", "stand_time"), ("torque", "rms_torque"), ("impact", "impact")]
+    ("name", "figure"),
+    [("time", "stand_time"), ("torque", "rms_torque"), ("impact", "neck_delta_v")],
 )
 def test_a_preference_counts_most_what_it_is_named_after(name, figure):
     """Beside a share of what is usual: 3 s, 4 N·m, 0.5 N·m, 0.3 m/s."""
@@ -43,7 +59,7 @@ def test_a_preference_counts_most_what_it_is_named_after(name, figure):
     spared = {
         f: Preference.of(name).cost(usual)[0]
         - Preference.of(name).cost(replace(usual, **{f: 0.9 * getattr(usual, f)}))[0]
-        for f in ("stand_time", "rms_torque", "impact")
+        for f in ("stand_time", "rms_torque", "neck_delta_v")
     }
     assert max(spared, key=spared.__getitem__) == figure
 
@@ -76,10 +92,9 @@ def test_a_rollout_and_a_disturbed_one_have_the_same_figures(world, op3):
     start = place(op3, world.model, motion.posture(0))[None]
     targets = hold_last(motion.joint_target, len(motion.joint_target) + 130)
     nominal = DomainParameters.nominal(world, 1)
-    trace = Rollout(world, 1).play(start, targets[None], nominal)
-    measured = RiseFigures.of_trace(trace, world, np.array([2.0]))
-    outcome = DisturbedRollout(world, 1).play(Worlds(starts=start, parameters=nominal), [targets])
-    assert measured.collides[0]
-    for figure in ("peak_torque", "overlap"):
-        np.testing.assert_allclose(getattr(measured, figure), getattr(outcome, figure)[0])
-    assert outcome.impact[0, 0] == pytest.approx(measured.impact[0])
+    scenario = Scenarios(starts=start, parameters=nominal)
+    whole = Outcome(play(world, scenario, targets[None]), op3)
+    outcome = Experiment(world).compare(scenario, [targets])
+    assert whole.collides[0]
+    for figure in ("peak_torque", "peak_braking_torque", "overlap", "neck_delta_v"):
+        np.testing.assert_array_equal(getattr(whole, figure), getattr(outcome, figure)[0])

@@ -63,7 +63,7 @@ def test_a_motion_that_lies_down_ends_so_softly(name: str, limit: TorqueLimit, o
     player = MotionPlayer(op3, motion, hold=hold_time(motion), torque_limit=limit.value)
     judge = GroundTruthJudge(twin.simulation, limit.value)
     report, outcome = play(player, SafetyGuard(twin), judge)
-    assert ends_as_meant(world, motion, outcome), report.reason
+    assert ends_as_meant(motion, outcome), report.reason
     assert report.clips.total == 0
     assert outcome.limit_violations == 0
     assert outcome.head_impact < 0.1  # m/s

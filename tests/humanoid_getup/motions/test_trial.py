@@ -40,7 +40,7 @@ def test_a_stand_says_when(stood: Trial):
 
 def test_a_failure_says_how_high_the_neck_came_and_when(fell: Trial, world: World, op3: Robot):
     assert not fell.succeeded
-    neck = site_positions(world.model, fell.trace.qpos[0], op3.neck_site)[:, 2]  # over flat ground
+    neck = site_positions(world.model, fell.outcome.qpos, op3.neck_site)[:, 2]  # over flat ground
     told = fell.describe()
     found = re.search(r"came to (\d+)% of standing height after ([\d.]+) s", told)
     assert found

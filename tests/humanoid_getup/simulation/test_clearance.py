@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.play import RolloutRandomization, randomize_rollouts
+from humanoid_getup.experiments.disturbance import USUAL
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import FINE, Clearance
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, Robot
+from robots import Robot
 from robots.kinematics import lowest_point, place
 
 
@@ -52,9 +52,7 @@ def test_a_robot_under_a_roof_is_put_under_it_and_not_on_it(op3: Robot):
 def test_disturbed_starts_lie_on_what_is_under_them(scene: World, op3: Robot):
     clearance = Clearance(scene)
     start = clearance.rest(place(op3, scene.model, op3.standing), -0.0005)
-    starts, _ = randomize_rollouts(
-        scene, start, 6, RolloutRandomization(), FULL_TORQUE.on(op3), np.random.default_rng(0)
-    )
+    starts = USUAL.sample(scene, start, 6, np.random.default_rng(0)).starts
     assert not np.array_equal(starts[1], starts[2])
     for qpos in starts:
         assert clearance.measure_overlap(qpos) == pytest.approx(0.0005, abs=2.5 * FINE)

@@ -8,7 +8,8 @@ import pytest
 
 from drivers import Command, Twin
 from drivers.servo_units import ServoUnits
-from humanoid_getup.experiments.play import Rollout
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import play
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.vectorized_simulation import VecSim
@@ -50,7 +51,7 @@ def test_twin_and_vectorized_simulation_agree_to_the_bit(
     start, targets = motion.posture(0), sample_targets(op3, motion)
     qpos = place(op3, world.model, start)
     parameters = DomainParameters.nominal(world, 1, torque_limit=limit, limit_by=limit_by)
-    trace = Rollout(world, 1).play(qpos[None], targets[None], parameters)
+    trace = play(world, Scenarios(starts=qpos[None], parameters=parameters), targets[None])
     for model in (world.model, None):
         twin = Twin(World(op3, model=model), limit_by=limit_by)
         went = play_on_twin(twin, start, targets, limit)
@@ -65,7 +66,7 @@ def test_limits_are_told_apart(world: World, op3: Robot):
     starts = np.tile(place(op3, world.model, motion.posture(0)), (3, 1))
     parameters = DomainParameters.nominal(world, 3, torque_limit=np.array([4.1, 2.0, 2.0]))
     parameters.limit_by[2] = PWM
-    qpos = Rollout(world, 3).play(starts, targets, parameters).qpos
+    qpos = play(world, Scenarios(starts=starts, parameters=parameters), targets).qpos
     for one, other in ((0, 1), (1, 2), (2, 0)):
         assert not np.array_equal(qpos[one], qpos[other])
 
@@ -100,7 +101,7 @@ def test_coupled_joints_move_as_on_the_twin_to_the_bit(coupled: Robot, limit_by:
     by_twin = play_on_twin(Twin(world, limit_by=limit_by), coupled.standing, targets, 1.0)
     qpos = place(coupled, world.model, coupled.standing)
     parameters = DomainParameters.nominal(world, 1, torque_limit=1.0, limit_by=limit_by)
-    played = Rollout(world, 1).play(qpos[None], targets[None], parameters)
+    played = play(world, Scenarios(starts=qpos[None], parameters=parameters), targets[None])
     assert np.array_equal(played.qpos[0], by_twin)
     assert np.ptp(by_twin[:, -2:], axis=0).min() > 0.1
 

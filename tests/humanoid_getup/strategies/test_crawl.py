@@ -1,10 +1,12 @@
 """Moves go where they cost less, within the servos' limits, and a seed repeats them."""
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.disturbance import Scenarios
 from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.simulation.placement import Placement
@@ -86,16 +88,21 @@ def test_a_move_that_overloads_a_servo_is_beaten_by_a_shorter_one(
     crawl = Crawl(world, FULL_TORQUE, CHECK_DISTURBANCE)
     best_fair = 0.4
 
-    def play(starts: Array, _parameters: object, targets: Array) -> tuple[Array, Array]:
-        reach = np.linspace(0.1, 0.5, len(targets))
-        overloads = np.arange(len(targets)) % 2 == 1  # the one that gets farthest among them
+    def play(scenarios: Scenarios, targets: Array) -> SimpleNamespace:
+        count = len(targets)
+        reach = np.linspace(0.1, 0.5, count)
+        overloads = np.arange(count) % 2 == 1  # the one that gets farthest among them
         reach[-2] = best_fair
-        qpos = np.tile(starts[None, :, None], (len(targets), 1, 2, 1))
-        root = world.robot.layout(world.model).root_position
-        qpos[:, :, -1, root] = start.position
-        qpos[:, :, -1, root.start if isinstance(root, slice) else root[0]] += reach[:, None]
+        qpos = np.tile(scenarios.starts[None, :, None], (count, 1, targets.shape[1], 1))
+        root = world.robot.layout(world.model).root_qpos
+        qpos[:, :, -1, root : root + 3] = start.position
+        qpos[:, :, -1, root] += reach[:, None]
+        record = SimpleNamespace(
+            qpos=qpos.reshape(-1, *qpos.shape[2:]),
+            diverged=np.zeros(count * len(scenarios), dtype=bool),
+        )
         saturation = np.where(overloads, MOST_SATURATION + 0.1, MOST_SATURATION - 0.1)
-        return qpos, np.repeat(saturation[:, None], len(starts), axis=1)
+        return SimpleNamespace(record=record, saturation=np.repeat(saturation, len(scenarios)))
 
     monkeypatch.setattr(crawl, "_play", play)
     move = crawl.search(start, ahead, np.random.default_rng(0))

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.experiments.starts import sample_fall, sample_falls
-from humanoid_getup.filtering.disturbed_rollout import DisturbedRollout, Worlds
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
@@ -116,12 +117,12 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
     assert gentle.search.simulated > 0.0
     assert gentle.search.before is not None
     weigh = Preference.of("torque").cost
-    assert weigh(gentle.search.figures) < weigh(gentle.search.before)
+    assert weigh(gentle.search.outcome) < weigh(gentle.search.before)
 
     start = place(world.robot, world.model, fall)[None]
-    nominal = Worlds(starts=start, parameters=DomainParameters.nominal(world, 1))
+    nominal = Scenarios(starts=start, parameters=DomainParameters.nominal(world, 1))
     motions = [plan.motion.joint_target, gentle.motion.joint_target]
-    outcome = DisturbedRollout(world, 2).play(nominal, motions)
+    outcome = Experiment(world).compare(nominal, motions)
     quick, cheap = weigh(outcome)[:, 0]
     assert cheap < quick
 

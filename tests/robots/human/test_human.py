@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.play import Rollout
-from humanoid_getup.experiments.standing import HOLD_TIME, is_upright, judge, measure_stance
+from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.standing import HOLD_TIME, judge
 from humanoid_getup.experiments.starts import classify, sample_fall_set
 from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -119,8 +120,8 @@ def test_its_stance_is_held(human, human_world):
     count = round((HOLD_TIME + 0.5) / human.control_period)
     targets = np.tile(human.standing.joint_pos, (1, count, 1))
     nominal = DomainParameters.nominal(human_world, 1)
-    trace = Rollout(human_world, 1, threads=1).play(start[None], targets, nominal)
-    upright = is_upright(measure_stance(human_world, trace), human)[0]
+    trace = play(human_world, Scenarios(starts=start[None], parameters=nominal), targets)
+    upright = trace.upright[0]
     assert judge(upright, human.control_period).stood
     assert trace.overlap.max() <= 0.0
 

@@ -7,11 +7,11 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import place
 from sim2real.motion_discovery.learned_rise import LearnedRise
-from sim2real.motion_discovery.rehearsal import Rehearsal
+from sim2real.motion_discovery.replay import Replay
 from sim2real.motion_discovery.strategies import group_rises, name_strategy
 
 
-def make_rehearsal(world: World, sides: list[str], bend: float = 0.0) -> Rehearsal:
+def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
     """Make a rise that lies on sides for 0.4 s each, its joints bent by so much [rad]."""
     robot = world.robot
     rows = []
@@ -30,7 +30,7 @@ def make_rehearsal(world: World, sides: list[str], bend: float = 0.0) -> Rehears
         target=np.zeros((len(qpos), robot.n)),
         stand_time=len(qpos) * robot.control_period,
     )
-    return Rehearsal(
+    return Replay(
         rise=rise,
         target=rise.target,
         qpos=qpos,
@@ -42,15 +42,15 @@ def make_rehearsal(world: World, sides: list[str], bend: float = 0.0) -> Rehears
 
 def test_a_strategy_names_the_sides_passed_but_for_the_first(op3):
     world = World(op3)
-    assert name_strategy(world, make_rehearsal(world, ["supine", "standing"])) == "learned"
-    over = make_rehearsal(world, ["supine", "left", "prone", "squat"])
+    assert name_strategy(world, make_replay(world, ["supine", "standing"])) == "learned"
+    over = make_replay(world, ["supine", "left", "prone", "squat"])
     assert name_strategy(world, over) == "learned, over left and prone"
 
 
 def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):
     world = World(op3)
-    straight = [make_rehearsal(world, ["supine", "squat"], bend) for bend in (0.0, 0.02, 1.0)]
-    over = make_rehearsal(world, ["supine", "prone", "squat"])
+    straight = [make_replay(world, ["supine", "squat"], bend) for bend in (0.0, 0.02, 1.0)]
+    over = make_replay(world, ["supine", "prone", "squat"])
     groups = group_rises(world, [*straight, over])
     assert groups == [straight[:2], [straight[2]], [over]]
 

@@ -1,0 +1,268 @@
+"""Outcomes: how runs ended and what they took. Every figure has its one definition here."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.standing import HOLD_TIME, Stand, compute_uprightness, judge
+from humanoid_getup.experiments.torque import (
+    LONG_SATURATION,
+    TorqueShares,
+    find_longest,
+    find_saturation,
+    limit_torque,
+    split_torque,
+)
+from robots import Robot
+from robots.quaternion import Array
+
+DEEP_OVERLAP = 0.0001  # m; contacts are stiff: a touch this deep is firm, a collision
+APART = 0.1  # s after which a collision or violation counts again
+LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
+WINDOW = 25  # samples over which a robot has to be nearly upright to make progress
+
+Bools = NDArray[np.bool_]
+Counts = NDArray[np.int_]
+
+
+class Outcome:
+    """How runs ended and what they took, by their record; figures have the shape of its robots.
+
+    That shape is () for a single run. A figure is computed when it is first asked for, and None if
+    it could not be observed.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        robot: Robot,
+        *,
+        torque_limit: float | None = None,
+        hold_time: float = HOLD_TIME,
+    ) -> None:
+        """Judge runs under a torque limit [N·m], None for the servos' own.
+
+        Only a search whose results are checked again may use a shorter ``hold_time`` [s].
+        """
+        self.record, self.robot = record, robot
+        self.torque_limit, self.hold_time = torque_limit, hold_time
+
+    def take(self, rows: NDArray[np.int_] | slice | int) -> Outcome:
+        """Return the outcomes of some runs, or of one, by the first axis."""
+        return Outcome(
+            self.record.take(rows),
+            self.robot,
+            torque_limit=self.torque_limit,
+            hold_time=self.hold_time,
+        )
+
+    @cached_property
+    def stand(self) -> Stand:
+        """Return whether, when and for how long the robot stood at the end."""
+        record = self.record
+        return judge(
+            record.upright,
+            record.period,
+            self.hold_time,
+            cycles=record.cycles,
+            settled=record.settled,
+            failed=record.failed,
+        )
+
+    @property
+    def stood(self) -> Bools:
+        """Return whether it ended in a held stand."""
+        return self.stand.stood
+
+    @property
+    def stand_time(self) -> Array:
+        """Return the time from the start to the first moment of the held stand [s]; else nan."""
+        return self.stand.start_time
+
+    @cached_property
+    def rising(self) -> Counts:
+        """Return how many samples the way up has: to the stand, or to the end without one."""
+        to_stand = np.nan_to_num(self.stand_time / self.record.period)
+        return np.where(self.stood, np.round(to_stand).astype(int), self.record.cycles)
+
+    @cached_property
+    def progress(self) -> Array:
+        """Return how near it came to a stand, from 0 to 1: mostly at the end, partly at best."""
+        near = compute_uprightness(self.record.stance, self.robot)
+        size = min(WINDOW, near.shape[-1])
+        if not size:
+            return np.zeros(near.shape[:-1])[()]
+        whole = near[..., near.shape[-1] % size :]  # the last window ends with the record
+        means = whole.reshape(*near.shape[:-1], -1, size).mean(axis=-1)
+        last = means.shape[-1] - 1 - (near.shape[-1] - self.record.cycles) // size  # (...)
+        means = np.where(np.arange(means.shape[-1]) <= last[..., np.newaxis], means, 0.0)
+        at_end = np.take_along_axis(means, last[..., np.newaxis], axis=-1)[..., 0]
+        return np.where(self.stood, 1.0, compute_progress(at_end, means.max(axis=-1)))
+
+    @cached_property
+    def shares(self) -> TorqueShares:
+        """Return the torques apart, by whether they drive or brake, (..., T, n)."""
+        return split_torque(self.record.torque, self.record.actuator_vel)
+
+    @cached_property
+    def peak_torque(self) -> Array:
+        """Return the greatest torque with which a servo drove its joint [N·m]."""
+        return self.shares.driving.max(axis=(-2, -1), initial=0.0)
+
+    @cached_property
+    def peak_braking_torque(self) -> Array:
+        """Return the greatest torque with which a servo was turned from outside [N·m]."""
+        return self.shares.braking.max(axis=(-2, -1), initial=0.0)
+
+    @cached_property
+    def torque_use(self) -> Array:
+        """Return the largest driving torque of any servo as a share of its limit."""
+        limit = limit_torque(self.robot, self.torque_limit)
+        return (self.shares.driving / limit).max(axis=(-2, -1), initial=0.0)
+
+    @cached_property
+    def rms_torque(self) -> Array:
+        """Return the RMS torque on the way up, over all joints [N·m]."""
+        square = np.cumsum(np.mean(self.record.torque**2, axis=-1), axis=-1)  # (..., T)
+        if not square.shape[-1]:
+            return np.zeros(square.shape[:-1])[()]
+        count = np.clip(self.rising, 1, square.shape[-1])
+        total = np.take_along_axis(square, count[..., np.newaxis] - 1, axis=-1)[..., 0]
+        return np.sqrt(total / count)
+
+    @cached_property
+    def peak_velocity(self) -> Array:
+        """Return the greatest speed of a joint [rad/s]."""
+        return np.abs(self.record.joint_vel).max(axis=(-2, -1), initial=0.0)
+
+    @cached_property
+    def saturation(self) -> Array:
+        """Return for how long at most a servo had all the torque of its supply [s]."""
+        record = self.record
+        saturated = find_saturation(
+            self.robot, record.torque, record.actuator_vel, record.voltage[..., np.newaxis]
+        )
+        return find_longest(saturated).max(axis=-1) * record.period
+
+    @property
+    def overloaded(self) -> Bools:
+        """Return whether a servo's overload protection may trip."""
+        return self.saturation > LONG_SATURATION
+
+    @cached_property
+    def limit_violations(self) -> Counts:
+        """Return how often a joint left its range."""
+        robot = self.robot
+        angles = self.record.joint_pos
+        beyond = np.maximum(robot.lower - angles, angles - robot.upper) > LIMIT_SLACK
+        return self._count_episodes(beyond.any(axis=-1))
+
+    @cached_property
+    def overlap(self) -> Array | None:
+        """Return the greatest depth of self-penetration [m]."""
+        depth = self.record.overlap
+        return None if depth is None else depth.max(axis=-1, initial=0.0)
+
+    @property
+    def collides(self) -> Bools | None:
+        """Return whether the robot touched itself firmly."""
+        return None if self.overlap is None else self.overlap > DEEP_OVERLAP
+
+    @cached_property
+    def self_collisions(self) -> Counts | None:
+        """Return how often the robot touched itself firmly."""
+        depth = self.record.overlap
+        return None if depth is None else self._count_episodes(depth > DEEP_OVERLAP)
+
+    @cached_property
+    def ground_penetrations(self) -> Counts | None:
+        """Return how often it pressed deeper into the ground than at rest."""
+        depth = self.record.ground_depth
+        return None if depth is None else self._count_episodes(depth > 0.0)
+
+    @cached_property
+    def head_impact(self) -> Array | None:
+        """Return the greatest speed at which the head hit the ground [m/s]."""
+        return _find_impact(self.record.head_touch, self.record.head_speed)
+
+    @cached_property
+    def torso_impact(self) -> Array | None:
+        """Return the greatest speed of the torso's faster end as it hit the ground [m/s]."""
+        return _find_impact(self.record.torso_touch, self.record.torso_speed)
+
+    @cached_property
+    def neck_delta_v(self) -> Array | None:
+        """Return the largest change of the neck's velocity in a period on the way up [m/s]."""
+        record = self.record
+        if record.is_sensed:
+            return None
+        change = np.linalg.norm(np.diff(record.neck, n=2, axis=-2), axis=-1) / record.period
+        at = np.arange(2, record.neck.shape[-2])
+        return np.where(at < self.rising[..., np.newaxis], change, 0.0).max(axis=-1, initial=0.0)
+
+    @property
+    def qpos(self) -> Array:
+        """Return the MuJoCo positions, (..., T, nq)."""
+        return self.record.qpos
+
+    @property
+    def is_sensed(self) -> bool:
+        """Return whether sensors alone judged: torques are estimated, contacts unknown."""
+        return self.record.is_sensed
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of load and contact under the keys of reports; of N runs, lists."""
+        figures = {
+            "stand_time_s": self.stand_time,
+            "peak_torque_nm": self.peak_torque,
+            "peak_braking_torque_nm": self.peak_braking_torque,
+            "peak_velocity_rad_s": self.peak_velocity,
+            "torque_use": self.torque_use,
+            "rms_torque_nm": self.rms_torque,
+            "self_overlap_m": self.overlap,
+            "self_collisions": self.self_collisions,
+            "ground_penetrations": self.ground_penetrations,
+            "limit_violations": self.limit_violations,
+            "head_impact_m_s": self.head_impact,
+            "torso_impact_m_s": self.torso_impact,
+            "neck_delta_v_m_s": self.neck_delta_v,
+        }
+        return {
+            key: None if value is None else np.asarray(value).tolist()
+            for key, value in figures.items()
+        }
+
+    def _count_episodes(self, present: Bools) -> Counts:
+        """Count the episodes of flags (..., T) that are more than a moment apart, (...)."""
+        apart = round(APART / self.record.period)
+        present = present & (np.arange(present.shape[-1]) < self.record.cycles[..., np.newaxis])
+        return count_episodes(present, apart)
+
+
+def count_episodes(present: Bools, apart: int) -> Counts:
+    """Count the episodes of flags (..., T) that are more than ``apart`` samples apart, (...)."""
+    at = np.arange(1, present.shape[-1] + 1)
+    last = np.maximum.accumulate(np.where(present, at, -apart), axis=-1)
+    before = np.concatenate([np.full_like(last[..., :1], -apart), last[..., :-1]], axis=-1)
+    return np.sum(present & (at - before > apart), axis=-1)
+
+
+def compute_progress(last: Array, best: Array) -> Array:
+    """Compute how near rises came to a stand, from 0 to 1, by their last and best uprightness."""
+    return 0.6 * last + 0.4 * best
+
+
+def _find_impact(touch: Bools | None, speed: Array | None) -> Array | None:
+    """Find the greatest speed (..., T) [m/s], one sample before, at which contacts began.
+
+    A contact at the start is not an impact.
+    """
+    if touch is None or speed is None:
+        return None
+    begins = touch[..., 1:] & ~touch[..., :-1]
+    return np.where(begins, speed[..., :-1], 0.0).max(axis=-1, initial=0.0)

@@ -1,0 +1,140 @@
+"""Records: what robots did in a run, as a twin, a vectorized simulation or sensors saw it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.experiments.standing import Stance
+from robots.quaternion import Array
+from robots.robot import Layout
+
+Bools = NDArray[np.bool_]
+Columns = Sequence[NDArray[Any]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """Runs of robots, sampled at the end of every control period.
+
+    The leading axes (...) are those of the robots; there is none for a single run. What could not
+    be observed is None. A vectorized simulation knows sites and contacts as they were one physics
+    step before the sample, a twin at the sample; all else is of the same moment in both.
+    """
+
+    layout: Layout
+    """Where a robot's joints and root are in MuJoCo's arrays."""
+    period: float
+    """Time between two samples [s]."""
+    voltage: Array
+    """Supply of the servos [V], (...)."""
+    upright: Bools
+    """Whether the standing condition holds, (..., T); nowhere if the physics diverged."""
+    stance: Stance
+    """(..., T)"""
+    qpos: Array
+    """MuJoCo positions, (..., T, nq)."""
+    joint_vel: Array
+    """Joint speeds [rad/s], (..., T, n)."""
+    neck: Array
+    """Position of the neck [m], (..., T, 3)."""
+    torque: Array
+    """Servo torques [N·m], (..., T, n)."""
+    actuator_vel: Array
+    """Actuator speeds at which these torques were made [rad/s], (..., T, n)."""
+    target: Array | None = None
+    """Targets that the servos were sent [rad], (..., T, n)."""
+    overlap: Array | None = None
+    """Greatest depth of self-penetration [m], (..., T)."""
+    ground_depth: Array | None = None
+    """Depth in the world beyond that of a robot at rest [m], (..., T)."""
+    head_touch: Bools | None = None
+    """Whether the head touches the world, (..., T)."""
+    head_speed: Array | None = None
+    """[m/s], (..., T)"""
+    torso_touch: Bools | None = None
+    """Whether the torso touches the world, (..., T)."""
+    torso_speed: Array | None = None
+    """Speed of the torso's faster end [m/s], (..., T)."""
+    diverged: Bools
+    """Whether the physics diverged: a run says nothing from there on, (...)."""
+    cycles: NDArray[np.int_]
+    """Samples until the run was stopped, (...); later ones repeat the last."""
+    settled: Bools
+    """Whether it was stopped because the robot stands for good, (...)."""
+    failed: Bools
+    """Whether it was stopped because the robot fell, or a servo was overloaded, (...)."""
+    is_sensed: bool = False
+    """By sensors alone: torques are estimated from currents, contacts are unknown."""
+
+    @property
+    def duration(self) -> float:
+        """Return the time that was played, all robots together [s]."""
+        return float(self.cycles.sum()) * self.period
+
+    @property
+    def joint_pos(self) -> Array:
+        """Return the joint angles [rad], (..., T, n)."""
+        return self.qpos[..., self.layout.qpos]
+
+    @property
+    def orientation(self) -> Array:
+        """Return the orientation of the torso, (..., T, 4)."""
+        return self.qpos[..., self.layout.root_orientation]
+
+    def take(self, rows: NDArray[np.int_] | slice | int) -> Record:
+        """Return some of the runs, or one, by the first axis."""
+        return self._change(lambda array: array[rows])
+
+    def reshape(self, *shape: int) -> Record:
+        """Arrange N runs in the order of rows, (N, ...) to (*shape, ...)."""
+        return self._change(lambda array: array.reshape(*shape, *array.shape[1:]))
+
+    def _change(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Record:
+        """Change every array."""
+        changed = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                changed[field.name] = change(value)
+        return replace(self, **changed, stance=self.stance.change(change))
+
+
+def combine_records(parts: Sequence[Record], combine: Callable[[Columns], NDArray[Any]]) -> Record:
+    """Combine every array of some records with those of the others."""
+    combined = {}
+    for field in fields(Record):
+        values = [getattr(part, field.name) for part in parts]
+        if isinstance(values[0], np.ndarray):
+            combined[field.name] = combine(values)
+    stances = [part.stance for part in parts]
+    stance = Stance(
+        neck_height=combine([stance.neck_height for stance in stances]),
+        tilt=combine([stance.tilt for stance in stances]),
+        non_foot_contact=combine([stance.non_foot_contact for stance in stances]),
+    )
+    return replace(parts[-1], **combined, stance=stance)
+
+
+def join_records(parts: Sequence[Record]) -> Record:
+    """Join records of the same N robots in time; none is upright whose physics diverged."""
+    diverged = np.any([part.diverged for part in parts], axis=0)
+    count = sum(part.upright.shape[1] for part in parts)
+    joined = combine_records(
+        parts,
+        lambda arrays: np.concatenate(arrays, axis=1) if arrays[0].ndim > 1 else arrays[-1],
+    )
+    return replace(
+        joined,
+        diverged=diverged,
+        cycles=np.full(len(diverged), count),
+        upright=joined.upright & ~diverged[:, np.newaxis],
+        stance=replace(
+            joined.stance,
+            non_foot_contact=joined.stance.non_foot_contact | diverged[:, np.newaxis],
+        ),
+    )

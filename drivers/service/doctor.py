@@ -123,7 +123,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     imu = bus.imu.measure() if bus.imu else None
     rate = measure_rate(bus.imu) if bus.imu and bus.imu is not bus.board and imu else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
-    findings += [f for port in ports for f in _check_port(port, robot.control_period)]
+    findings += [f for port in ports for f in check_port(port, robot.control_period)]
     findings += [*_check_imu(bus.imu, imu), *_check_rate(bus.imu, rate, robot.control_period)]
     findings += [*_check_settings(servos, robot.limit_by)]
     is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
@@ -295,7 +295,8 @@ def _check_imu(imu: ImuSource | None, sample: ImuSample | None) -> list[Finding]
     return [Finding(Severity.WARNING, "IMU", text, "let the robot rest; else restart its board")]
 
 
-def _check_port(report: PortReport, period: float) -> list[Finding]:
+def check_port(report: PortReport, period: float) -> list[Finding]:
+    """Judge a port by its adapter, its cycle time and its latency; the period is in s."""
     port, findings = f"port {report.path}", list[Finding]()
     timer, limit = report.latency_timer, READ_SHARE * period
     if timer is not None and timer > BEST_TIMER:

@@ -53,6 +53,10 @@ class Served:
         servos = self.virtual.servos
         return self._ports.main.call(lambda: [servo.peek(item) for servo in servos])
 
+    def heat(self, servo_id: int, temperature: float) -> None:
+        """Let a servo report a temperature [°C]."""
+        self._ports.main.faults.heat(servo_id, temperature)
+
     def add(self, device) -> None:
         """Hang one more device on the bus."""
         self._ports.main.call(lambda: self._chain.devices.append(device))

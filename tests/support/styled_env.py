@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
 from sim2real.environment.env_options import EnvOptions
@@ -36,6 +37,6 @@ def make_styled_env(robot: Robot, pool: StartPool, head: PriorHead, robots: int 
         threads=1,
     )
     task = StyleTask(robot, robots, make_library(robot, pool.qpos[:4]), head, threads=1)
-    made = GetUpEnv(robot, head._action, pool, options, task)
+    made = GetUpEnv(robot, build_posture_spec(robot), pool, options, task)
     made.reset(seed=0)
     return made

@@ -9,7 +9,7 @@ from bus_stories import TINY, copy_tiny, run_json, serving
 
 from drivers.dynamixel.control_table import HardwareError
 from drivers.service import doctor, session
-from drivers.service.doctor import Latency, PortReport, _check_port
+from drivers.service.doctor import Latency, PortReport, check_port
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
@@ -271,10 +271,10 @@ def test_hot_servos_are_told_in_time(tiny_served, capsys):
     _, told = examine(tiny_served, capsys)
     assert not any("°C" in f["text"] for f in told["findings"])
     facts = tiny_served.virtual.servos
-    tiny_served._ports.main.faults.heat(facts[0].id, 70.0)
+    tiny_served.heat(facts[0].id, 70.0)
     _, told = examine(tiny_served, capsys)
     assert any("has 70 °C: it gets less torque" in w for w in list_findings(told, "warning"))
-    tiny_served._ports.main.faults.heat(facts[0].id, 77.0)
+    tiny_served.heat(facts[0].id, 77.0)
     assert f"'{joints[0].name}' (id 1): has 77 °C, expected at most 75 °C" in find_error(
         tiny_served, capsys
     )
@@ -330,7 +330,7 @@ def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
     line, severity, words, monkeypatch
 ):
     monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
-    (finding,) = _check_port(replace(PORT, **line), period=0.008)
+    (finding,) = check_port(replace(PORT, **line), period=0.008)
     assert finding.severity.value == severity
     assert words in finding.text
     assert finding.device == "port /dev/ttyUSB7"
@@ -338,7 +338,7 @@ def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
 
 
 def test_a_sound_line_has_no_findings_and_the_timers_remedy_names_the_device():
-    assert _check_port(PORT, period=0.008) == []
+    assert check_port(PORT, period=0.008) == []
     assert "usb-serial/devices/ttyUSB7/latency_timer" in doctor.describe_timer_remedy(PORT.path)
 
 

@@ -74,14 +74,14 @@ def test_the_reward_is_that_of_the_paper_by_hand():
     assert reward(offset=0.5).total == pytest.approx([0.0])
 
 
-def test_outputs_that_lead_to_a_posture_lead_there(head):
+def test_outputs_that_lead_to_a_posture_lead_there(op3, head):
     """Through the filter, within what outputs reach."""
     rng = np.random.default_rng(0)
     wanted, fallen = rng.uniform(0.4, 1.6, (5, 3)), np.tile([0.3, 0.4, RIGHT], (5, 1))
     memory = rng.normal(0.0, 0.3, (5, len(head.names)))
     posture = head.prior.decode(rng.normal(size=(5, 3)), wanted)
     posture = posture + rng.normal(0.0, 0.02, posture.shape)
-    spec = head._action
+    spec = build_posture_spec(op3)
     for _ in range(12):
         outputs = head.invert(posture, memory, wanted, fallen)
         action, memory = head.decode(outputs, memory, wanted, fallen)

@@ -67,12 +67,12 @@ class _ModelFiles:
 
     def check(self, path: Path) -> list[str]:
         parts, copies = self._count_file(path)
-        for what, count, most in (
-            ("parts", parts, MOST_PARTS),
-            ("copies of parts", copies, MOST_COPIES),
-        ):
-            if count > most:
-                self._problems.append(f"it makes {count} {what}, expected at most {most}")
+        if copies > MOST_COPIES:
+            self._problems.append(
+                f"it makes {copies} copies of parts, expected at most {MOST_COPIES}"
+            )
+        elif parts > MOST_PARTS:
+            self._problems.append(f"it makes {parts} parts, expected at most {MOST_PARTS}")
         if (total := sum(self._assets.values())) > MAX_ASSETS:
             self._problems.append(
                 f"its meshes and images have {total} bytes, expected at most {MAX_ASSETS}"

@@ -595,6 +595,17 @@ GROUPS: dict[str, list[Case]] = {
             "robots import meshes.urdf --out new",
             "mesh 'torso.stl' of link 'torso' is not found, expected it beside the model",
         ),
+        case(
+            "robots import many.xml --out new", "1000000000 copies of parts, expected at most 3000"
+        ),
+        case("robots import nan.xml --out new", "<geom> has mass 'nan', expected finite numbers"),
+        case("robots import pipe.urdf --out new", "it is a FIFO, expected a file"),
+        case("robots import light.urdf --out new", "link 'torso' has a mass of -1 kg"),
+        case("robots import mimic.urdf --out new", "mimics 'tail', expected another joint"),
+        case(
+            "robots import effort.urdf --out new", "effort of <limit> is 'nan', expected a finite"
+        ),
+        case("robots import small.xml --out new --name ' '", "--name is ' ', expected printable"),
         case("robots import small.xml --out taken", "--out is taken, which is not empty"),
         case("robots import small.xml --out new --servo XM1", "--servo is 'XM1': unknown type"),
         case(
@@ -699,7 +710,17 @@ def _make_models(folder: Path) -> None:
         spec.delete(torso.joints[0])
         torso.add_joint(name="string", type=mujoco.mjtJoint.mjJNT_HINGE)
 
+    os.mkfifo(folder / "torso.obj")
+    urdf, end = small_urdf(), small_urdf().rindex("</joint>")
     for name, text in {
+        "many.xml": small_humanoid().replace(
+            "<worldbody>", '<worldbody><replicate count="1000000000"><site/></replicate>'
+        ),
+        "nan.xml": small_humanoid().replace('mass="1"', 'mass="nan"'),
+        "pipe.urdf": small_urdf(mesh="torso.obj"),
+        "light.urdf": urdf.replace('mass value="1.0"', 'mass value="-1"'),
+        "mimic.urdf": f'{urdf[:end]}<mimic joint="tail"/>{urdf[end:]}',
+        "effort.urdf": urdf.replace('effort="4.1"', 'effort="nan"', 1),
         "small.xml": small_humanoid(),
         "scene.sdf": "<sdf/>",
         "one_leg.xml": small_humanoid(change=cut_leg),

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from text_meshes import CORNERS, write_text_stl
 
 from robots.model_files import MAX_ASSET
 from robots.model_import.mesh_files import check_mesh, is_readable, read_hull
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=float)
-FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
 <asset><unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
 <library_geometries><geometry id="g"><mesh>
@@ -22,17 +21,6 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
 <node><translate>10 0 0</translate><rotate>0 0 1 90</rotate>
 <node><scale>2 2 2</scale><instance_geometry url="#g"/></node></node>
 </visual_scene></library_visual_scenes></COLLADA>"""
-
-
-def write_text_stl(path: Path) -> Path:
-    facets = "".join(
-        "facet normal 0 0 0\nouter loop\n"
-        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in CORNERS[list(face)])
-        + "endloop\nendfacet\n"
-        for face in FACES
-    )
-    path.write_text(f"solid tetrahedron\n{facets}endsolid\n")
-    return path
 
 
 def read_corners(path: Path) -> set[tuple[float, ...]]:

@@ -1,0 +1,51 @@
+"""Workers end with the process that started them, even if that is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from waiting import wait_until
+
+PROGRAM = """
+import os, sys, time
+from pathlib import Path
+from humanoid_getup.long_work.worker_pool import worker_pool
+
+def begin(folder):
+    Path(folder, str(os.getpid())).touch()
+
+def compute():
+    while True:
+        pass
+
+if __name__ == "__main__":
+    with worker_pool(2, begin, sys.argv[1]) as pool:
+        for future in [pool.submit(compute), pool.submit(compute)]:
+            future.result()
+"""
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("told", [signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_when_their_parent_is_killed(told: int, tmp_path: Path):
+    program, folder = tmp_path / "compute.py", tmp_path / "workers"
+    program.write_text(PROGRAM)
+    folder.mkdir()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, str(program), str(folder)], env=environment) as process:
+        wait_until(lambda: len(list(folder.iterdir())) == 2)
+        process.send_signal(told)
+        process.wait()
+    workers = [int(path.name) for path in folder.iterdir()]
+    assert len(workers) == 2
+    wait_until(lambda: not any(map(is_running, workers)))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from humanoid_getup.execution.keep_stand import keep_stand
     from humanoid_getup.execution.session import SessionOptions
     from humanoid_getup.experiments.starts import sample_fall
+    from humanoid_getup.jobs.benchmark import benchmark
     from humanoid_getup.jobs.build_motions import build_motions
     from humanoid_getup.jobs.check_robot import check_robot
     from humanoid_getup.jobs.discover_motions import discover
@@ -38,6 +39,20 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.import_robot import import_robot
     from humanoid_getup.jobs.make_prior import make_prior
     from humanoid_getup.jobs.measure_robot import measure_robot
+    from humanoid_getup.jobs.plan_path import plan
+    from humanoid_getup.jobs.requests.bench import (
+        BenchAll,
+        BenchDisturbed,
+        BenchFaults,
+        BenchFilter,
+        BenchKill,
+        BenchMethods,
+        BenchMotions,
+        BenchRise,
+        BenchScenes,
+        BenchSit,
+        BenchSoak,
+    )
     from humanoid_getup.jobs.requests.learning import (
         EvaluateRequest,
         ExportRequest,
@@ -51,6 +66,7 @@ if TYPE_CHECKING:
         ImportKeysRequest,
         RetargetRequest,
     )
+    from humanoid_getup.jobs.requests.plan import PlanRequest
     from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
     from humanoid_getup.jobs.requests.style import ExtractRequest
     from humanoid_getup.jobs.retarget_motions import retarget
@@ -73,6 +89,17 @@ if TYPE_CHECKING:
     from robots.torque_limit import TorqueLimit
 
 _HOMES = {
+    "BenchAll": "humanoid_getup.jobs.requests.bench",
+    "BenchDisturbed": "humanoid_getup.jobs.requests.bench",
+    "BenchFaults": "humanoid_getup.jobs.requests.bench",
+    "BenchFilter": "humanoid_getup.jobs.requests.bench",
+    "BenchKill": "humanoid_getup.jobs.requests.bench",
+    "BenchMethods": "humanoid_getup.jobs.requests.bench",
+    "BenchMotions": "humanoid_getup.jobs.requests.bench",
+    "BenchRise": "humanoid_getup.jobs.requests.bench",
+    "BenchScenes": "humanoid_getup.jobs.requests.bench",
+    "BenchSit": "humanoid_getup.jobs.requests.bench",
+    "BenchSoak": "humanoid_getup.jobs.requests.bench",
     "Body": "robots.proportions",
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
     "CachedRise": "humanoid_getup.strategies.cached_rise",
@@ -90,6 +117,7 @@ _HOMES = {
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
     "PlanCache": "humanoid_getup.strategies.plan_cache",
+    "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.long_work.progress",
@@ -104,6 +132,7 @@ _HOMES = {
     "TrainRequest": "humanoid_getup.jobs.requests.learning",
     "Twin": "drivers.twin.backend",
     "World": "humanoid_getup.simulation.world",
+    "benchmark": "humanoid_getup.jobs.benchmark",
     "build_motions": "humanoid_getup.jobs.build_motions",
     "check_robot": "humanoid_getup.jobs.check_robot",
     "discover": "humanoid_getup.jobs.discover_motions",
@@ -119,12 +148,24 @@ _HOMES = {
     "load_style": "humanoid_getup.style.style_file",
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",
+    "plan": "humanoid_getup.jobs.plan_path",
     "retarget": "humanoid_getup.jobs.retarget_motions",
     "sample_fall": "humanoid_getup.experiments.starts",
     "train": "humanoid_getup.jobs.train_policy",
 }
 
 __all__ = [
+    "BenchAll",
+    "BenchDisturbed",
+    "BenchFaults",
+    "BenchFilter",
+    "BenchKill",
+    "BenchMethods",
+    "BenchMotions",
+    "BenchRise",
+    "BenchScenes",
+    "BenchSit",
+    "BenchSoak",
     "Body",
     "BuildRequest",
     "CachedRise",
@@ -142,6 +183,7 @@ __all__ = [
     "Motion",
     "OnnxPolicy",
     "PlanCache",
+    "PlanRequest",
     "PlannedRise",
     "PriorRequest",
     "Progress",
@@ -156,6 +198,7 @@ __all__ = [
     "TrainRequest",
     "Twin",
     "World",
+    "benchmark",
     "build_motions",
     "check_robot",
     "discover",
@@ -171,6 +214,7 @@ __all__ = [
     "load_style",
     "make_prior",
     "measure_robot",
+    "plan",
     "retarget",
     "sample_fall",
     "train",

@@ -122,49 +122,49 @@ COMMANDS = {
         json=True,
     ),
     "bench rise": Command(
-        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench_rise", json=True
+        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench", json=True
     ),
     "bench methods": Command(
         "Compare plans and policies.",
         "requests.bench.BenchMethods",
-        "bench.bench_methods",
+        "bench.bench",
         json=True,
     ),
     "bench disturbed": Command(
         "Rise in disturbed worlds.",
         "requests.bench.BenchDisturbed",
-        "bench.bench_disturbed",
+        "bench.bench",
         json=True,
     ),
     "bench scenes": Command(
-        "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench_scenes", json=True
+        "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench", json=True
     ),
     "bench motions": Command(
         "Play every motion disturbed.",
         "requests.bench.BenchMotions",
-        "bench.bench_motions",
+        "bench.bench",
         json=True,
     ),
     "bench sit": Command(
         "Sit and lie down from many stands.",
         "requests.bench.BenchSit",
-        "bench.bench_sit",
+        "bench.bench",
         json=True,
     ),
     "bench filter": Command(
-        "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench_filter", json=True
+        "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench", json=True
     ),
     "bench faults": Command(
         "Inject faults during a rise.",
         "requests.bench.BenchFaults",
-        "bench.bench_faults",
+        "bench.bench",
         json=True,
     ),
     "bench kill": Command(
-        "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench_kill", json=True
+        "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench", json=True
     ),
     "bench soak": Command(
-        "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench_soak", json=True
+        "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench", json=True
     ),
     "bus": Command(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"

@@ -44,7 +44,8 @@ def _find_default(field: Field[Any]) -> Any:
 
 def _find_name(name: str, hint: Any) -> str:
     """Return the name of an option: another than its field's if its type says so."""
-    renamed = next((n.name for n in get_args(hint) if getattr(n, "name", None)), None)
+    names = (getattr(note, "name", None) for note in get_args(hint))
+    renamed = next((name for name in names if isinstance(name, str)), None)
     return (renamed or name).replace("_", "-")
 
 

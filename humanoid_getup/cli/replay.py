@@ -43,7 +43,9 @@ def replay_log(command: Replay) -> int:
                 plots.save_flight(record, folder / FLIGHT, title=title)
                 plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
                 style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
-    write_json(figures, command)
+                write_json(figures, command)
+        else:
+            write_json(figures, command)
     _print(record, report, console_for(command))
     return DID_IT
 

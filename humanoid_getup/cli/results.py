@@ -74,7 +74,9 @@ def hand_over(
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
-    write_json(report, options)
+            write_json(report, options)  # where it cannot be written, none of the files appears
+    else:
+        write_json(report, options)
     print_summary(report, files, console_for(options))
     after = result.after
     if result.stood and (after is None or after.succeeded):
@@ -105,7 +107,9 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
                 title = f"{world.robot.name}: sitting and lying down"
                 report["strip_reason"] = draw_run(outcome, world, options, folder, title)
             (folder / REPORT).write_text(to_json(report), "utf-8")
-    write_json(report, options)
+            write_json(report, options)
+    else:
+        write_json(report, options)
     color = "green" if result.succeeded else "red"
     console_for(options).print(f"[bold {color}]{escape(result.reason)}")
     if result.hand_over is not None:

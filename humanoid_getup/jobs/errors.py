@@ -34,7 +34,7 @@ def refusing() -> Iterator[None]:
     except BadInputError:
         raise
     except ValueError as error:
-        raise BadInputError(*getattr(error, "problems", [str(error)])) from error
+        raise BadInputError(str(error)) from error
     except OSError as error:
         if error.filename is None:  # not of a file that was named: a full disk
             raise

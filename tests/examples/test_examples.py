@@ -15,6 +15,7 @@ from paths import REPOSITORY
 import humanoid_getup as hg
 
 EXAMPLES = sorted((REPOSITORY / "examples").glob("[0-9]*.py"))
+IMPORT = "import humanoid_getup as hg"
 NOTEBOOK = REPOSITORY / "examples" / "rise.ipynb"
 # Stands in for IPython, which a notebook always has and the tests have not.
 DISPLAY = "from pathlib import Path; Image = lambda filename: Path(filename).stat().st_size"
@@ -71,6 +72,19 @@ def test_the_first_example_is_short_and_is_that_of_the_readme():
 
 
 @pytest.mark.slow
+def test_the_work_of_commands_runs_as_the_page_shows_it(tmp_path, capsys, monkeypatch):
+    page = (REPOSITORY / "docs/how-to/use_as_library.md").read_text("utf-8")
+    section = page.split("## Do what the commands do")[1].split("\n## ")[0]
+    blocks = re.findall(r"```python\n(.*?)```", section, re.S)
+    assert len(blocks) == 2
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(["import threading", "from pathlib import Path", IMPORT, *blocks]), {})
+    out = capsys.readouterr().out
+    assert out.startswith("True [")
+    assert "Progress(phase='filtering'" in out
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
 def test_the_notebook_runs_and_holds_no_output(tmp_path: Path):
     cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from run_getup import Run
 
 from humanoid_getup.cli.console import format_figure
 from humanoid_getup.cli.options.shared import JsonOption
@@ -105,3 +106,12 @@ def test_figures_intervals_medians_and_counts_are_written_for_people():
     assert format_figure({"done": 18, "fault": 2}) == "18 done, 2 fault"
     assert format_figure([0.94, 1.0]) == "0.94 to 1.00"
     assert format_figure([3e-17, 0.0234, 0.1]) == "0.00 to 0.023 to 0.10"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run):
+    wanted = ("--out", "out", "--json", "/dev/full")
+    code, _, error = run("plan", "--from", "supine", "--max-checks", "1", *wanted)
+    assert code == 2
+    assert error == "getup: output file /dev/full: No space left on device\n"
+    assert list(Path().iterdir()) == []

@@ -1,0 +1,249 @@
+"""Runs a benchmark on the twin or on the virtual bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from humanoid_getup.benchmarks import (
+    disturbed,
+    fault_injection,
+    motions,
+    rise,
+    scenes,
+    sit,
+    soak,
+    speed,
+)
+from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
+from humanoid_getup.jobs.measure_robot import NEAREST, measure_robot
+from humanoid_getup.jobs.policies import load_policy
+from humanoid_getup.jobs.requests.bench import (
+    BenchAll,
+    BenchDisturbed,
+    BenchFaults,
+    BenchFilter,
+    BenchKill,
+    BenchMethods,
+    BenchMotions,
+    BenchRise,
+    BenchScenes,
+    BenchSit,
+    BenchSoak,
+)
+from humanoid_getup.jobs.requests.shared import BodyOption, Request, SceneOptions
+from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
+from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
+from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.stored_motion import NearestMotion
+from humanoid_getup.strategies.track_record import PLAN
+from robots import Body, Robot
+
+STRAIGHT = "straight"
+Figures = dict[str, Any]
+"""Name, seed and n of a benchmark, and the figures of each class or case."""
+
+
+def benchmark(
+    request: Request, report: Report | None = None, cancel: Cancel | None = None
+) -> Figures:
+    """Run the benchmark of a request of `jobs.requests.bench`.
+
+    Raises:
+        BadInputError: if something that it names cannot be used.
+        CancelledError: if ``cancel`` ended it; `BenchAll` keeps the parts that were finished.
+    """
+    if isinstance(request, BenchAll):
+        result = measure_robot(request, report, cancel)
+    else:
+        request.check()
+        monitor = Monitor(report, cancel)
+        monitor.begin("loading")
+        run = next(run for kind, run in BENCHMARKS.items() if isinstance(request, kind))
+        result = run(request, monitor)
+    if isinstance(request, BodyOption):
+        result |= {"body": str(Body.parse(request.body))}
+    return result
+
+
+def _bench_rise(request: BenchRise, monitor: Monitor) -> Figures:
+    """Rise from many settled falls."""
+    world, database = _load(request)
+    planner = PlannedRise(
+        world,
+        database,
+        planning=request.planning,
+        filtering=request.filtering,
+        assistance=request.assistance,
+        torque_limit=make_torque_limit(request, world.robot),
+        prefer=request.prefer,
+        search_budget=request.search_budget,
+    )
+    rises = len(rise.BENCH_CLASSES) * request.n
+    return _count(request, monitor, rise.bench_rise, planner, count=rises, of="rises")
+
+
+def _bench_methods(request: BenchMethods, monitor: Monitor) -> Figures:
+    """Compare plans and policies on the same falls."""
+    world, database = _load(request)
+    limit = make_torque_limit(request, world.robot)
+
+    def make_strategy(name: str) -> Strategy:
+        if name == PLAN:
+            return PlannedRise(world, database, torque_limit=limit)
+        policy = load_policy(world.robot, name, request.torque_limit)
+        return LearnedRise(world, policy, torque_limit=limit, name=name)
+
+    strategies = {name: make_strategy(name) for name in request.ways}
+    rises = len(rise.BENCH_CLASSES) * request.n * len(strategies)
+    return _count(request, monitor, rise.bench_methods, strategies, count=rises, of="rises")
+
+
+def _bench_disturbed(request: BenchDisturbed, monitor: Monitor) -> Figures:
+    """Compare plans, with and without feedback, and policies in disturbed worlds."""
+    world, database = _load(request)
+    limit = make_torque_limit(request, world.robot)
+    with refusing():
+        cases = disturbed.select(world.robot, request.cases)
+    policies = {
+        name: LearnedRise(
+            world,
+            load_policy(world.robot, name, request.torque_limit),
+            torque_limit=limit,
+            name=name,
+        )
+        for name in request.policies
+    }
+    rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
+    planner = PlannedRise(world, database, torque_limit=limit)
+
+    def bench(planner: PlannedRise, **options: Any) -> Figures:
+        return disturbed.bench_disturbed(planner, policies, disturbances=cases, **options)
+
+    return _count(request, monitor, bench, planner, count=rises, of="rises")
+
+
+def _bench_scenes(request: BenchScenes, monitor: Monitor) -> Figures:
+    """Compare plans, policies and stored motions in every scene."""
+    with refusing():
+        robot = load_robot(request)
+        database = load_database(robot)
+        names = request.scenes or scenes.SCENES
+        for name in names:
+            load_scene(name, robot, request.seed)
+    limit = make_torque_limit(request, robot)
+
+    def make_way(name: str) -> scenes.Way:
+        if name == PLAN:
+            return scenes.Way(lambda world: PlannedRise(world, database, torque_limit=limit))
+        if name == NEAREST:
+            return scenes.Way(
+                lambda world: NearestMotion(world, database, torque_limit=limit), preflight=False
+            )
+        if name == STRAIGHT:
+            return scenes.Way(
+                lambda world: PlannedRise(
+                    world, database, planning=False, filtering=False, torque_limit=limit
+                ),
+                preflight=False,
+            )
+        policy = load_policy(robot, name, request.torque_limit)
+        return scenes.Way(lambda world: LearnedRise(world, policy, torque_limit=limit, name=name))
+
+    ways = {name: make_way(name) for name in request.ways}
+    count = len(names) * len(ways) * request.n
+
+    def bench(robot: Robot, **options: Any) -> Figures:
+        return scenes.bench_scenes(robot, ways, scenes=names, **options)
+
+    return _count(request, monitor, bench, robot, count=count, of="rises")
+
+
+def _bench_motions(request: BenchMotions, monitor: Monitor) -> Figures:
+    """Play every stored motion, undisturbed and disturbed."""
+    world, database = _load(request)
+    own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
+    return _count(request, monitor, motions.bench_motions, world, own, count=len(own), of="motions")
+
+
+def _bench_sit(request: BenchSit, monitor: Monitor) -> Figures:
+    """Sit and lie down from many disturbed stands."""
+    world = load_world(request)
+    with refusing():
+        find_lying_down(world.robot)
+    count = request.n * len(sit.LIMITS)
+    return _count(request, monitor, sit.bench_sit, world, count=count, of="stands")
+
+
+def _bench_filter(request: BenchFilter, monitor: Monitor) -> Figures:
+    """Compare the speed of the filter's simulation with bare physics."""
+    world, database = _load(request)
+    monitor.begin("filtering")
+    return speed.bench_filter(world, database, seed=request.seed, repeats=request.n)
+
+
+def _bench_faults(request: BenchFaults, monitor: Monitor) -> Figures:
+    """Inject each kind of fault in the middle of a motion, or of a held stand."""
+    world, cases = load_world(request), len(fault_injection.CASES)
+    robot, is_stand = world.robot, request.motion == STANDING
+    motion = make_stand(robot) if is_stand else find_motion(robot, request.motion)
+    return _count(
+        request, monitor, fault_injection.bench_faults, world, motion, count=cases, of="cases"
+    )
+
+
+def _bench_kill(request: BenchKill, monitor: Monitor) -> Figures:
+    """Kill the program in the middle of a rise."""
+    world = load_world(request)
+    motion = find_motion(world.robot, request.motion)
+    return _count(
+        request, monitor, fault_injection.bench_kill, world, motion, count=request.n, of="kills"
+    )
+
+
+def _bench_soak(request: BenchSoak, monitor: Monitor) -> Figures:
+    """Rise, hold, lie down, tumble and rise again for a time on the bus."""
+    planner = PlannedRise(*_load(request))
+    count = monitor.count("bus time [s]", round(request.duration))
+    return soak.bench_soak(planner, seed=request.seed, duration=request.duration, report=count)
+
+
+BENCHMARKS: dict[type[Request], Callable[[Any, Monitor], Figures]] = {
+    BenchRise: _bench_rise,
+    BenchMethods: _bench_methods,
+    BenchDisturbed: _bench_disturbed,
+    BenchScenes: _bench_scenes,
+    BenchMotions: _bench_motions,
+    BenchSit: _bench_sit,
+    BenchFilter: _bench_filter,
+    BenchFaults: _bench_faults,
+    BenchKill: _bench_kill,
+    BenchSoak: _bench_soak,
+}
+"""What runs a request."""
+
+
+def _count(
+    request: Any,
+    monitor: Monitor,
+    bench: Callable[..., Figures],
+    *subjects: Any,
+    count: int,
+    of: str,
+) -> Figures:
+    """Run a benchmark that reports each of a number of steps."""
+    advance = monitor.count(of, count)
+    return bench(*subjects, seed=request.seed, each=request.n, report=lambda _: advance(1))
+
+
+def _load(request: SceneOptions) -> tuple[World, MotionDatabase]:
+    world = load_world(request)
+    with refusing():
+        return world, load_database(world.robot)

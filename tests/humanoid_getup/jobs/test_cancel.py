@@ -1,0 +1,88 @@
+"""A job that is cancelled ends between two pieces, and leaves nothing half-written."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from small_humanoid import small_humanoid
+
+from humanoid_getup.jobs.build_motions import build_motions
+from humanoid_getup.jobs.check_robot import check_robot
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.extract_style import extract_style
+from humanoid_getup.jobs.import_robot import import_robot
+from humanoid_getup.jobs.plan_path import plan
+from humanoid_getup.jobs.requests.motions import BuildRequest
+from humanoid_getup.jobs.requests.plan import PlanRequest
+from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
+from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.style import ExtractRequest
+from humanoid_getup.long_work.progress import CancelledError, Progress
+
+Job = Callable[..., object]
+
+
+class Stop:
+    """Cancels after so many reports."""
+
+    def __init__(self, reports: int) -> None:
+        self.left = reports
+        self.phases: list[str] = []
+
+    def report(self, progress: Progress) -> None:
+        self.left -= 1
+        self.phases.append(progress.phase)
+
+    def is_wanted(self) -> bool:
+        return self.left <= 0
+
+
+@pytest.mark.parametrize("reports", [1, 2])
+@pytest.mark.parametrize(
+    ("job", "request_"),
+    [
+        (check_robot, CheckRequest(robot="op3")),
+        (plan, PlanRequest(origin="prone")),
+    ],
+)
+def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: Request, reports: int):
+    stop = Stop(reports)
+    with pytest.raises(CancelledError):
+        job(request_, stop.report, stop.is_wanted)
+    assert len(stop.phases) == reports
+
+
+def test_a_cancelled_import_makes_no_folder(tmp_path: Path):
+    model = tmp_path / "small.xml"
+    model.write_text(small_humanoid())
+    stop = Stop(1)
+    with pytest.raises(CancelledError):
+        import_robot(ImportRequest(model=model, out=tmp_path / "new"), stop.report, stop.is_wanted)
+    assert list(tmp_path.iterdir()) == [model]
+
+
+def test_a_cancelled_extraction_writes_no_style(tmp_path: Path):
+    stop = Stop(1)
+    request = ExtractRequest(source="squat_to_stand", finish=True, out=tmp_path / "mine.toml")
+    with pytest.raises(CancelledError):
+        extract_style(request, stop.report, stop.is_wanted)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cancelled_build_ends_its_workers_and_keeps_no_motion(copied_op3: Path):
+    before = sorted(copied_op3.rglob("*"))
+    request = BuildRequest(names=("squat_to_stand",), robot=str(copied_op3), jobs=1)
+    stop = Stop(1)
+    with pytest.raises(CancelledError):
+        build_motions(request, stop.report, stop.is_wanted)
+    assert stop.phases == ["squat_to_stand"]
+    assert sorted(copied_op3.rglob("*")) == before
+
+
+def test_a_request_that_cannot_be_is_refused_before_any_work():
+    stop = Stop(9)
+    with pytest.raises(BadInputError, match="--from is missing"):
+        plan(PlanRequest(), stop.report)
+    with pytest.raises(BadInputError, match="--max-checks is 0, expected 1 or more"):
+        plan(PlanRequest(origin="prone", max_checks=0), stop.report)
+    assert stop.phases == []

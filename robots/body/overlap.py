@@ -23,7 +23,7 @@ def list_self_contacts(
     """
     bodies = np.sort(model.geom_bodyid[data.contact.geom], axis=1)
     root = model.body_rootid[bodies]
-    own = (root[:, 0] == root[:, 1]) & (root[:, 0] != 0)
+    own = root[:, 0] == root[:, 1]  # what is fixed in the world does not collide with itself
     return bodies[own], -data.contact.dist[own]
 
 

@@ -53,5 +53,15 @@ def test_a_rise_moves_what_bends_legs_and_arms(small: BodyPlan):
     )
 
 
+def test_joints_without_an_image_are_left_out_of_a_rise(small: BodyPlan):
+    """The knee mirrors itself, as that of a model whose other knee is fixed does."""
+    mirror, knee = small.mirror, small.joint_names.index("left_shank_joint")
+    index = mirror.index.copy()
+    index[knee] = knee
+    odd = replace(small, mirror=replace(mirror, index=index))
+    assert "left_shank_joint" not in list_rising(odd, 0.0 * small.lower)
+    assert "left_thigh_joint" in list_rising(odd, 0.0 * small.lower)
+
+
 def test_the_joint_that_spreads_legs_rolls_the_hip(small: BodyPlan):
     assert list_spreading(small, 0.0 * small.lower) == ("left_hip_roll_joint",)

@@ -1,10 +1,13 @@
 """Soles: the flat face that looks down, where the ground touches it, and the mass above it."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tiny_robots import LEGS, make_robot
 
 from robots import Robot
 from robots.body.soles import (
@@ -75,6 +78,16 @@ def test_a_face_is_tilted_as_far_as_it_was_turned(angle: float, way: float):
 def test_the_points_of_a_sole_are_in_its_sites_frame(op3: Robot, site: str):
     points = list_sole_points(op3.spec().compile(), site)
     assert points[:, 2].min() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_is_above_the_ground_does_not_carry(tmp_path: Path):
+    """A guard of 26 cm about the foot, 2 cm above the ground: the edge stays 3 cm ahead."""
+    guard = '<geom type="box" size="0.13 0.02 0.005" pos="0 0 -0.075" mass="1e-6"/>'
+    sole = '<site name="l_sole" pos="0 0 -0.1"/>'
+    assert sole in LEGS
+    robot = make_robot(tmp_path, LEGS.replace(sole, sole + guard))
+    margin = measure_support_margin(robot, robot.spec().compile())
+    assert margin == pytest.approx(0.03, abs=1e-4)
 
 
 def test_the_margin_shrinks_by_what_the_soles_do(tiny: Robot):

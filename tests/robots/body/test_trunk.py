@@ -44,3 +44,14 @@ def test_the_chest_is_turned_where_it_is_asked_to(bending: Robot):
     assert found[trunk.joints] == pytest.approx([0.4, -0.3], abs=0.01)
     others = [k for k in range(bending.n) if k not in trunk.joints]
     assert found[others] == pytest.approx(wanted[others])
+
+
+def test_a_chest_whose_own_frame_is_turned_is_upright_at_rest(tmp_path: Path):
+    chest = limb("chest", '0 0 0.1" euler="20 0 0', axis="1 0 0", inside=NECK)
+    folder = tmp_path / "turned"
+    make_robot(folder, LEGS + chest.replace('"neck"', '"top"'))
+    text = (folder / "robot.toml").read_text("utf-8")
+    (folder / "robot.toml").write_text(text.replace('neck_site = "neck"', 'neck_site = "top"'))
+    trunk = Trunk(load_robot(folder))
+    found = trunk.solve(np.eye(3), np.full(5, 0.2))
+    assert found[trunk.joints] == pytest.approx([0.0], abs=1e-3)

@@ -1,0 +1,53 @@
+"""How far a posture is from standing balanced on flat soles, by hand."""
+
+import numpy as np
+import pytest
+
+from robots.body.body_plan import BodyPlan
+from robots.body.flat_soles import FlatSoles, Foot, fit_posture
+from robots.body.leg import Leg
+
+
+def test_errors_are_shares_of_a_leg(small: BodyPlan):
+    """By hand: legs that should be a tenth longer than they are, soles flat below the hips."""
+    small.view.look(np.zeros(len(small.joint_names)))
+    leg = small.left_leg
+    soles = FlatSoles(view=small.view, feet=[Foot.stand(leg)], length=0.3)
+    lean, errors = soles.measure(0.33)
+    width, height, balance = errors[2], errors[3], errors[4]
+    assert lean == pytest.approx([0.0])
+    assert errors[:2] == pytest.approx([0.0, 0.0])
+    assert (width, height) == (pytest.approx(0.0), pytest.approx(-0.1))
+    ahead = small.view.center_of_mass[0] - leg.sole_position[0]
+    assert balance == pytest.approx(ahead / 0.3)
+
+
+def test_a_foot_in_front_of_the_other_is_off_by_the_stride(small: BodyPlan):
+    small.view.look(np.zeros(len(small.joint_names)))
+    legs = [
+        Leg(small.view, joints, small.model.site(sole).id)
+        for joints, sole in zip(small.legs, small.soles, strict=True)
+    ]
+    feet = [Foot.stand(leg) for leg in legs]
+    lean, errors = FlatSoles(view=small.view, feet=feet, length=0.3, stride=0.06).measure(0.3)
+    assert lean == pytest.approx([0.0, 0.0])
+    assert len(errors) == 3 + 2 * 4 + 2  # parallel soles, each in place, stride, balance
+    assert errors[:11] == pytest.approx(np.zeros(11), abs=1e-9)
+    assert errors[11] == pytest.approx(-0.06 / 0.3)
+
+
+def test_fitted_angles_stay_within_their_bounds_and_near_where_they_were():
+    """By hand: an angle that should be 2 rad may be 1 rad, one that nothing asks for stays."""
+    looked = []
+
+    def look(values: np.ndarray) -> np.ndarray:
+        looked.append(values.copy())
+        return np.append(values, 9.0)
+
+    def measure() -> np.ndarray:
+        return np.array([looked[-1][0] - 2.0])
+
+    bounds = (-np.ones(2), np.ones(2))
+    found = fit_posture(look, measure, np.zeros(2), np.array([0.0, 0.4]), bounds)
+    assert found == pytest.approx([1.0, 0.4, 9.0], abs=1e-3)
+    assert looked[-1] == pytest.approx(found[:2])

@@ -65,6 +65,7 @@ def test_the_saved_path_can_be_drawn_and_judged(out: Path, tmp_path: Path):
         assert main(["motions", "show", path, "--out", str(tmp_path / "shown.png")]) == 0
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_path_leads_through_keys_to_a_posture(lying: str, tmp_path: Path, op3: Robot):
     wanted = ["--key", KEY, "--to", "motions:squat_to_stand@0"]
     code, record = run(
@@ -100,6 +101,7 @@ def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
     assert not out.exists() or list(out.iterdir()) == []
 
 
+@pytest.mark.usefixtures("no_film")
 def test_the_beginning_of_the_best_path_is_kept_on_request(short: list[str], tmp_path: Path):
     code, record = run(
         *short, "--keep-partial", "--out", str(tmp_path), file=tmp_path / "plan.json"
@@ -127,6 +129,7 @@ def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.Ca
     assert f"{KEY} at {key['time_s']:.2f} s" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("no_film")
 def test_from_under_a_table_the_path_leads_out_first(tmp_path: Path):
     arguments = ["plan", "--from", "right", "--scene", "table", "--seed", "10"]
     code, record = run(*arguments, "--out", str(tmp_path), file=tmp_path / "plan.json")
@@ -138,6 +141,7 @@ def test_from_under_a_table_the_path_leads_out_first(tmp_path: Path):
     assert record["way_out_m"] > 0.3
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_path_of_another_body_says_so_and_is_refused_by_the_original(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

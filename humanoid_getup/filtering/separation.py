@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.simulation.world import World
+from robots.body.overlap import find_self_contacts
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
@@ -98,9 +99,10 @@ class Separation:
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
         touches = []
-        for contact in data.contact[: data.ncon]:
+        for k in np.flatnonzero(find_self_contacts(model, data)):
+            contact = data.contact[int(k)]
             a, b = (int(body) for body in model.geom_bodyid[contact.geom])
-            if contact.dist < 0.0 and model.body_rootid[a] == model.body_rootid[b] != 0:
+            if contact.dist < 0.0:
                 normal = contact.frame[:3]
                 apart = self._jacobian(contact.pos, b) - self._jacobian(contact.pos, a)
                 depth = -float(contact.dist)

@@ -12,24 +12,19 @@ DEEP = 0.001  # m; shapes that only touch are less deep in each other
 Pair = tuple[int, int]
 
 
-def list_self_contacts(
-    model: mujoco.MjModel, data: mujoco.MjData
-) -> tuple[NDArray[np.integer], Array]:
-    """List the present contacts of moving bodies with others of the same tree.
+def find_self_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
+    """Find which of the present contacts are between bodies of one tree, (ncon,).
 
-    Returns:
-        The two bodies of each, the lower one first, (c, 2), and how deep they are [m], (c,);
-        negative for shapes that are still apart.
+    What is fixed in the world does not collide with itself.
     """
-    bodies = np.sort(model.geom_bodyid[data.contact.geom], axis=1)
-    root = model.body_rootid[bodies]
-    own = root[:, 0] == root[:, 1]  # what is fixed in the world does not collide with itself
-    return bodies[own], -data.contact.dist[own]
+    root = model.body_rootid[model.geom_bodyid[data.contact.geom]]  # (ncon, 2)
+    return root[:, 0] == root[:, 1]
 
 
 def measure_self_overlap(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Measure how deep a body reaches into itself, by the present contacts [m]."""
-    return float(list_self_contacts(model, data)[1].max(initial=0.0))
+    own = find_self_contacts(model, data)
+    return float(np.max(-data.contact.dist[own], initial=0.0))
 
 
 def measure_pair_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
@@ -38,8 +33,9 @@ def measure_pair_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     Only the upper triangle is filled. Bodies that only touch, or are apart, have 0.
     """
     deepest = np.zeros((model.nbody, model.nbody))
-    bodies, depth = list_self_contacts(model, data)
-    np.maximum.at(deepest, tuple(bodies.T), depth)
+    own = find_self_contacts(model, data)
+    bodies = np.sort(model.geom_bodyid[data.contact.geom[own]], axis=1)
+    np.maximum.at(deepest, tuple(bodies.T), -data.contact.dist[own])
     return deepest
 
 

@@ -424,6 +424,12 @@ def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
     assert rig.peek("torque_enable") == [1, 1]
 
 
+def test_a_cycle_counts_on_servos_that_reply_at_once(rig):
+    """The factory's delay of 500 µs would leave no time for what is read in the background."""
+    assert [chain.bus.return_delay for chain in rig.backend.chains] == [0.0]
+    assert rig.peek("return_delay_time") == [0, 0]
+
+
 def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
     """Goals would begin where the joint was: two cycles without a reply are bridged, four not."""
     for cycles, torque in ((2, 1), (4, 0)):

@@ -152,6 +152,15 @@ def test_in_velocity_mode_a_servo_turns_at_its_goal(floating: VirtualRobot):
     assert speed == pytest.approx([40, 40], abs=3)
 
 
+def test_a_servo_behind_a_gear_turns_at_its_goal_itself(geared: Robot):
+    virtual = float_in_space(geared)
+    drive_in(virtual, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
+    speed = [servo.peek("present_velocity") for servo in virtual.servos]
+    assert speed == pytest.approx([40, 40], abs=3)
+    # 40 counts of 0.229 rev/min are 0.959 rad/s, behind the gears divided by 1.2 and 10/11.
+    assert np.abs(virtual.simulation.joint_vel) == pytest.approx([0.799, 1.055], abs=0.08)
+
+
 def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Robot):
     virtual = float_in_space(coupled)
     drive_in(virtual, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
@@ -167,13 +176,16 @@ def test_in_pwm_mode_a_share_of_the_supply_gives_a_share_of_the_top_speed(floati
     # 177 of 885 is a fifth; of 4.82 rad/s no-load speed, less dry friction's share.
     drive_in(floating, OperatingMode.PWM, "goal_pwm", 177, 0.3)
     speed = floating.simulation.joint_vel
-    assert 0.5 * 0.964 < abs(speed[0]) <= 0.964
+    assert 0.5 * 0.964 < speed[0] <= 0.964
+    assert -0.964 <= speed[1] < 0.5 * -0.964, "the second servo sits the other way round"
 
 
 def test_in_current_mode_a_blocked_servo_draws_its_goal(floating: VirtualRobot):
     floating.simulation.model.jnt_range[1:] = [[0.0, 0.001]] * 2
     drive_in(floating, OperatingMode.CURRENT, "goal_current", 200, 0.3)
-    assert floating.servos[0].peek("present_current") == pytest.approx(200, abs=12)
+    currents = [servo.peek("present_current") for servo in floating.servos]
+    assert currents == pytest.approx([200, 200], abs=12)
+    assert floating.simulation.joint_current[0] > 0.0 > floating.simulation.joint_current[1]
 
 
 def test_in_current_based_position_mode_the_current_has_a_limit(floating: VirtualRobot):

@@ -43,4 +43,4 @@ def test_a_motion_that_stands_is_kept_once(run: Run, gnome: Path):
 def test_a_robot_is_not_retargeted_to_itself(run: Run):
     code, _, error = run("motions", "retarget", "--robot", "op3")
     assert code == 2
-    assert error == "getup: --from is op3, the robot itself, expected another robot\n"
+    assert error == "getup: --source is op3, the robot itself, expected another robot\n"

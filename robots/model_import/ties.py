@@ -76,7 +76,8 @@ def _list_equalities(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tup
             jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
         )
     else:
-        jacobian[:] = data.efc_J.reshape(data.nefc, model.nv)
+        # The array may be longer: MuJoCo drops the rows of a loop that holds nothing.
+        jacobian[:] = data.efc_J[: jacobian.size].reshape(jacobian.shape)
     loops = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
     for k in np.flatnonzero(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY):
         yield jacobian[k], mujoco.mjtEq(int(model.eq_type[data.efc_id[k]])) in loops

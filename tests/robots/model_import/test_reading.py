@@ -1,0 +1,87 @@
+"""Model files are told apart by their root; MJCF keeps its keyframe, motors and loops."""
+
+from pathlib import Path
+
+import pytest
+
+from robots.model_import.reading import read_model
+from robots.model_import.source import ModelSource
+
+LEGS = """<mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>
+<body name="a" pos="0 0 -0.2"><joint name="hip" range="-60 60"/><geom size="0.05"/>
+<body name="b" pos="0 0 -0.2"><joint name="knee" range="-60 60" {knee}/><geom size="0.05"/></body>
+</body></body></worldbody>{more}</mujoco>"""
+
+
+def read(folder: Path, more: str = "", knee: str = "") -> ModelSource:
+    path = folder / "model.xml"
+    path.write_text(LEGS.format(more=more, knee=knee))
+    return read_model(path)
+
+
+@pytest.mark.parametrize(
+    ("motor", "effort"),
+    [
+        ('<motor joint="hip" forcerange="-3 2"/>', 3.0),
+        ('<motor joint="hip" ctrlrange="-4 4" gear="2"/>', 8.0),
+        ('<motor joint="hip" forcerange="-3 3" gear="-2"/>', 6.0),
+        ('<position joint="hip" kp="10" forcerange="-1 1"/>', 1.0),
+        ('<position joint="hip" kp="10" ctrlrange="-1 1"/>', None),  # a range of angles
+        ('<motor joint="hip"/>', None),
+    ],
+)
+def test_the_torque_of_a_joint_is_that_of_its_actuator(tmp_path: Path, motor: str, effort):
+    source = read(tmp_path, f"<actuator>{motor}</actuator>")
+    assert [*source.actuators] == ["hip"]
+    assert source.actuators["hip"].effort == pytest.approx(effort)
+
+
+def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
+    limit = 'actuatorfrcrange="-0.5 0.5"'
+    assert read(tmp_path, knee=limit).actuators["knee"].effort == 0.5
+    motor = '<actuator><motor joint="knee" forcerange="-3 3"/></actuator>'
+    assert read(tmp_path, motor, limit).actuators["knee"].effort == 0.5
+
+
+@pytest.mark.parametrize(
+    ("keys", "hip"),
+    [
+        ('<key name="first" qpos="0 0 0 1 0 0 0 .1 0"/>', 0.1),
+        (
+            '<key name="first" qpos="0 0 0 1 0 0 0 .1 0"/>'
+            '<key name="Standing" qpos="0 0 0 1 0 0 0 .2 0"/>',
+            0.2,
+        ),
+    ],
+)
+def test_the_stance_is_a_keyframe_by_its_name_or_the_first(tmp_path: Path, keys: str, hip: float):
+    source = read(tmp_path, f"<keyframe>{keys}</keyframe>")
+    assert source.stance == {"hip": pytest.approx(hip), "knee": 0.0}
+
+
+def test_a_model_without_keyframe_has_no_stance(tmp_path: Path):
+    assert read(tmp_path).stance == {}
+
+
+@pytest.mark.parametrize("anchor", ["0 0 -0.4", "0.03 0.02 -0.37"])
+def test_loops_name_the_bodies_that_they_join(tmp_path: Path, anchor: str):
+    """The first is at the origin of the body, where MuJoCo makes no constraint of it."""
+    loop = f'<equality><connect body1="trunk" body2="b" anchor="{anchor}"/></equality>'
+    source = read(tmp_path, loop)
+    assert [tuple(source.model.body(b).name for b in pair) for pair in source.loops] == [
+        ("trunk", "b")
+    ]
+
+
+def test_what_belongs_to_another_file_is_left_out(tmp_path: Path):
+    """Sensors and contact pairs may name parts of a scene; shapes that pairs named collide."""
+    more = '<contact><pair geom1="x" geom2="y"/></contact>'
+    more += '<sensor><framepos objtype="site" objname="s"/></sensor>'
+    geoms = '<site name="s"/><geom name="x" size="0.1" contype="0" conaffinity="0"/>'
+    geoms += '<geom name="y" size="1 1 1" type="plane"/>'
+    path = tmp_path / "model.xml"
+    text = LEGS.format(more=more, knee="").replace("<worldbody>", f"<worldbody>{geoms}")
+    path.write_text(text)
+    model = read_model(path).model
+    assert (model.npair, model.nsensor) == (0, 0)
+    assert model.geom("x").contype == 1

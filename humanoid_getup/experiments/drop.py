@@ -31,39 +31,48 @@ class FallError(ValueError):
     """Falls do not lead to the wanted postures."""
 
 
-def drop(
-    sim: VecSim,
-    settled_speed: float,
-    rng: np.random.Generator,
-    longest: float = LONGEST_FALL,
-    regions: Sequence[StartRegion] = (),
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Drop the robots of a simulation in random postures, torque off, and let them settle.
+class Drops:
+    """Drops robots of one world with torque off, so many at a time."""
 
-    A robot has settled when all its coordinates are slower than a speed [rad/s, m/s]. They are
-    dropped in ``regions`` of the scene, or in all of them.
+    def __init__(self, world: World, count: int, *, threads: int = 0) -> None:
+        """Prepare to drop so many at a time; 0 threads are one per processor."""
+        self.world, self.count = world, count
+        self._sim = VecSim(world, count, threads=threads)
 
-    Returns:
-        Final MuJoCo positions (N, nq), and which robots settled, (N,).
-    """
-    robot, model = sim.robot, sim.model
-    drops = DropSampler(sim.world, regions or sim.world.scene.starts or (ANYWHERE,))
-    qpos = np.array([drops.sample(rng) for _ in sim.everyone])
-    sim.set_parameters(sim.everyone, DomainParameters.nominal(sim.world, sim.n, torque_limit=0.0))
-    sim.place(sim.everyone, qpos)
-    hold = _count_sample_steps(sim)
-    sample_time = hold * model.opt.timestep
-    window = round(SETTLED_TIME / sample_time)
-    moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
-    while time < longest - 1e-9 and len(moving):
-        targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
-        went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
-        time, duration = time + duration, NEXT_CHECK
-        qpos[moving] = went[:, -1]
-        speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
-        moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
-    settled = ~np.isin(sim.everyone, moving)
-    return qpos, settled
+    def drop(
+        self,
+        settled_speed: float,
+        rng: np.random.Generator,
+        longest: float = LONGEST_FALL,
+        regions: Sequence[StartRegion] = (),
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Drop the robots in random postures, and let them settle.
+
+        A robot has settled when all its coordinates are slower than a speed [rad/s, m/s]. They are
+        dropped in ``regions`` of the scene, or in all of them.
+
+        Returns:
+            Final MuJoCo positions (N, nq), and which robots settled, (N,).
+        """
+        sim, world = self._sim, self.world
+        robot, model = world.robot, world.model
+        drops = DropSampler(world, regions or world.scene.starts or (ANYWHERE,))
+        qpos = np.array([drops.sample(rng) for _ in sim.everyone])
+        sim.set_parameters(sim.everyone, DomainParameters.nominal(world, sim.n, torque_limit=0.0))
+        sim.place(sim.everyone, qpos)
+        hold = _count_sample_steps(sim)
+        sample_time = hold * model.opt.timestep
+        window = round(SETTLED_TIME / sample_time)
+        moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
+        while time < longest - 1e-9 and len(moving):
+            targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
+            went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
+            time, duration = time + duration, NEXT_CHECK
+            qpos[moving] = went[:, -1]
+            speed = np.abs(np.diff(went[:, -window:], axis=1)).max(axis=(1, 2)) / sample_time
+            moving = moving[(speed >= settled_speed) | sim.diverged[moving]]
+        settled = ~np.isin(sim.everyone, moving)
+        return qpos, settled
 
 
 def _count_sample_steps(sim: VecSim) -> int:

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.drop import FallError, drop
+from humanoid_getup.experiments.drop import Drops, FallError
 from humanoid_getup.experiments.play import play
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
-from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.arrays import load_arrays, save_arrays, to_numbers, to_text
@@ -105,7 +104,7 @@ def _sample(
     """Sample falls; return them, how many robots were dropped and how many were left out."""
     bare = replace(world.scene, obstacles=(), starts=())
     is_settled = any(start.is_settled for start in world.scene.starts)
-    sim = VecSim(World(world.robot, bare) if is_settled else world, BATCH)
+    drops = Drops(World(world.robot, bare) if is_settled else world, BATCH)
     clearance = Clearance(world)
     wanted = dict(counts)
     falls: list[Fall] = []
@@ -123,9 +122,9 @@ def _sample(
             )
         in_vain += 1
         regions = _choose(world.scene, wanted)
-        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=() if is_settled else regions)
+        qpos, settled = drops.drop(SETTLED_SPEED, rng, regions=() if is_settled else regions)
         left_out += int(np.sum(~settled))
-        for posture in (read_posture(world.robot, sim.model, q) for q in qpos[settled]):
+        for posture in (read_posture(world.robot, drops.world.model, q) for q in qpos[settled]):
             found = classify(posture.orientation)
             region = next((r for r in regions if r.start_class == found), None)
             if region is not None and is_settled:

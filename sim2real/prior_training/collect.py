@@ -9,12 +9,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.experiments.starts import CLASSES, sample_fall_set
 from humanoid_getup.long_work.worker_pool import worker_pool
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -132,7 +132,7 @@ def roll_out(
     action = policy.action
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
     rng = np.random.default_rng([seed, PRIOR_SEED, *name.encode()])
-    falls = drop_falls(VecSim(world, count), count, rng)
+    falls = drop_falls(Drops(world, count), count, rng)
     rollouts = roll_out_policy(sim, action, policy.act, falls, duration=LONGEST)
     model = robot.spec().compile()
     for row in np.flatnonzero(rollouts.outcome.stood):

@@ -3,12 +3,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import mirror_positions
-from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
 from sim2real.environment.starts.settled_falls import drop_falls
 from sim2real.environment.starts.start_pool import StartPool
@@ -41,8 +41,7 @@ def delayed_world(op3: Robot) -> World:
 @pytest.fixture(scope="session")
 def falls(op3: Robot, world: World) -> np.ndarray:
     """Eight settled falls and their mirror images, (16, nq)."""
-    sim = TrainingSim(world, 8, cycles=6, threads=1)
-    fallen = drop_falls(sim, 8, np.random.default_rng(0))
+    fallen = drop_falls(Drops(world, 8, threads=1), 8, np.random.default_rng(0))
     return np.concatenate([fallen, mirror_positions(op3, world.model, fallen)])
 
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import FallError, drop
+from humanoid_getup.experiments.drop import Drops, FallError
 from humanoid_getup.scenes.start_region import StartRegion
-from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots.kinematics import mirror_positions
 from robots.quaternion import Array
@@ -26,8 +25,8 @@ BATCH = 512  # robots that are dropped together
 
 def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
     """Make a pool of ``count`` settled falls and their mirror images."""
-    sim = VecSim(world, min(count, BATCH))
-    falls = drop_falls(sim, count, rng)
+    drops = Drops(world, min(count, BATCH))
+    falls = drop_falls(drops, count, rng)
     return StartPool.of(np.concatenate([falls, mirror_positions(world.robot, world.model, falls)]))
 
 
@@ -39,10 +38,10 @@ def make_terrain_pool(
     There are ``count`` on each of two patches of a level, and twice as many if it has only one.
     """
     falls, levels = [], []
-    sim = VecSim(world, min(count, BATCH))
+    drops = Drops(world, min(count, BATCH))
     for patch in terrain.patches:
         beside = sum(other.level == patch.level for other in terrain.patches)
-        falls.append(drop_falls(sim, 2 * count // beside, rng, (patch.region,)))
+        falls.append(drop_falls(drops, 2 * count // beside, rng, (patch.region,)))
         levels.append(np.full(len(falls[-1]), patch.level))
     return StartPool.of(np.concatenate(falls), np.concatenate(levels))
 
@@ -56,7 +55,7 @@ def pool_rng(seed: int) -> np.random.Generator:
 
 
 def drop_falls(
-    sim: VecSim, count: int, rng: np.random.Generator, regions: Sequence[StartRegion] = ()
+    drops: Drops, count: int, rng: np.random.Generator, regions: Sequence[StartRegion] = ()
 ) -> Array:
     """Drop robots with torque off in random postures until ``count`` have settled, (count, nq).
 
@@ -66,17 +65,17 @@ def drop_falls(
         FallError: if too few settle.
     """
     found: list[Array] = []
-    rounds = MOST_ROUNDS * math.ceil(count / sim.n)
+    rounds = MOST_ROUNDS * math.ceil(count / drops.count)
     for _ in range(rounds):
-        qpos, settled = drop(sim, SETTLED_SPEED, rng, regions=regions)
+        qpos, settled = drops.drop(SETTLED_SPEED, rng, regions=regions)
         if regions:
-            root = sim.robot.layout(sim.model).root_position
+            root = drops.world.robot.layout(drops.world.model).root_position
             inside = [any(region.spans(row[root]) for region in regions) for row in qpos]
             settled &= np.array(inside)
         found.append(qpos[settled])
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]
     raise FallError(
-        f"robot '{sim.robot.name}' does not come to rest: {sum(map(len, found))} of "
-        f"{rounds * sim.n} falls settled, expected {count}"
+        f"robot '{drops.world.robot.name}' does not come to rest: {sum(map(len, found))} of "
+        f"{rounds * drops.count} falls settled, expected {count}"
     )

@@ -3,16 +3,15 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbance import Scenarios
+from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.experiments.play import play
 from humanoid_getup.experiments.starts import (
     FallSet,
     classify,
-    drop,
     sample_fall_set,
     sample_falls,
 )
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.vectorized_simulation import VecSim
 from robots import quaternion
 from robots.kinematics import lowest_point, place
 
@@ -103,7 +102,7 @@ def test_a_robot_that_moves_longer_is_given_more_time(world):
     """At a bound below the creep of limp joints, time settles more of them, never fewer."""
     settled = []
     for longest in (3.0, 5.0):
-        sim = VecSim(world, 12)
-        settled.append(drop(sim, 0.02, np.random.default_rng(0), longest)[1])
+        drops = Drops(world, 12)
+        settled.append(drops.drop(0.02, np.random.default_rng(0), longest)[1])
     assert np.all(settled[1] >= settled[0])
     assert settled[1].sum() > settled[0].sum()

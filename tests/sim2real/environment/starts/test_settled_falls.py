@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.experiments.drop import DropSampler
+from humanoid_getup.experiments.drop import Drops, DropSampler
 from humanoid_getup.experiments.starts import FallError, sample_falls
 from humanoid_getup.simulation.world import World
 from robots.kinematics import lowest_point, mirror_positions
@@ -50,8 +50,7 @@ def test_falls_lie_still_within_their_limits(op3, world, falls):
 
 def test_one_seed_makes_one_set_of_falls(world):
     def drop(seed: int, threads: int) -> np.ndarray:
-        sim = TrainingSim(world, 4, cycles=6, threads=threads)
-        return drop_falls(sim, 6, np.random.default_rng(seed))
+        return drop_falls(Drops(world, 4, threads=threads), 6, np.random.default_rng(seed))
 
     assert np.array_equal(drop(1, 1), drop(1, 2))
     assert not np.array_equal(drop(1, 1), drop(2, 1))
@@ -60,10 +59,9 @@ def test_one_seed_makes_one_set_of_falls(world):
 def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
     monkeypatch.setattr(settled_falls, "SETTLED_SPEED", 0.0)
     monkeypatch.setattr(settled_falls, "MOST_ROUNDS", 2)
-    sim = TrainingSim(world, 2, cycles=6, threads=1)
     told = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
     with pytest.raises(FallError, match=told):
-        drop_falls(sim, 3, np.random.default_rng(0))
+        drop_falls(Drops(world, 2, threads=1), 3, np.random.default_rng(0))
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import load_robot
 from robots.encoding import to_json
 from robots.files import write_atomically
@@ -128,7 +128,7 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
     judged = preflight(world, plan.motion, voltage=VOLTAGE, start=fall.posture)
     record |= asdict(measure_quality(world, plan.motion))
     record["saturation_s"] = float(judged.figures.saturation.max())
-    options = SessionOptions(preflight=strategy.filtering)
+    options = SessionOptions(preflight=strategy.options.filtering)
     rng, twin = np.random.default_rng(seed), Twin(world, fall.posture)
     played = get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
     return record | {"stood": played.stood, "reason": played.reason}
@@ -152,8 +152,8 @@ def main(n: int = 20, seed: int = 0, json: Path | None = None) -> None:
     falls = sample_falls(world, dict.fromkeys(BENCH_CLASSES, n), np.random.default_rng(seed))
     halves = {
         "whole": PlannedRise(world),
-        "no filtering": PlannedRise(world, filtering=False),
-        "no planning": PlannedRise(world, planning=False),
+        "no filtering": PlannedRise(world, options=PlannerOptions(filtering=False)),
+        "no planning": PlannedRise(world, options=PlannerOptions(planning=False)),
     }
     rises: dict[str, list[dict[str, Any]]] = {}
     with counting("rises", len(falls) * len(halves)) as advance:

@@ -32,7 +32,7 @@ def bench_rise(
     """Rise by plans from ``each`` settled falls of every class on the twin."""
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
-    records = rise_all(strategy, falls, seed, {}, report, preflight=strategy.filtering)
+    records = rise_all(strategy, falls, seed, {}, report, preflight=strategy.options.filtering)
     return {
         "name": "rise",
         "seed": seed,
@@ -41,9 +41,9 @@ def bench_rise(
         "scene": strategy.world.scene.name,
         "torque_limit_nm": strategy.torque_limit.value,
         "limit_by": strategy.torque_limit.by,
-        "planning": strategy.planning,
-        "filtering": strategy.filtering,
-        "assistance": strategy.assistance,
+        "planning": strategy.options.planning,
+        "filtering": strategy.options.filtering,
+        "assistance": strategy.options.assistance,
         "prefer": strategy.prefer,
         "search_budget_s": strategy.search_budget,
         "classes": {

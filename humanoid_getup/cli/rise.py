@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,24 +26,13 @@ from humanoid_getup.jobs.inputs import (
 )
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.choice import StrategyRequest, apply_style, choose_strategy
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.selection import StrategySelector
+from humanoid_getup.strategies.planned_rise import PlannerOptions
 from humanoid_getup.strategies.stored_motion import StoredMotion
-from humanoid_getup.strategies.styled_rise import PLANNED, StyledRise
-from humanoid_getup.strategies.track_record import (
-    PLAN,
-    POLICY,
-    StrategyId,
-    TrackRecord,
-    load_track_record,
-)
-
-DEFAULT_POLICY = "robust"
-STYLED_POLICY = "styled"
+from humanoid_getup.strategies.track_record import POLICY
 
 
 def rise(command: Rise) -> int:
@@ -69,7 +59,8 @@ def run_policy(command: RunPolicy) -> int:
     name = Path(command.policy).stem
     limit = make_torque_limit(command, world.robot)
     learned = LearnedRise(world, policy, torque_limit=limit, name=name)
-    strategy = _apply_style(learned, command.style)
+    with refusing():
+        strategy = apply_style(learned, command.style)
     return _get_up(command, strategy, extra={"method": POLICY})
 
 
@@ -97,48 +88,18 @@ def play(command: Play) -> int:
 
 def _select_strategy(command: Rise, world: World) -> Strategy:
     """Load what the method needs, before any robot is touched."""
-    robot, limit = world.robot, make_torque_limit(command, world.robot)
+    request = StrategyRequest(
+        method=command.method,
+        torque_limit=make_torque_limit(command, world.robot),
+        prefer=command.prefer,
+        search_budget=command.search_budget,
+        keys=tuple(load_keys(world, command.key)),
+        options=PlannerOptions(planning=command.planning, filtering=command.filtering),
+        policy=command.policy,
+        style=command.style,
+    )
     with refusing():
-        records = load_track_record(robot) if command.method == "auto" else TrackRecord()
-        database = None if command.method == POLICY else load_database(robot)
-    strategies: dict[StrategyId, Strategy] = {}
-    if database is not None:
-        planner = PlannedRise(
-            world,
-            database,
-            planning=command.planning,
-            filtering=command.filtering,
-            torque_limit=limit,
-            prefer=command.prefer,
-            search_budget=command.search_budget,
-            keys=load_keys(world, command.key),
-        )
-        strategies[StrategyId(PLAN)] = use_cache(command, planner)
-    name = command.policy or (STYLED_POLICY if command.style else DEFAULT_POLICY)
-    learned = StrategyId(POLICY, name)
-    is_known = records.knows(learned) and robot.body.is_original
-    if command.method == POLICY or is_known:
-        policy = load_policy(robot, name, command.torque_limit)
-        rise = LearnedRise(world, policy, torque_limit=limit, name=name)
-        strategies[learned] = _apply_style(rise, command.style)
-    return StrategySelector(strategies, records)
-
-
-def _apply_style(learned: LearnedRise, style: str | None) -> Strategy:
-    """Let a policy follow the style of a command, if it has one."""
-    if style is None:
-        return learned
-    with refusing():
-        if style == PLANNED:
-            limit = learned.torque_limit
-            return StyledRise(learned, PlannedRise(learned.world, torque_limit=limit))
-        return LearnedRise(
-            learned.world,
-            learned.policy,
-            torque_limit=learned.torque_limit,
-            name=learned.name,
-            style=style,
-        )
+        return choose_strategy(world, request, partial(use_cache, command))
 
 
 def _get_up(

@@ -17,7 +17,7 @@ OVERHEATING, OVERLOAD = int(HardwareError.OVERHEATING), int(HardwareError.OVERLO
 MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more reboots mean a fault that they do not clear
 ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
-PATIENCE = 4  # cycles that a wait may take for each cycle of its nominal time
+SLACK = 4  # cycles that a wait may take for each cycle of its nominal time
 
 
 @runtime_checkable
@@ -184,7 +184,7 @@ class Recovery:
         pacer = Pacer(guard.period) if self._realtime else None
         state = guard.read()
         begin = state.time
-        for _ in range(PATIENCE * round(most / guard.period)):
+        for _ in range(SLACK * round(most / guard.period)):
             if is_over(state, state.time - begin):
                 return state, True
             if state.time - begin >= most:

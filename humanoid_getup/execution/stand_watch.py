@@ -8,7 +8,7 @@ from drivers import Cycle
 from humanoid_getup.experiments.standing import HOLD
 from humanoid_getup.playback.play import AnyJudge
 
-PATIENCE = 3.0 * HOLD  # s that a released robot goes on being held without a judged stand
+LONGEST_WAIT = 3.0 * HOLD  # s that a released robot is still held without a judged stand
 
 
 class StandWatch:
@@ -46,7 +46,7 @@ class StandWatch:
             return False
         if self._released_at is None:
             self._released_at = self._now
-        return self.stood or self._now - self._released_at > PATIENCE
+        return self.stood or self._now - self._released_at > LONGEST_WAIT
 
     def end(self) -> None:
         """Stop observing."""

@@ -13,8 +13,8 @@ from robots.quaternion import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Patience:
-    """How a motion waits for servos that lag behind their targets.
+class Slowdown:
+    """How a motion slows down for servos that lag behind their targets.
 
     A servo under load stays behind its target by its torque over its stiffness; beyond the
     largest torque it does not follow at all, and a motion that goes on regardless leaves the
@@ -38,8 +38,8 @@ class Candidate:
     connection: Connection
     tempo: float = 1.0
     """Speed of the path as a share of the planned one."""
-    patience: Patience | None = None
-    """How it waits where the servos lag behind; ``None``: it does not wait."""
+    slowdown: Slowdown | None = None
+    """How it slows down where servos lag behind; ``None``: not at all."""
     assistance: float = 1.0
     """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
     before: Array | None = None
@@ -105,4 +105,4 @@ def _known(values: Array | None) -> Array:
     return values
 
 
-NO_PATIENCE = Patience(tolerance=np.inf, band=1.0, slowest=1.0)
+NO_SLOWDOWN = Slowdown(tolerance=np.inf, band=1.0, slowest=1.0)

@@ -13,7 +13,7 @@ from humanoid_getup.experiments.early_stop import LAST_CALL
 from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome
 from humanoid_getup.experiments.play import Feedback, FeedbackLaw
 from humanoid_getup.experiments.record import Record
-from humanoid_getup.filtering.candidate import NO_PATIENCE, Candidate, CandidateRollout
+from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
@@ -92,7 +92,7 @@ class DynamicsFilter:
         Beyond the moment at which its root was highest the robot is taken to have stayed there.
         """
         candidate = rollout.candidate
-        if candidate.patience is not None:  # its cycles are not those of the reference
+        if candidate.slowdown is not None:  # its cycles are not those of the reference
             return candidate
         root = rollout.qpos[rollout.joined :, self._root : self._root + 7]
         height = root[:, 2] - self.world.scene.ground.height(root[:, 0], root[:, 1])
@@ -260,7 +260,7 @@ class _Tracker:
     """Sends references with the virtual actuator added, within the limits of the guard.
 
     Time along a reference, its phase, is counted in control periods. It stands for the time on
-    the clock, except where a patient candidate waits.
+    the clock, except where a candidate slows down.
     """
 
     def __init__(
@@ -286,11 +286,11 @@ class _Tracker:
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
         self._assistance = np.array([c.assistance for c in candidates])[:, None]
-        patience = [c.patience or NO_PATIENCE for c in candidates]
+        slowdown = [c.slowdown or NO_SLOWDOWN for c in candidates]
         self._tolerance, self._band, self._slowest = np.array(
-            [(p.tolerance, p.band, p.slowest) for p in patience]
+            [(p.tolerance, p.band, p.slowest) for p in slowdown]
         ).T
-        self._is_patient = any(c.patience for c in candidates)
+        self._slows_down = any(c.slowdown for c in candidates)
         self._phase = np.zeros(len(references))
         self._anchor = np.zeros(len(references), dtype=int)
         self._last = np.tile(start.joint_pos, (len(references), 1))
@@ -320,7 +320,7 @@ class _Tracker:
     def _proceed(self, state: Feedback) -> None:
         """Let time along the references go on, slower where a joint lags behind its target."""
         rate = np.ones(len(self._phase))
-        if self._is_patient:
+        if self._slows_down:
             lag = np.abs(self._last - state.joint_pos).max(axis=1)
             slowed = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
             rate = np.where(self._phase >= self._begins, slowed, 1.0)
@@ -337,7 +337,7 @@ class _Tracker:
         """Interpolate the references at their phases, (N, n + 6)."""
         phase = np.minimum(self._phase, self._count - 1)
         before = phase.astype(int)
-        if not self._is_patient:
+        if not self._slows_down:
             return self._reference[self._rows, before]
         after = np.minimum(before + 1, self._count - 1)
         share = (phase - before)[:, None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from humanoid_getup.benchmarks import (
@@ -17,7 +18,7 @@ from humanoid_getup.benchmarks import (
 )
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
-from humanoid_getup.jobs.measure_robot import NEAREST, measure_robot
+from humanoid_getup.jobs.measure_robot import measure_robot
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.bench import (
     BenchAll,
@@ -39,14 +40,11 @@ from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_do
 from humanoid_getup.playback.stand_holder import make_stand
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.stored_motion import NearestMotion
+from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Body, Robot
 
-STRAIGHT = "straight"
 Figures = dict[str, Any]
 """Name, seed and n of a benchmark, and the figures of each class or case."""
 
@@ -79,12 +77,14 @@ def _bench_rise(request: BenchRise, monitor: Monitor) -> Figures:
     planner = PlannedRise(
         world,
         database,
-        planning=request.planning,
-        filtering=request.filtering,
-        assistance=request.assistance,
         torque_limit=make_torque_limit(request, world.robot),
         prefer=request.prefer,
         search_budget=request.search_budget,
+        options=PlannerOptions(
+            planning=request.planning,
+            filtering=request.filtering,
+            assistance=request.assistance,
+        ),
     )
     rises = len(rise.BENCH_CLASSES) * request.n
     return _count(request, monitor, rise.bench_rise, planner, count=rises, of="rises")
@@ -94,14 +94,11 @@ def _bench_methods(request: BenchMethods, monitor: Monitor) -> Figures:
     """Compare plans and policies on the same falls."""
     world, database = _load(request)
     limit = make_torque_limit(request, world.robot)
-
-    def make_strategy(name: str) -> Strategy:
-        if name == PLAN:
-            return PlannedRise(world, database, torque_limit=limit)
-        policy = load_policy(world.robot, name, request.torque_limit)
-        return LearnedRise(world, policy, torque_limit=limit, name=name)
-
-    strategies = {name: make_strategy(name) for name in request.ways}
+    with refusing():
+        strategies = {
+            name: make_strategy(world, name, torque_limit=limit, database=database)
+            for name in request.ways
+        }
     rises = len(rise.BENCH_CLASSES) * request.n * len(strategies)
     return _count(request, monitor, rise.bench_methods, strategies, count=rises, of="rises")
 
@@ -112,15 +109,9 @@ def _bench_disturbed(request: BenchDisturbed, monitor: Monitor) -> Figures:
     limit = make_torque_limit(request, world.robot)
     with refusing():
         cases = disturbed.select(world.robot, request.cases)
-    policies = {
-        name: LearnedRise(
-            world,
-            load_policy(world.robot, name, request.torque_limit),
-            torque_limit=limit,
-            name=name,
-        )
-        for name in request.policies
-    }
+        policies = {
+            name: make_strategy(world, name, torque_limit=limit) for name in request.policies
+        }
     rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
     planner = PlannedRise(world, database, torque_limit=limit)
 
@@ -141,21 +132,10 @@ def _bench_scenes(request: BenchScenes, monitor: Monitor) -> Figures:
     limit = make_torque_limit(request, robot)
 
     def make_way(name: str) -> scenes.Way:
-        if name == PLAN:
-            return scenes.Way(lambda world: PlannedRise(world, database, torque_limit=limit))
-        if name == NEAREST:
-            return scenes.Way(
-                lambda world: NearestMotion(world, database, torque_limit=limit), preflight=False
-            )
-        if name == STRAIGHT:
-            return scenes.Way(
-                lambda world: PlannedRise(
-                    world, database, planning=False, filtering=False, torque_limit=limit
-                ),
-                preflight=False,
-            )
-        policy = load_policy(robot, name, request.torque_limit)
-        return scenes.Way(lambda world: LearnedRise(world, policy, torque_limit=limit, name=name))
+        if name not in (PLAN, NEAREST, STRAIGHT):  # refuses a policy that does not fit
+            load_policy(robot, name, request.torque_limit)
+        make = partial(make_strategy, name=name, torque_limit=limit, database=database)
+        return scenes.Way(make, preflight=name not in (NEAREST, STRAIGHT))
 
     ways = {name: make_way(name) for name in request.ways}
     count = len(names) * len(ways) * request.n

@@ -7,7 +7,6 @@ import math
 import re
 import shlex
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,6 @@ from humanoid_getup.benchmarks.whole import (
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.bench import (
     FIGURES,
     PAGE,
@@ -45,16 +43,15 @@ from humanoid_getup.reporting.conditions import describe_conditions
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import compute_fingerprint
-from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.choice import NEAREST, make_strategy
+from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot, TorqueLimit
 from robots.encoding import to_json
 
 RESULT = "result"
 """What the ledger of a part calls its result."""
-NEAREST = "nearest"
 Results = dict[str, dict[str, Any]]
 
 
@@ -101,7 +98,7 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
         motions=[motion for motion in own if not motion.name.endswith(MIRRORED_SUFFIX)],
         caps=caps,
         planner=PlannedRise(world, database, torque_limit=full) if database else None,
-        policies={name: _learn(world, name, full) for name in policies},
+        policies={name: make_strategy(world, name, torque_limit=full) for name in policies},
         disturbances=disturbed.select(robot, QUICK_CASES if request.quick else CASES),
         seed=request.seed,
         each=request.each,
@@ -122,12 +119,12 @@ def _plan_methods(world: World, database: MotionDatabase | None) -> list[RiseMet
     return [
         RiseMethod(
             name=PLAN,
-            make=lambda limit: PlannedRise(world, database, torque_limit=limit),
+            make=_maker(world, PLAN, database),
             fingerprint=fingerprint,
         ),
         RiseMethod(
             name=NEAREST,
-            make=lambda limit: NearestMotion(world, database, torque_limit=limit),
+            make=_maker(world, NEAREST, database),
             fingerprint=fingerprint,
             preflight=False,
         ),
@@ -138,16 +135,23 @@ def _policy_methods(world: World, policies: dict[str, Path]) -> list[RiseMethod]
     return [
         RiseMethod(
             name=name,
-            make=partial(_learn, world, name),
+            make=_maker(world, name),
             fingerprint=hashlib.sha256(file.read_bytes()).hexdigest(),
         )
         for name, file in policies.items()
     ]
 
 
-def _learn(world: World, name: str, limit: TorqueLimit) -> LearnedRise:
-    policy = load_policy(world.robot, name, limit.value)
-    return LearnedRise(world, policy, torque_limit=limit, name=name)
+def _maker(
+    world: World, name: str, database: MotionDatabase | None = None
+) -> Callable[[TorqueLimit], Strategy]:
+    """Return what makes the strategy of a name under a torque limit."""
+
+    def make(limit: TorqueLimit) -> Strategy:
+        with refusing():
+            return make_strategy(world, name, torque_limit=limit, database=database)
+
+    return make
 
 
 def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:

@@ -17,9 +17,9 @@ from robots import Posture
 from robots.quaternion import Array
 
 STRAIGHT_SPEED = 3.0  # rad/s of the fastest joint on a path without a plan
-SLOW = 0.6  # tempo at which a tangled robot is pulled free
-TANGLED = Tolerances(body=0.003)  # for limbs hooked so tightly that they must slide apart
-MOST_FAILURES = 2  # searches without a path before the start counts as tangled
+SLOW = 0.6  # tempo at which a robot with interlocked limbs is moved without a path
+INTERLOCKED = Tolerances(body=0.003)  # for limbs that have to slide along each other
+MOST_FAILURES = 2  # searches without a path before the start counts as blocked
 MOST_FAILURES_IN_ALL = 5  # before the other motions are not tried, either
 OPTIONS = PathOptions(max_checks=40_000)  # about a second: there are other motions to join
 
@@ -32,7 +32,7 @@ class Approach:
         self._world, self.planning = world, planning
         self._goals = GoalPlacement(world)
         self._checker = CollisionChecker(world.robot, world.scene)
-        self._tangled_checker = CollisionChecker(world.robot, world.scene, TANGLED)
+        self._loose_checker = CollisionChecker(world.robot, world.scene, INTERLOCKED)
 
     def path(
         self, start: Posture, connection: Connection, rng: np.random.Generator
@@ -43,7 +43,7 @@ class Approach:
         goal = self._goals.place(connection.posture, start)
         if goal is None:
             return None
-        for checker in (self._checker, self._tangled_checker):
+        for checker in (self._checker, self._loose_checker):
             path = plan_path(start, goal, checker, rng, OPTIONS).trajectory
             if path is not None:
                 return path
@@ -72,7 +72,7 @@ class Approach:
                 candidates.append(Candidate(path=path, connection=connection, before=before))
         return candidates
 
-    def pull_free(
+    def move_straight(
         self, start: Posture, connections: list[Connection], before: Array | None = None
     ) -> list[Candidate]:
         """Move straight and slowly without a path: limbs may yield."""

@@ -272,7 +272,8 @@ def compute_fingerprint(planner: PlannedRise) -> str:
     It is that of the compiled model of robot and scene, the robot's description, the motions, the
     settings of the planner, and the versions of this program and of MuJoCo.
     """
-    settings = (planner.planning, planner.filtering, planner.assistance, planner.search_budget)
+    chosen = planner.options
+    settings = (chosen.planning, chosen.filtering, chosen.assistance, planner.search_budget)
     digest = hashlib.sha256(
         repr((version("humanoid-getup"), mujoco.__version__, settings)).encode()
     )

@@ -4,46 +4,50 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from humanoid_getup.filtering.candidate import Candidate, Patience
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
-from humanoid_getup.motions.motion import Trajectory
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.key_check import check_keys
-from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
-from humanoid_getup.strategies.continuation import Continuation
-from humanoid_getup.strategies.crawl import Crawl, Move
-from humanoid_getup.strategies.keys.key_postures import KeyedSearch
+from humanoid_getup.strategies.crawl import Crawl
+from humanoid_getup.strategies.free_rise import FreeRise
+from humanoid_getup.strategies.keys.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
-from humanoid_getup.strategies.rise_search import FINALISTS, RiseSearch, SearchTools
+from humanoid_getup.strategies.rise_search import FoundRise, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
-from robots.body.lengths import leg_length
 from robots.torque_limit import check_torque_limit
 
-PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
-OTHER_PATIENCE = (
-    Patience(tolerance=0.25, band=0.15, slowest=0.2),
-    Patience(tolerance=0.15, band=0.15, slowest=0.4),
-)
-FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
-# Where motions were not made for the scene, more of them are tried.
-MORE_IN_SCENES, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 6, 6
-CRAMPED = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
-REFITS = 3
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
-SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
-TRIES_AMONG_OBSTACLES = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannerOptions:
+    """What a planner leaves out, and what its simulation uses; the defaults are the best known."""
+
+    planning: bool = True
+    """Plan a path to the connecting posture; False: interpolate straight to it."""
+    filtering: bool = True
+    """Filter through physics; False: path and motion are played as they are."""
+    assistance: float = 1.0
+    """Share of the virtual actuator's torques that the filter uses."""
+    threads: int = 0
+    """That step physics; 0 for one per processor. They change no result."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.assistance <= MOST_ASSISTANCE:
+            raise ValueError(
+                f"assistance is {self.assistance}, expected a share from 0 to {MOST_ASSISTANCE:g}"
+            )
 
 
 class PlannedRise:
@@ -54,241 +58,121 @@ class PlannedRise:
         world: World,
         database: MotionDatabase | None = None,
         *,
-        planning: bool = True,
-        filtering: bool = True,
-        assistance: float = 1.0,
         torque_limit: TorqueLimit = FULL_TORQUE,
         prefer: PreferenceName = "time",
         search_budget: float = SEARCH_BUDGET,
         keys: Sequence[Posture | KeyPosture] = (),
-        threads: int = 0,
+        options: PlannerOptions | None = None,
     ) -> None:
         """Prepare to plan.
 
         Args:
             world: Robot and scene.
             database: Motions to connect to; ``None`` for the robot's own.
-            planning: Plan a path to the connecting posture; False: interpolate straight to it.
-            filtering: Filter through physics; False: path and motion are played as they are.
-            assistance: Share of the virtual actuator's torques that the filter uses.
             torque_limit: Of the servos.
             prefer: What a rise should be besides successful.
             search_budget: Simulated time in which a search may vary a rollout's targets [s].
             keys: Key postures to rise through, in order; what physics refuses is dropped. They
                 require planning and filtering.
-            threads: That step physics; 0 for one per processor. They change no result.
+            options: What is left out, and what the simulation uses.
 
         Raises:
-            ValueError: if the preference is unknown, the budget or assistance out of range, or
-                the robot cannot be in a key posture.
+            ValueError: if the preference is unknown, the budget out of range, or the robot cannot
+                be in a key posture.
         """
         if not 0.0 < search_budget <= MOST_BUDGET:
             raise ValueError(
                 f"search_budget is {search_budget} s, expected above 0 s, at most {MOST_BUDGET:g} s"
             )
-        if not 0.0 <= assistance <= MOST_ASSISTANCE:
-            raise ValueError(
-                f"assistance is {assistance}, expected a share from 0 to {MOST_ASSISTANCE:g}"
-            )
-        self.prefer: PreferenceName = prefer
-        self.search_budget = search_budget
-        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
-        self.planning, self.filtering, self.assistance = planning, filtering, assistance
-        self.database = load_database(world.robot) if database is None else database
-        self._approach = Approach(world, planning=planning)
-        self.filter = DynamicsFilter(
-            world, torque_limit=self.torque_limit, prefer=prefer, threads=threads
-        )
-        self._crawl = Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=threads)
-        self._leg = leg_length(world.robot)
-        if keys and not (planning and filtering):
+        self.options = options = options or PlannerOptions()
+        if keys and not (options.planning and options.filtering):
             raise ValueError("keys are given, expected planning and filtering with them")
         self.keys = name_keys(keys)
         """Key postures, each with a name."""
         check_keys(world.robot, self.keys)
+        self.prefer: PreferenceName = prefer
+        self.search_budget = search_budget
+        self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
+        self.database = load_database(world.robot) if database is None else database
+        self.filter = DynamicsFilter(
+            world, torque_limit=self.torque_limit, prefer=prefer, threads=options.threads
+        )
+        self._tools = SearchTools(
+            world=world,
+            database=self.database,
+            approach=Approach(world, planning=options.planning),
+            filter=self.filter,
+            crawl=Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=options.threads),
+            assistance=options.assistance,
+            budget=search_budget,
+        )
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 
-        With key postures, a rise that passes through them is searched for first.
+        With key postures, a rise that passes through them is searched for first. A robot without
+        room to stand where it lies crawls first: the plan is a move then, after which it has to be
+        planned for again.
         """
-        if not self.keys:
-            return self._plan_freely(start, rng)
-        already, searched = self.filter.count, self._searched
-        through = KeyedSearch(
-            self.world,
-            self.database,
-            self.filter,
-            self.keys,
-            patience=PATIENT,
-            assistance=self.assistance,
-            search_budget=self.search_budget,
-        ).plan(start, rng)
-        if through.rollout is None:
-            plan = self._plan_freely(start, rng)
-            return replace(
-                plan,
-                keys=through.records,
-                rollouts=self.filter.count - already,
-                rounds=through.rounds + plan.rounds,
-                plan_s=through.plan_s + plan.plan_s,
-                filter_s=through.filter_s + plan.filter_s,
-            )
-        search = self._begin(start, rng)
-        search.best, search.robust, search.rounds = through.rollout, through.robust, through.rounds
-        search.planned = True
-        plan = self._conclude(
-            search,
-            None,
-            rollouts=self.filter.count - already,
-            searched=self._searched - searched,
-            plan_s=through.plan_s,
-            filter_s=through.filter_s,
-        )
-        return replace(plan, keys=through.records)
-
-    def _plan_freely(self, start: Posture, rng: np.random.Generator) -> RisePlan:
-        """Plan a rise without key postures.
-
-        First the nearest connecting postures of a few motions are tried, and the cheapest rise
-        that stands is taken; if none does, or it is not yet as preferred, further motions and
-        slower paths, or legs that fit the ground better where it is uneven; if those fail, too,
-        new paths from where their rollouts ended. What stands is improved by a search, where more
-        is preferred. A robot so tangled that no path leaves its posture is first pulled free by its
-        servos. One without room to stand where it lies crawls first: the plan is a move then,
-        after which it has to be planned for again.
-        """
+        if not self.options.filtering:
+            return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
-        more = MORE_CONNECTIONS if self.world.scene.is_flat else MORE_IN_SCENES
-        connections = self.database.select(start, FIRST_CONNECTIONS + more)
-        if not self.filtering:
-            path = self._approach.path(start, connections[0], rng)
-            return self._chain_unfiltered(connections[0], path, time.perf_counter() - began)
-        search, first = self._begin(start, rng), list[Candidate]()
-        already, searched = self.filter.count, self._searched
-        places = self._find_standing_places(search.start)
-        move = None
-        if places and places.distance(start.position) > CRAMPED * self._leg:
-            move = search.crawl(self._crawl, places)
-        if move is None:
-            first = search.plan(connections[:FIRST_CONNECTIONS])
-        plan_s = time.perf_counter() - began
-        began = time.perf_counter()
-        if move is None:
-            self._search(search, first, connections, places)
+        rollouts, searched = self.filter.count, self._tools.searched
+        found = KeyedRise(self._tools, self.keys).search(start, rng) if self.keys else None
+        if found is None or found.rollout is None:
+            free = FreeRise(self._tools).search(start, rng)
+            found = free if found is None else _add_effort(free, found)
         return self._conclude(
-            search,
-            move,
-            rollouts=self.filter.count - already,
-            searched=self._searched - searched,
-            plan_s=plan_s,
-            filter_s=time.perf_counter() - began,
+            start,
+            found,
+            rollouts=self.filter.count - rollouts,
+            searched=self._tools.searched - searched,
+            filter_s=time.perf_counter() - began - found.plan_s,
         )
-
-    def _search(
-        self,
-        search: RiseSearch,
-        first: list[Candidate],
-        connections: list[Connection],
-        places: StandingPlaces | None,
-    ) -> None:
-        search.try_all(first)
-        if not first:
-            search.try_all(search.pull_free(connections[:FIRST_CONNECTIONS]))
-        if first and (not search.is_done or self.filter.preference.is_demanding):
-            further = search.plan(connections[FIRST_CONNECTIONS:])
-            if self._is_level:
-                finalists = FINALISTS if self.world.scene.is_flat else MORE_FINALISTS
-                search.try_all(further + _make_patient(first + further), finalists)
-            else:
-                search.try_all(first + further, MORE_FINALISTS)
-                search.refit(REFITS, MORE_FINALISTS)
-        if not search.is_done:
-            search.vary()
-        if search.tried and not search.is_done:
-            search.try_all([replace(c, patience=p) for p in OTHER_PATIENCE for c in first])
-        continuation = Continuation(self.world, places)
-        for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
-            if search.is_done:
-                break
-            if self._is_level:
-                search.go_on(continuation)
-            else:
-                search.go_on(continuation, SECOND_ON_UNEVEN, MORE_FINALISTS)
-                search.refit(REFITS, MORE_FINALISTS)
-        search.improve()
-
-    def _begin(self, start: Posture, rng: np.random.Generator) -> RiseSearch:
-        tools = SearchTools(
-            database=self.database,
-            approach=self._approach,
-            filter=self.filter,
-            assistance=self.assistance,
-            budget=self.search_budget,
-        )
-        return RiseSearch(tools, start, rng)
-
-    def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
-        """Find where the robot has room to stand; ``None`` without obstacles."""
-        places = StandingPlaces(self.world, start.position)
-        return places if self.world.scene.obstacles and places.exist else None
-
-    @property
-    def _is_level(self) -> bool:
-        return self.world.scene.ground.is_level
-
-    @property
-    def _searched(self) -> float:
-        """Return the time that searches have simulated so far [s]."""
-        return self.filter.searched + self._crawl.simulated
 
     def _conclude(
-        self,
-        search: RiseSearch,
-        move: Move | None,
-        *,
-        rollouts: int,
-        searched: float,
-        plan_s: float,
-        filter_s: float,
+        self, start: Posture, found: FoundRise, *, rollouts: int, searched: float, filter_s: float
     ) -> RisePlan:
         record = SearchRecord(
             prefer=self.prefer,
             budget=self.search_budget,
             simulated=searched,
-            outcome=search.best and search.best.outcome,
-            before=search.before and search.before.outcome,
+            outcome=found.rollout and found.rollout.outcome,
+            before=found.before and found.before.outcome,
         )
         figures: dict[str, Any] = {
-            "planned": search.planned,
-            "robust": search.robust,
+            "planned": found.planned,
+            "robust": found.robust,
             "rollouts": rollouts,
-            "rounds": search.rounds,
-            "plan_s": plan_s,
+            "rounds": found.rounds,
+            "plan_s": found.plan_s,
             "filter_s": filter_s,
             "search": record,
+            "keys": found.keys,
         }
-        if move is not None:
-            motion = make_move(self.world, search.start, move)
+        if found.move is not None:
+            motion = make_move(self.world, start, found.move)
             return MotionPlan(status=RiseStatus.MOVES, motion=motion, **figures)
-        if search.best is not None:
+        if found.rollout is not None:
             return MotionPlan(
                 status=RiseStatus.STOOD,
-                motion=make_motion(self.world, search.start, search.best),
-                connection=search.best.candidate.connection,
-                stand_time=float(search.best.outcome.stand_time),
+                motion=make_motion(self.world, start, found.rollout),
+                connection=found.rollout.candidate.connection,
+                stand_time=float(found.rollout.outcome.stand_time),
                 **figures,
             )
-        if not search.tried:
+        if not found.rolled_out:
             return RisePlan(status=RiseStatus.NOT_PLANNED, **figures)
-        share = search.highest / self.world.robot.standing_neck_height
+        share = found.highest / self.world.robot.standing_neck_height
         detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
         return RisePlan(status=RiseStatus.FELL, detail=detail, **figures)
 
-    def _chain_unfiltered(
-        self, connection: Connection, path: Trajectory | None, plan_s: float
-    ) -> RisePlan:
-        """Chain the smoothed path and the motion without any physics."""
+    def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+        """Chain the smoothed path and the nearest motion without any physics."""
+        began = time.perf_counter()
+        connection = self.database.select(start, 1)[0]
+        path = self._tools.approach.path(start, connection, rng)
+        plan_s = time.perf_counter() - began
         if path is None:
             return RisePlan(status=RiseStatus.NOT_PLANNED, connection=connection, plan_s=plan_s)
         return MotionPlan(
@@ -296,10 +180,16 @@ class PlannedRise:
             motion=chain(self.world, path, connection),
             simulated=False,
             connection=connection,
-            planned=self.planning,
+            planned=self.options.planning,
             plan_s=plan_s,
         )
 
 
-def _make_patient(candidates: list[Candidate]) -> list[Candidate]:
-    return [replace(c, patience=PATIENT) for c in candidates]
+def _add_effort(found: FoundRise, through: FoundRise) -> FoundRise:
+    """Add what the search through key postures took, and why it dropped them."""
+    return replace(
+        found,
+        keys=through.keys,
+        rounds=found.rounds + through.rounds,
+        plan_s=found.plan_s + through.plan_s,
+    )

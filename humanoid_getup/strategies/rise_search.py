@@ -1,94 +1,134 @@
-"""A search for a rise: rounds of candidates, rolled out, checked and varied."""
+"""A search for a rise: candidates from one start are rolled out, checked, varied and improved."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
-from humanoid_getup.motions.motion_database import Connection, MotionDatabase
-from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.motions.motion_database import MotionDatabase
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
-from humanoid_getup.strategies.continuation import Continuation, End
 from humanoid_getup.strategies.crawl import Crawl, Move
+from humanoid_getup.strategies.keys.key_record import KeyRecord
 from robots import Posture
 
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that may be checked
-CRAWLS = 2  # searches for a move that leads nearer to room
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchTools:
-    """What a search for a rise uses, in one scene."""
+    """What the searches for the rises of one robot in one scene share."""
 
+    world: World
     database: MotionDatabase
     approach: Approach
     filter: DynamicsFilter
+    crawl: Crawl
     assistance: float
     """Share of the virtual actuator's torques."""
     budget: float
     """Simulated time in which a search may vary a rollout's targets [s]."""
 
+    @property
+    def searched(self) -> float:
+        """Return the time that searches have simulated so far [s]."""
+        return self.filter.searched + self.crawl.simulated
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundRise:
+    """What was found from a start."""
+
+    rollout: CandidateRollout | None = None
+    """The best rise; None if nothing stands."""
+    before: CandidateRollout | None = None
+    """The rise that was improved; None if none was."""
+    robust: float = float("nan")
+    """Share of the disturbed rollouts in which the best one stood."""
+    move: Move | None = None
+    """A move to where there is room, in place of a rise."""
+    keys: tuple[KeyRecord, ...] = ()
+    """What became of each key posture, in the order given."""
+    planned: bool = False
+    """Whether any path was planned."""
+    rolled_out: bool = False
+    """Whether anything was rolled out."""
+    highest: float = 0.0
+    """Greatest height of the neck in any rollout [m]."""
+    rounds: int = 0
+    plan_s: float = 0.0
+    """Wall time of selection and planning before the first rollout [s]."""
+
 
 class RiseSearch:
-    """Searches for a rise from one start, and keeps the best one."""
+    """Searches for a rise from one start, and keeps the best one.
 
-    def __init__(self, tools: SearchTools, start: Posture, rng: np.random.Generator) -> None:
-        self._tools, self._filter = tools, tools.filter
-        self.start, self._rng = start, rng
-        self.tried: list[CandidateRollout] = []
-        """Rollouts of the last round."""
-        self.best: CandidateRollout | None = None
-        self.before: CandidateRollout | None = None
-        """The rise that was improved."""
-        self.robust = float("nan")
-        """Share of the disturbed rollouts in which the best one stood."""
-        self.rounds = 0
-        self.planned = False
-        """Whether any path was planned."""
-        self.highest = 0.0
-        """Greatest height of the neck in any rollout [m]."""
+    The best loses the fewest key postures, stands under the most disturbances, and costs least, in
+    this order.
+    """
+
+    def __init__(
+        self,
+        tools: SearchTools,
+        start: Posture,
+        rng: np.random.Generator,
+        count_lost: Callable[[CandidateRollout], int] = lambda _: 0,
+    ) -> None:
+        """Prepare to search; ``count_lost`` counts the key postures that a rollout misses."""
+        self._tools, self._filter, self._count_lost = tools, tools.filter, count_lost
+        self._start, self._rng = start, rng
+        self._tried: list[CandidateRollout] = []
+        self._best: CandidateRollout | None = None
+        self._before: CandidateRollout | None = None
+        self._robust = float("nan")
+        self._rounds, self._highest = 0, 0.0
+
+    @property
+    def tried(self) -> Sequence[CandidateRollout]:
+        """Return the rollouts of the last round."""
+        return self._tried
 
     @property
     def is_done(self) -> bool:
         """Return whether there is a rise that stands under every disturbance."""
-        return self.best is not None and self.robust >= ENOUGH
+        return self._best is not None and self._robust >= ENOUGH
 
-    def plan(self, connections: list[Connection], end: End | None = None) -> list[Candidate]:
-        """Plan paths to connecting postures, and return the candidates that have one.
+    @property
+    def found(self) -> FoundRise:
+        """Return what was found so far."""
+        return FoundRise(
+            rollout=self._best,
+            before=self._before,
+            robust=self._robust,
+            rolled_out=bool(self._tried),
+            highest=self._highest,
+            rounds=self._rounds,
+        )
 
-        The paths begin at the end of an earlier rollout, or else where the robot lies.
-        """
-        approach = self._tools.approach
-        if end is not None:
-            return approach.candidates(end.posture, connections, self._rng, end.target)
-        candidates = approach.candidates(self.start, connections, self._rng)
-        self.planned |= approach.planning and bool(candidates)
-        return candidates
-
-    def pull_free(self, connections: list[Connection], end: End | None = None) -> list[Candidate]:
-        """Move straight and slowly to connecting postures, without a path: limbs may yield."""
-        approach = self._tools.approach
-        if end is not None:
-            return approach.pull_free(end.posture, connections, end.target)
-        return approach.pull_free(self.start, connections)
+    def roll_out(self, candidates: list[Candidate]) -> list[CandidateRollout]:
+        """Roll candidates out, as a round."""
+        self._rounds += 1
+        candidates = [replace(c, assistance=self._tools.assistance) for c in candidates]
+        self._tried = self._filter.roll_out(self._start, candidates)
+        self._highest = max(self._highest, *(r.peak_neck for r in self._tried))
+        return self._tried
 
     def try_all(self, candidates: list[Candidate], finalists: int = FINALISTS) -> None:
-        """Roll candidates out; check the cheapest that stood against disturbances."""
-        if not candidates:
-            return
-        self.rounds += 1
-        candidates = [replace(c, assistance=self._tools.assistance) for c in candidates]
-        self.tried = self._filter.roll_out(self.start, candidates)
-        self.highest = max(self.highest, *(r.peak_neck for r in self.tried))
-        standing = sorted((r for r in self.tried if r.stood), key=lambda r: r.cost)
-        for finalist in standing[:finalists]:
+        """Roll candidates out, and check the best of those that stood."""
+        if candidates:
+            self.check_all([r for r in self.roll_out(candidates) if r.stood], finalists)
+
+    def check_all(self, standing: list[CandidateRollout], finalists: int) -> None:
+        """Check the best of some rollouts that stand against disturbances."""
+        for finalist in sorted(standing, key=self._rank)[:finalists]:
             self._check(finalist)
-            if self.best and self.is_done and not self.best.collides:
+            if self._best and self.is_done and not self._best.collides:
                 return
 
     def refit(self, times: int, finalists: int) -> None:
@@ -100,15 +140,15 @@ class RiseSearch:
         for _ in range(times):
             if self.is_done:
                 return
-            self.try_all([self._filter.follow(r) for r in self.tried], finalists)
+            self.try_all([self._filter.follow(r) for r in self._tried], finalists)
 
     def vary(self) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
-        failed = sorted(self.tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
-        for base in [self.best] if self.best else failed:
-            better, share = self._filter.search(self.start, base, self._tools.budget, self._rng)
-            if better.stood and share > (self.robust if self.best else 0.0):
-                self.best, self.robust = better, share
+        failed = sorted(self._tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
+        for base in [self._best] if self._best else failed:
+            better, share = self._filter.search(self._start, base, self._tools.budget, self._rng)
+            if self._replaces_best(better) and share > (self._robust if self._best else 0.0):
+                self._best, self._robust = better, share
                 if better.collides:
                     self._check(better)
                 if self.is_done:
@@ -116,40 +156,30 @@ class RiseSearch:
 
     def improve(self) -> None:
         """Vary the targets of a rise that stands everywhere, where more is preferred."""
-        best, preference = self.best, self._filter.preference
+        best, preference = self._best, self._filter.preference
         if best and self.is_done and (preference.is_demanding or best.collides):
             budget = preference.improvement * self._tools.budget
-            better = self._filter.improve(self.start, best, budget, self._rng)
-            if better is not best:
-                self.best, self.before = better, best
+            better = self._filter.improve(self._start, best, budget, self._rng)
+            if better is not best and self._replaces_best(better):
+                self._best, self._before = better, best
 
-    def crawl(self, crawl: Crawl, places: StandingPlaces) -> Move | None:
-        """Find a move towards where the robot has room to stand; ``None`` if none leads nearer."""
-        distance = float(places.distance(self.start.position))
-        for _ in range(CRAWLS):
-            move = crawl.search(self.start, places.distance, self._rng)
-            if move is not None and move.cost < distance:
-                return move
-        return None
+    def _replaces_best(self, rollout: CandidateRollout) -> bool:
+        """Return whether a rollout stands, and loses no key posture that the best one has."""
+        is_worse = self._best and self._count_lost(rollout) > self._count_lost(self._best)
+        return rollout.stood and not is_worse
 
-    def go_on(
-        self, continuation: Continuation, connect: int = 2, finalists: int = FINALISTS
-    ) -> None:
-        """Continue from the ends of failed rollouts, each with so many motions to join."""
-        candidates = []
-        for end in continuation.pick(self.tried):
-            connections = self._tools.database.select(end.posture, connect)
-            candidates += self.plan(connections, end) or self.pull_free(connections, end)
-        self.try_all(candidates, finalists)
+    def _rank(self, rollout: CandidateRollout) -> tuple[int, float]:
+        """Return what is sorted by, the best first."""
+        return self._count_lost(rollout), rollout.cost
 
     def _check(self, rollout: CandidateRollout) -> None:
-        """Check a rollout that stands, its touching limbs parted; keep it if it is the best."""
-        parted = self._filter.separate(self.start, rollout)
-        for one in [parted] if parted is rollout else [parted, rollout]:
-            best = self.best
-            if best and self.is_done and one.cost >= best.cost:
+        """Check a rollout that stands, its touching limbs separated; keep it if it is the best."""
+        separated = self._filter.separate(self._start, rollout)
+        for one in [separated] if separated is rollout else [separated, rollout]:
+            best, (lost, cost) = self._best, self._rank(one)
+            if best and self.is_done and (lost, cost) >= self._rank(best):
                 return
-            share = self._filter.check(self.start, one.target, self._rng)
-            known = (self.robust, -best.cost) if best else (0.0, 0.0)
-            if share > 0.0 and (share, -one.cost) > known:
-                self.best, self.robust = one, share
+            share = self._filter.check(self._start, one.target, self._rng)
+            known = (-self._count_lost(best), self._robust, -best.cost) if best else None
+            if share > 0.0 and (known is None or (-lost, share, -cost) > known):
+                self._best, self._robust = one, share

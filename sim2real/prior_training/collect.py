@@ -17,7 +17,7 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -79,7 +79,7 @@ _planner: PlannedRise
 
 def _start_planner(robot: Robot) -> None:
     global _planner
-    _planner = PlannedRise(World(robot, "flat"), threads=1)
+    _planner = PlannedRise(World(robot, "flat"), options=PlannerOptions(threads=1))
 
 
 def _plan(start: Posture, seed: tuple[int, int], file: Path) -> None:

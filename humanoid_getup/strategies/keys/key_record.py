@@ -36,6 +36,11 @@ class KeyPass:
         """Return how far the posture is from the key; up to 1 it is kept."""
         return max(self.largest / CLOSE_JOINT, self.tilt / CLOSE_TILT)
 
+    @property
+    def is_kept(self) -> bool:
+        """Return whether the key counts as kept."""
+        return self.distance <= 1.0
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KeyRecord:

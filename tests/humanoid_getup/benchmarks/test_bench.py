@@ -13,7 +13,7 @@ from humanoid_getup.experiments.summary import wilson_interval
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import FULL_TORQUE
 
@@ -21,7 +21,7 @@ from robots import FULL_TORQUE
 @pytest.mark.slow
 def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     seen = []
-    planner = PlannedRise(world, load_database(op3), planning=False)
+    planner = PlannedRise(world, load_database(op3), options=PlannerOptions(planning=False))
     result = bench_rise(planner, seed=4, each=1, report=seen.append)
     assert result["n"] == 3
     assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]

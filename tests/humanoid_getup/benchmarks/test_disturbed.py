@@ -20,7 +20,7 @@ from humanoid_getup.benchmarks.disturbed import (
 )
 from humanoid_getup.experiments.starts import sample_fall
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import quaternion
 from robots.kinematics import center_of_mass
 from robots.robot import Robot
@@ -136,7 +136,7 @@ def test_unknown_cases_are_refused(op3: Robot, tiny: Robot):
 def test_plans_meet_the_same_falls_in_every_world(world: World):
     seen = []
     cases = select(world.robot, ["slope +5 deg"])
-    planner = PlannedRise(world, planning=False, filtering=False)
+    planner = PlannedRise(world, options=PlannerOptions(planning=False, filtering=False))
     result = bench_disturbed(planner, {}, seed=4, each=1, disturbances=cases, report=seen.append)
     assert result["n"] == 3
     assert len(seen) == 3 * len(cases) * 2

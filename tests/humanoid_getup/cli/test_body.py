@@ -11,7 +11,7 @@ from humanoid_getup.experiments.starts import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retargeting import BODY
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Body, load_robot
 from robots.kinematics import read_posture
 
@@ -34,7 +34,7 @@ def test_a_flight_with_another_body_is_replayed_with_it(
 
 def test_a_plan_names_the_body_that_it_was_made_for(rng: np.random.Generator):
     world = World(load_robot("op3", Body.parse(BODY_TEXT)))
-    planner = PlannedRise(world, planning=False, filtering=False)
+    planner = PlannedRise(world, options=PlannerOptions(planning=False, filtering=False))
     motion = planner.database.rising[0]
     start = read_posture(world.robot, world.model, settle_posture(world, motion.posture(0)))
     plan = planner.plan(start, rng)

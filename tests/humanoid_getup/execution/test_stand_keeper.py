@@ -267,7 +267,7 @@ def test_a_robot_that_sways_on_lies_down_all_the_same(world: World, op3: Robot, 
     monkeypatch.setattr(
         "humanoid_getup.execution.stand_watch.StandWatch.stood", False, raising=False
     )
-    monkeypatch.setattr("humanoid_getup.execution.stand_watch.PATIENCE", 1.0)
+    monkeypatch.setattr("humanoid_getup.execution.stand_watch.LONGEST_WAIT", 1.0)
 
     class Swaying(Twin):
         def read(self) -> State:

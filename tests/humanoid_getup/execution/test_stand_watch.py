@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import pytest
 
-from humanoid_getup.execution.stand_watch import PATIENCE, StandWatch
+from humanoid_getup.execution.stand_watch import LONGEST_WAIT, StandWatch
 from humanoid_getup.experiments.standing import HOLD
 
 PERIOD = 0.1
@@ -66,11 +66,11 @@ def test_a_robot_that_sways_is_watched_until_it_stands():
 def test_a_released_robot_that_never_stands_still_is_not_held_for_ever():
     released = [False]
     watch = StandWatch(Verdicts(), lambda: released[0])
-    now = watch_for(watch, 4.0 * PATIENCE)
+    now = watch_for(watch, 4.0 * LONGEST_WAIT)
     assert not watch.may_end()
     released[0] = True
     assert not watch.may_end()
-    now = watch_for(watch, PATIENCE, now)
+    now = watch_for(watch, LONGEST_WAIT, now)
     assert not watch.may_end()
     watch_for(watch, 1.0, now)
     assert watch.may_end()

@@ -8,7 +8,7 @@ from nonempty import nonempty
 from humanoid_getup.experiments.disturbance import Scenarios
 from humanoid_getup.experiments.play import Experiment, play
 from humanoid_getup.experiments.starts import sample_falls
-from humanoid_getup.filtering.candidate import Candidate, Patience
+from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
@@ -201,18 +201,18 @@ def test_a_straight_path_moves_its_fastest_joint_at_the_speed_asked_for(fall, da
 
 
 WEAK = TorqueLimit(1.6, "pwm")
-PATIENT = Patience(tolerance=0.15, band=0.15, slowest=0.2)
+SLOWDOWN = Slowdown(tolerance=0.15, band=0.15, slowest=0.2)
 
 
 @pytest.fixture(scope="module")
 def waiting(world, fall, database):
-    """A candidate under a limit that is too weak for its speed, without patience and with it."""
+    """A candidate under a limit that is too weak for its speed, without slowdown and with it."""
     candidate = _candidates(world, fall, database)[1]
     weak = DynamicsFilter(world, torque_limit=WEAK)
-    return weak.roll_out(fall, [candidate, replace(candidate, patience=PATIENT)])
+    return weak.roll_out(fall, [candidate, replace(candidate, slowdown=SLOWDOWN)])
 
 
-def test_a_patient_motion_waits_for_its_servos(world, waiting):
+def test_a_motion_that_slows_down_waits_for_its_servos(world, waiting):
     layout = world.robot.layout(world.model)
     lag = []
     for one in waiting:
@@ -224,7 +224,7 @@ def test_a_patient_motion_waits_for_its_servos(world, waiting):
     assert lag[1] < lag[0]
 
 
-def test_a_patient_motion_visits_the_same_targets(waiting):
+def test_a_motion_that_slows_down_visits_the_same_targets(waiting):
     """Each of its targets lies between two neighbors of the motion at its own speed."""
     impatient, patient = waiting
     quick = impatient.target[: impatient.moving]
@@ -232,11 +232,11 @@ def test_a_patient_motion_visits_the_same_targets(waiting):
         assert np.abs(quick - target).max(axis=1).min() < 0.06
 
 
-def test_patience_leaves_a_motion_alone_that_its_servos_follow(world, fall, database):
+def test_a_slowdown_leaves_a_motion_alone_that_its_servos_follow(world, fall, database):
     candidate = _candidates(world, fall, database)[0]
-    endless = Patience(tolerance=10.0, band=0.1, slowest=0.1)
+    endless = Slowdown(tolerance=10.0, band=0.1, slowest=0.1)
     one, other = DynamicsFilter(world).roll_out(
-        fall, [candidate, replace(candidate, patience=endless)]
+        fall, [candidate, replace(candidate, slowdown=endless)]
     )
     np.testing.assert_array_equal(one.target, other.target)
     assert one.moving == other.moving
@@ -244,9 +244,9 @@ def test_patience_leaves_a_motion_alone_that_its_servos_follow(world, fall, data
 
 def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database, world):
     candidate = _candidates(world, fall, database)[0]
-    stuck = Patience(tolerance=0.0, band=1e-3, slowest=1e-3)
+    stuck = Slowdown(tolerance=0.0, band=1e-3, slowest=1e-3)
     impatient, patient = DynamicsFilter(world).roll_out(
-        fall, [candidate, replace(candidate, patience=stuck)]
+        fall, [candidate, replace(candidate, slowdown=stuck)]
     )
     assert patient.moving == pytest.approx(LONGEST_STRETCH * impatient.moving, abs=1.0)
     hold = patient.target[patient.moving + 10 :]  # the virtual actuator has let go by then

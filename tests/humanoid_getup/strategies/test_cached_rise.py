@@ -30,7 +30,7 @@ from humanoid_getup.strategies.cached_rise import (
 )
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import PlanCache
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Body, Posture, TorqueLimit, quaternion, reshape
 
 SEED = 0
@@ -175,8 +175,8 @@ def test_a_start_that_is_not_near_is_planned_and_kept_beside(cache, counting, st
     [
         {"torque_limit": TorqueLimit(2.5)},
         {"torque_limit": TorqueLimit(None, "pwm")},
-        {"planning": False},
-        {"assistance": 0.0},
+        {"options": PlannerOptions(planning=False)},
+        {"options": PlannerOptions(assistance=0.0)},
     ],
     ids=str,
 )
@@ -204,7 +204,7 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
     known = {
         compute_fingerprint(PlannedRise(slippery, database)),
         compute_fingerprint(PlannedRise(world, fewer)),
-        compute_fingerprint(PlannedRise(world, database, planning=False)),
+        compute_fingerprint(PlannedRise(world, database, options=PlannerOptions(planning=False))),
         compute_fingerprint(planner),
         compute_fingerprint(PlannedRise(world, _change_last(database, "joint_target"))),
         compute_fingerprint(PlannedRise(world, _change_last(database, "joint_pos"))),

@@ -11,7 +11,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import TorqueLimit
 from robots.kinematics import place
 
@@ -48,10 +48,10 @@ def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
         0,
         None,
     )
-    assert search.figures.stand_time == pytest.approx(plan.stand_time)
-    assert 0.3 < search.figures.rms_torque < search.figures.peak_torque <= 4.1
+    assert search.outcome.stand_time == pytest.approx(plan.stand_time)
+    assert 0.3 < search.outcome.rms_torque < search.outcome.peak_torque <= 4.1
     record = plan.record()
-    assert record["rollout"]["rms_torque_nm"] == float(search.figures.rms_torque)
+    assert record["rollout"]["rms_torque_nm"] == float(search.outcome.rms_torque)
     assert record["rollout_before_improvement"] is None
     assert str(plan).startswith(f"{plan.title}: a rollout ends in a held stand, stands in ")
 
@@ -76,7 +76,9 @@ def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
 
 
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
-    raw = PlannedRise(world, database, filtering=False).plan(fall, np.random.default_rng(0))
+    raw = PlannedRise(world, database, options=PlannerOptions(filtering=False)).plan(
+        fall, np.random.default_rng(0)
+    )
     assert raw.status is RiseStatus.UNFILTERED
     assert raw.rollouts == 0
     joined = raw.connection.motion
@@ -134,11 +136,15 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
         ({"search_budget": 0.0}, r"search_budget is 0.0 s, expected above 0 s"),
         ({"search_budget": float("nan")}, r"search_budget is nan s"),
         ({"search_budget": float("inf")}, "search_budget is inf s, expected above 0 s, at most"),
-        ({"assistance": float("nan")}, "assistance is nan, expected a share from 0 to 10"),
-        ({"assistance": -1.0}, r"assistance is -1\.0, expected a share"),
         ({"prefer": ["time"]}, "prefer is .'time'., expected one of time"),
     ],
 )
 def test_a_wrong_preference_or_budget_is_refused(world, database, options, told):
     with pytest.raises(ValueError, match=told):
         PlannedRise(world, database, **options)
+
+
+@pytest.mark.parametrize("assistance", [float("nan"), -1.0, 11.0])
+def test_a_wrong_share_of_assistance_is_refused(assistance):
+    with pytest.raises(ValueError, match=rf"assistance is {assistance}, expected a share from 0"):
+        PlannerOptions(assistance=assistance)

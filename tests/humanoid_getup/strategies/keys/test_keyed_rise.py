@@ -18,7 +18,7 @@ from humanoid_getup.strategies.keys.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.keys.key_route import Route, find_stretches
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import PlanCache
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, place_postures
 
@@ -114,7 +114,7 @@ def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
 
 def test_keys_require_planning_and_filtering(world: World, propped: KeyPosture):
     with pytest.raises(ValueError, match="expected planning and filtering"):
-        PlannedRise(world, keys=[propped], filtering=False)
+        PlannedRise(world, keys=[propped], options=PlannerOptions(filtering=False))
 
 
 def test_a_key_that_collides_with_itself_is_refused(world: World, op3: Robot):

@@ -1,0 +1,145 @@
+"""A rise without key postures: rounds of candidates, until one stands under every disturbance."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from humanoid_getup.filtering.candidate import Candidate, Slowdown
+from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.simulation.standing_places import StandingPlaces
+from humanoid_getup.strategies.continuation import Continuation
+from humanoid_getup.strategies.crawl import Move
+from humanoid_getup.strategies.rise_search import FINALISTS, FoundRise, RiseSearch, SearchTools
+from robots import Posture
+from robots.body.lengths import leg_length
+
+SLOWDOWN = Slowdown(tolerance=0.15, band=0.15, slowest=0.2)
+OTHER_SLOWDOWNS = (
+    Slowdown(tolerance=0.25, band=0.15, slowest=0.2),
+    Slowdown(tolerance=0.15, band=0.15, slowest=0.4),
+)
+FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
+# Where motions were not made for the scene, more of them are tried.
+MORE_IN_SCENES, SECOND_ON_LEVEL, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 2, 6, 6
+CRAWL_FROM = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
+CRAWLS = 2  # searches for a move that leads nearer to room
+REFITS = 3
+SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
+TRIES_AMONG_OBSTACLES = 4
+
+
+class FreeRise:
+    """Searches for a rise by any of the stored motions.
+
+    First the nearest connecting postures of a few motions are tried, and the cheapest rise
+    that stands is taken; if none does, or it is not yet as preferred, further motions and
+    slower paths, or legs that fit the ground better where it is uneven; if those fail, too,
+    new paths from where their rollouts ended. What stands is improved by a search, where more
+    is preferred. A robot with limbs so interlocked that no path leaves its posture is moved
+    straight: limbs may yield. One without room to stand where it lies crawls first: what is found
+    is a move then, after which it has to be planned for again.
+    """
+
+    def __init__(self, tools: SearchTools) -> None:
+        self._tools, scene = tools, tools.world.scene
+        self._leg = leg_length(tools.world.robot)
+        self._is_flat, self._is_level = scene.is_flat, scene.ground.is_level
+        self._second = SECOND_ON_LEVEL if self._is_level else SECOND_ON_UNEVEN
+        self._finalists = FINALISTS if self._is_flat else MORE_FINALISTS
+
+    def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
+        """Search from a posture at rest; the same arguments give the same result."""
+        began = time.perf_counter()
+        more = MORE_CONNECTIONS if self._is_flat else MORE_IN_SCENES
+        connections = self._tools.database.select(start, FIRST_CONNECTIONS + more)
+        places = self._find_standing_places(start)
+        if places and places.distance(start.position) > CRAWL_FROM * self._leg:
+            move = self._crawl(start, places, rng)
+            if move is not None:
+                return FoundRise(move=move, plan_s=time.perf_counter() - began)
+        approach = self._tools.approach
+        first = approach.candidates(start, connections[:FIRST_CONNECTIONS], rng)
+        plan_s = time.perf_counter() - began
+        search = RiseSearch(self._tools, start, rng)
+        planned = self._try_first(search, first, start, connections, rng)
+        self._try_second(search, first, places, rng)
+        search.improve()
+        planned = approach.planning and (planned or bool(first))
+        return replace(search.found, planned=planned, plan_s=plan_s)
+
+    def _try_first(
+        self,
+        search: RiseSearch,
+        first: list[Candidate],
+        start: Posture,
+        connections: list[Connection],
+        rng: np.random.Generator,
+    ) -> bool:
+        """Try from the start; return whether there are further paths."""
+        approach, further = self._tools.approach, list[Candidate]()
+        search.try_all(first)
+        if not first:
+            search.try_all(approach.move_straight(start, connections[:FIRST_CONNECTIONS]))
+        elif not search.is_done or self._tools.filter.preference.is_demanding:
+            further = approach.candidates(start, connections[FIRST_CONNECTIONS:], rng)
+            if self._is_level:
+                slow = [replace(c, slowdown=SLOWDOWN) for c in first + further]
+                search.try_all(further + slow, self._finalists)
+            else:
+                search.try_all(first + further, MORE_FINALISTS)
+                search.refit(REFITS, MORE_FINALISTS)
+        if not search.is_done:
+            search.vary()
+        return bool(further)
+
+    def _try_second(
+        self,
+        search: RiseSearch,
+        first: list[Candidate],
+        places: StandingPlaces | None,
+        rng: np.random.Generator,
+    ) -> None:
+        """Try slower still, and then from where the rollouts ended, until one is robust."""
+        if search.tried and not search.is_done:
+            search.try_all([replace(c, slowdown=s) for s in OTHER_SLOWDOWNS for c in first])
+        continuation = Continuation(self._tools.world, places)
+        for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
+            if search.is_done:
+                return
+            candidates = self._go_on(search, continuation, rng)
+            if self._is_level:
+                search.try_all(candidates)
+            else:
+                search.try_all(candidates, MORE_FINALISTS)
+                search.refit(REFITS, MORE_FINALISTS)
+
+    def _go_on(
+        self, search: RiseSearch, continuation: Continuation, rng: np.random.Generator
+    ) -> list[Candidate]:
+        """Plan from the ends of failed rollouts, each to a few motions."""
+        approach, candidates = self._tools.approach, list[Candidate]()
+        for end in continuation.pick(list(search.tried)):
+            near = self._tools.database.select(end.posture, self._second)
+            planned = approach.candidates(end.posture, near, rng, end.target)
+            candidates += planned or approach.move_straight(end.posture, near, end.target)
+        return candidates
+
+    def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
+        """Find where the robot has room to stand; ``None`` without obstacles."""
+        world = self._tools.world
+        places = StandingPlaces(world, start.position)
+        return places if world.scene.obstacles and places.exist else None
+
+    def _crawl(
+        self, start: Posture, places: StandingPlaces, rng: np.random.Generator
+    ) -> Move | None:
+        """Find a move towards where the robot has room to stand; ``None`` if none leads nearer."""
+        distance = float(places.distance(start.position))
+        for _ in range(CRAWLS):
+            move = self._tools.crawl.search(start, places.distance, rng)
+            if move is not None and move.cost < distance:
+                return move
+        return None

@@ -1,0 +1,198 @@
+"""A rise through key postures: kept where physics permits, and dropped with a reason."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, islice
+
+import numpy as np
+
+from humanoid_getup.filtering.candidate import CandidateRollout
+from humanoid_getup.filtering.variation import limit_targets
+from humanoid_getup.motions.key_posture import KeyPosture
+from humanoid_getup.strategies.free_rise import SLOWDOWN
+from humanoid_getup.strategies.keys.key_record import CLOSE_TILT, KeyPass, KeyRecord, find_passes
+from humanoid_getup.strategies.keys.key_routes import RESTS, KeyRoutes
+from humanoid_getup.strategies.rise_search import FoundRise, RiseSearch, SearchTools
+from robots import Posture
+from robots.quaternion import Array
+
+CORRECTIONS = 3  # times that targets are shifted by the error at each key
+FLAT, FADE = 0.1, 0.3  # s around a key in which targets are shifted in full, and until not at all
+MOST_SELECTIONS = 7  # of keys, that are tried one after the other
+FINALISTS = 4  # rollouts that may be checked against disturbances
+
+
+@dataclass
+class _Passing:
+    """A rollout, and how it passes the keys."""
+
+    rollout: CandidateRollout
+    passes: list[KeyPass]
+
+    @property
+    def distance(self) -> float:
+        return max(one.distance for one in self.passes)
+
+    @property
+    def lost(self) -> int:
+        return sum(not one.is_kept for one in self.passes)
+
+
+@dataclass
+class _Tries:
+    """What was rolled out through some of the keys."""
+
+    count: int = 0
+    standing: list[_Passing] = field(default_factory=list)
+    plan_s: float = 0.0
+    reason: str = ""
+    """Why the last way without a path has none."""
+
+
+class KeyedRise:
+    """Searches for a rise that passes through key postures."""
+
+    def __init__(self, tools: SearchTools, keys: Sequence[KeyPosture]) -> None:
+        """Prepare to search for rises through all keys, in order."""
+        self._tools, self._world, self._keys = tools, tools.world, tuple(keys)
+
+    def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
+        """Search from a posture at rest; the same arguments give the same result.
+
+        All keys are tried together; where nothing stands that keeps any of them, some are left
+        out.
+        """
+        reasons, rounds, plan_s = dict[int, str](), 0, 0.0
+        for keys in self._list_selections():
+            search = RiseSearch(
+                self._tools, start, rng, lambda one, keys=keys: self._pass(one, keys).lost
+            )
+            tries = self._roll_out(search, start, keys, rng)
+            search.check_all([one.rollout for one in tries.standing], FINALISTS)
+            if search.found.rollout is not None and not search.is_done:
+                search.vary()
+            search.improve()
+            found = search.found
+            rounds, plan_s = rounds + found.rounds, plan_s + tries.plan_s
+            best = found.rollout and self._pass(found.rollout, keys)
+            if best and best.lost < len(keys):
+                records = self._record(best.passes, keys, reasons)
+                return replace(found, keys=records, planned=True, rounds=rounds, plan_s=plan_s)
+            reasons |= {id(key): self._explain(tries, n) for n, key in enumerate(keys)}
+        return FoundRise(keys=self._record([], [], reasons), rounds=rounds, plan_s=plan_s)
+
+    def _list_selections(self) -> list[tuple[KeyPosture, ...]]:
+        """List all keys, then the selections with one key less, and so on, each in their order."""
+        sizes = range(len(self._keys), 0, -1)
+        selections = (chosen for size in sizes for chosen in combinations(self._keys, size))
+        return list(islice(selections, MOST_SELECTIONS))
+
+    def _roll_out(
+        self,
+        search: RiseSearch,
+        start: Posture,
+        keys: Sequence[KeyPosture],
+        rng: np.random.Generator,
+    ) -> _Tries:
+        """Roll out the ways through keys, resting at them, or else not; correct those that stand.
+
+        Ways that do not rest are tried only if none that rests keeps all keys.
+        """
+        tries, routes = _Tries(), KeyRoutes(self._world, self._tools.database, rng)
+        for rest in RESTS:
+            began = time.perf_counter()
+            planned = routes.plan(start, keys, rest)
+            tries.plan_s += time.perf_counter() - began
+            tries.reason = routes.reason
+            if not planned:
+                break
+            slow = [replace(candidate, slowdown=SLOWDOWN) for candidate in planned]
+            rolled = search.roll_out(planned + slow)
+            tries.count += len(rolled)
+            passing = [self._pass(one, keys) for one in rolled if one.stood]
+            if passing:
+                tries.standing += self._correct(start, passing, keys)
+            if any(one.lost == 0 for one in tries.standing):
+                break
+        return tries
+
+    def _pass(self, rollout: CandidateRollout, keys: Sequence[KeyPosture]) -> _Passing:
+        passes = find_passes(self._world, rollout.qpos, [key.posture for key in keys])
+        return _Passing(rollout, passes)
+
+    def _correct(
+        self, start: Posture, passing: list[_Passing], keys: Sequence[KeyPosture]
+    ) -> list[_Passing]:
+        """Shift targets around each key by the error that is left there, again and again.
+
+        Servos stay behind their targets by their load. Of each rollout the closest is kept that
+        still stands.
+        """
+        best, last = list(passing), passing
+        shifts = [np.zeros_like(one.rollout.target[: one.rollout.moving]) for one in passing]
+        for _ in range(CORRECTIONS):
+            for shift, begun, one in zip(shifts, passing, last, strict=True):
+                for at, error in zip(begun.passes, one.passes, strict=True):
+                    shift += self._bump(len(shift), at.frame) * error.joint_error
+            targets = [
+                limit_targets(
+                    one.rollout.target[: len(shift)] + shift, start.joint_pos, self._world.robot
+                )
+                for one, shift in zip(passing, shifts, strict=True)
+            ]
+            rolled = self._tools.filter.replay(start, [one.rollout for one in passing], targets)
+            last = [self._pass(one, keys) for one in rolled]
+            best = [
+                new if new.rollout.stood and new.distance < old.distance else old
+                for old, new in zip(best, last, strict=True)
+            ]
+        return best
+
+    def _bump(self, length: int, frame: int) -> Array:
+        """Return the share of a shift around a frame, (length, 1): smoothly from 1 to 0."""
+        away = np.abs(np.arange(length) - frame) * self._world.robot.control_period
+        share = np.clip(1.0 - (away - FLAT) / FADE, 0.0, 1.0)
+        return (share * share * (3.0 - 2.0 * share))[:, None]
+
+    def _record(
+        self, passes: Sequence[KeyPass], keys: Sequence[KeyPosture], reasons: dict[int, str]
+    ) -> tuple[KeyRecord, ...]:
+        passed = {id(key): one for key, one in zip(keys, passes, strict=True)}
+        return tuple(
+            self._record_pass(key, passed[id(key)])
+            if id(key) in passed
+            else KeyRecord(name=key.name, posture=key.posture, kept=False, reason=reasons[id(key)])
+            for key in self._keys
+        )
+
+    def _record_pass(self, key: KeyPosture, one: KeyPass) -> KeyRecord:
+        return KeyRecord(
+            name=key.name,
+            posture=key.posture,
+            kept=one.is_kept,
+            time=(one.frame + 1) * self._world.robot.control_period,
+            joint_error=one.largest,
+            tilt_error=one.tilt,
+            reason="" if one.is_kept else self._describe(one),
+        )
+
+    def _describe(self, one: KeyPass) -> str:
+        """Say how far from a key posture a motion passes."""
+        worst = int(np.argmax(np.abs(one.joint_error)))
+        name = self._world.robot.joint_names[worst]
+        text = f"the nearest that it comes: joint '{name}' {one.largest:.2f} rad off"
+        return f"{text}, torso {one.tilt:.2f} rad" if one.tilt > CLOSE_TILT else text
+
+    def _explain(self, tries: _Tries, number: int) -> str:
+        """Say why the last of several keys, with its number from 0, was dropped."""
+        if not tries.count:
+            return tries.reason
+        if not tries.standing:
+            return f"no rollout through it ends in a held stand: {tries.count} tried"
+        best = min(tries.standing, key=lambda one: one.passes[number].distance)
+        if not best.passes[number].is_kept:
+            return f"of those that stand, {self._describe(best.passes[number])}"
+        return "no rollout through it stands in any disturbed check"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -17,6 +16,7 @@ from drivers.flight_log.content import DAMAGE, Content, Event, Track, explain
 from drivers.flight_log.writer import FORMAT, TOPICS
 from drivers.state import Command, State
 from robots import Posture, Robot
+from robots.files import check_regular
 from robots.quaternion import Array
 
 MOST_BYTES = 1 << 29  # of a file
@@ -135,11 +135,9 @@ def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[st
 
 def _read_file(path: Path) -> bytes:
     """Read a file that begins like a log, and none whose end may never come."""
-    found = path.stat()
-    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-        raise ValueError("not a regular file, expected a log of FlightLog")
-    if found.st_size > MOST_BYTES:
-        raise ValueError(f"it has {found.st_size} bytes, expected at most {MOST_BYTES}")
+    size = check_regular(path)
+    if size > MOST_BYTES:
+        raise ValueError(f"it has {size} bytes, expected at most {MOST_BYTES}")
     data = path.read_bytes()
     if not data.startswith(MCAP0_MAGIC):
         raise ValueError("not an MCAP file, expected a log of FlightLog")

@@ -452,7 +452,7 @@ GROUPS: dict[str, list[Case]] = {
         case("bus --latency 3", "latency is 3 s"),
         case("bus --faults none.toml", "none.toml"),
         case("bus --faults /dev/zero", "/dev/zero", "it is a device, expected a file"),
-        case("replay /dev/zero", "/dev/zero", "not a regular file"),
+        case("replay /dev/zero", "/dev/zero", "it is a device, expected a file"),
         case("bus --faults text.txt", "text.txt"),
         case("bus --faults wrong.toml", "wrong.toml"),
         case("bus --faults folder", "folder"),

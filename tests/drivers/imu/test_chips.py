@@ -14,7 +14,7 @@ from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
-from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.reading import ImuReading, to_counts
 from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
 from robots import ImuSettings, quaternion
 
@@ -396,3 +396,8 @@ def test_a_virtual_line_is_written_in_the_format_of_its_settings():
     for byte in text.encode():
         checksum ^= byte
     assert chip.take() == f"${text}*{checksum:02X}\r\n".encode()
+
+
+def test_counts_stay_within_their_two_bytes():
+    counts = np.frombuffer(to_counts(np.array([40_000.0, -40_000.0, 0.6]), 1.0), "<i2")
+    assert counts.tolist() == [32767, -32768, 1]

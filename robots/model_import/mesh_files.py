@@ -18,6 +18,7 @@ from robots.quaternion import Array
 READ_BY_MUJOCO = (".stl", ".obj", ".msh")
 MESH_KINDS = (*READ_BY_MUJOCO, ".dae")
 MAX_FACES = 200_000  # that MuJoCo reads from an STL file
+MOST_POINTS = 300_000  # of which a hull is made in some seconds, even if all are on it
 FACE = 50  # bytes of a face of a binary STL file, after a head of HEAD
 HEAD = 84
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -66,6 +67,10 @@ def read_hull(path: Path) -> bytes:
     points = _read_collada(content) if path.suffix.lower() == ".dae" else _read_stl(content)
     if len(points) < 4 or not np.all(np.abs(points) < FARTHEST):
         raise ValueError("it holds no solid")
+    if len(points) > MOST_POINTS:
+        points = np.unique(points, axis=0)
+    if len(points) > MOST_POINTS:
+        raise ValueError(f"it has {len(points)} corners, expected at most {MOST_POINTS}")
     return _write_stl(points)
 
 

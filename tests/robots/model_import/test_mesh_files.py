@@ -8,6 +8,7 @@ import pytest
 from text_meshes import CORNERS, write_text_stl
 
 from robots.model_files import MAX_ASSET
+from robots.model_import import mesh_files
 from robots.model_import.mesh_files import check_mesh, is_readable, read_hull
 
 COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
@@ -85,6 +86,16 @@ def test_numbers_of_a_text_stl_that_are_none_are_refused(tmp_path: Path):
     file = write_text_stl(tmp_path / "part.stl")
     file.write_text(file.read_text().replace("1.0", "one"))
     with pytest.raises(ValueError, match="one"):
+        read_hull(file)
+
+
+def test_a_mesh_of_too_many_corners_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Corners that faces share count once."""
+    file = write_text_stl(tmp_path / "part.stl")
+    monkeypatch.setattr(mesh_files, "MOST_POINTS", 4)
+    assert len(read_corners(file)) == 4
+    monkeypatch.setattr(mesh_files, "MOST_POINTS", 3)
+    with pytest.raises(ValueError, match="it has 4 corners, expected at most 3"):
         read_hull(file)
 
 

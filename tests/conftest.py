@@ -13,6 +13,7 @@ from hypothesis import settings
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401  # pyright: ignore[reportMissingImports]
 
+from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan_cache import FOLDER_VARIABLE
 from robots import Robot, load_robot
@@ -73,6 +74,16 @@ def coupled(tiny: Robot) -> Robot:
 @pytest.fixture(scope="session")
 def world(op3: Robot) -> World:
     return World(op3)
+
+
+@pytest.fixture
+def no_film(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no film strips, as where there is no GL: a second each."""
+
+    def render(*_, **__):
+        raise film_strip.NoRendererError("not drawn in this test")
+
+    monkeypatch.setattr(film_strip, "render_frames", render)
 
 
 @pytest.fixture

@@ -7,8 +7,6 @@ from run_getup import Run
 from stored_plans import lie_at_start, plan_stored
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.reporting import film_strip
-from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots.posture_file import format_posture
@@ -32,16 +30,6 @@ def lying(world: World, tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("lying") / "prone.json"
     file.write_text(format_posture(lie_at_start(world), world.robot))
     return str(file)
-
-
-@pytest.fixture
-def no_film(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no film strips, as where there is no GL: a second each."""
-
-    def render(*_, **__):
-        raise NoRendererError("not drawn in this test")
-
-    monkeypatch.setattr(film_strip, "render_frames", render)
 
 
 @pytest.fixture

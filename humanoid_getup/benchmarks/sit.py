@@ -31,7 +31,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stand:
+class DisturbedStand:
     """A disturbed stand, and what differs around it."""
 
     posture: Posture
@@ -65,7 +65,7 @@ def bench_sit(
     return {"name": "sit", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
 
 
-def _sample_stand(world: World, rng: np.random.Generator) -> Stand:
+def _sample_stand(world: World, rng: np.random.Generator) -> DisturbedStand:
     """Sample a stand at rest, disturbed."""
     robot = world.robot
     friction = float(draw(USUAL.ground_friction, rng))
@@ -81,10 +81,10 @@ def _sample_stand(world: World, rng: np.random.Generator) -> Stand:
         posture = read_posture(robot, world.model, settle_posture(world, disturbed))
         stance = meter.estimate(posture.orientation[None], posture.joint_pos[None])
         if is_upright(stance, robot)[0]:
-            return Stand(posture=posture, friction=friction, voltage=voltage)
+            return DisturbedStand(posture=posture, friction=friction, voltage=voltage)
 
 
-def _sit(world: World, stand: Stand, limit: TorqueLimit) -> AfterStand:
+def _sit(world: World, stand: DisturbedStand, limit: TorqueLimit) -> AfterStand:
     model = copy.copy(world.model)
     model.geom_friction[model.geom(GROUND).id, 0] = stand.friction
     place = World(world.robot, world.scene, model=model)

@@ -10,7 +10,7 @@ from humanoid_getup.cli.output import write_json
 from humanoid_getup.cli.repeat import hinting
 from humanoid_getup.jobs.benchmark import Figures, benchmark
 from humanoid_getup.jobs.requests.bench import PAGE, BenchAll
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
@@ -67,7 +67,7 @@ HEADINGS = {
 """Headings of the figures in tables."""
 
 
-def bench(command: Request) -> int:
+def bench(command: JobRequest) -> int:
     """Run a benchmark, and print its main figures."""
     with showing(command) as report:
         result = benchmark(command, report)
@@ -82,7 +82,7 @@ def bench_all(command: BenchAll) -> int:
     return code
 
 
-def hand_over(result: Figures, command: Request) -> int:
+def hand_over(result: Figures, command: JobRequest) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.

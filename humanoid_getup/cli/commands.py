@@ -18,7 +18,7 @@ from humanoid_getup.cli.old_spellings import modernize
 from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.cli.parsing import registry
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.requests.values import find_value_faults
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
@@ -33,7 +33,7 @@ SECTIONS = {
 """Commands in the order of `getup --help`."""
 
 
-class Command(NamedTuple):
+class TableEntry(NamedTuple):
     """A command, or a group of commands, which has only a summary."""
 
     summary: str
@@ -46,187 +46,189 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "rise": Command(
+    "rise": TableEntry(
         "Get up from a fall by a planned motion or a policy.", "options.rise.Rise", "rise.rise"
     ),
-    "play": Command(
+    "play": TableEntry(
         "Play a rising motion and judge how it ends.", "options.rise.Play", "rise.play"
     ),
-    "run": Command(
+    "run": TableEntry(
         "Run a policy once and judge how it ends.", "options.rise.RunPolicy", "rise.run_policy"
     ),
-    "plan": Command("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
-    "sit": Command("Sit and lie down from a stand.", "options.stand.Sit", "stand.sit"),
-    "hold": Command(
+    "plan": TableEntry("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
+    "sit": TableEntry("Sit and lie down from a stand.", "options.stand.Sit", "stand.sit"),
+    "hold": TableEntry(
         "Hold a robot in its stand until a key is pressed.", "options.stand.Hold", "stand.hold"
     ),
-    "prior": Command(
+    "prior": TableEntry(
         "Make the pose prior of styled policies.",
         "requests.learning.PriorRequest",
         "learning.make_prior",
     ),
-    "train": Command(
+    "train": TableEntry(
         "Train a policy, or continue a training.",
         "requests.learning.TrainRequest",
         "learning.train",
     ),
-    "eval": Command(
+    "eval": TableEntry(
         "Evaluate a policy on settled falls.",
         "requests.learning.EvaluateRequest",
         "evaluate.evaluate",
         json=True,
     ),
-    "export": Command(
+    "export": TableEntry(
         "Export the policy of a training.", "requests.learning.ExportRequest", "learning.export"
     ),
-    "motions": Command("List, build, retarget, discover, import, record, preview or show motions."),
-    "motions list": Command(
+    "motions": TableEntry(
+        "List, build, retarget, discover, import, record, preview or show motions."
+    ),
+    "motions list": TableEntry(
         "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
     ),
-    "motions build": Command(
+    "motions build": TableEntry(
         "Build motions from keyframes.", "requests.motions.BuildRequest", "make_motions.build"
     ),
-    "motions import": Command(
+    "motions import": TableEntry(
         "Add keys from another program's file.",
         "requests.motions.ImportKeysRequest",
         "make_motions.import_motion",
     ),
-    "motions record": Command(
+    "motions record": TableEntry(
         "Record keys from a robot moved by hand.",
         "options.own_motions.RecordMotion",
         "hand_recording.record",
     ),
-    "motions preview": Command(
+    "motions preview": TableEntry(
         "Draw the keys of a motion and play them once.",
         "options.own_motions.PreviewMotion",
         "make_motions.preview",
     ),
-    "motions retarget": Command(
+    "motions retarget": TableEntry(
         "Take the keyframes of another robot.",
         "requests.motions.RetargetRequest",
         "make_motions.retarget",
     ),
-    "motions discover": Command(
+    "motions discover": TableEntry(
         "Make motions from the rises of a policy.",
         "requests.motions.DiscoverRequest",
         "make_motions.discover",
     ),
-    "motions show": Command(
+    "motions show": TableEntry(
         "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
     ),
-    "bench": Command("Run a benchmark on the twin or on the virtual bus."),
-    "bench all": Command(
+    "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
+    "bench all": TableEntry(
         "Measure a robot as one page that others can repeat.",
         "requests.bench.BenchAll",
         "bench.bench_all",
         json=True,
     ),
-    "bench rise": Command(
+    "bench rise": TableEntry(
         "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench", json=True
     ),
-    "bench methods": Command(
+    "bench methods": TableEntry(
         "Compare plans and policies.",
         "requests.bench.BenchMethods",
         "bench.bench",
         json=True,
     ),
-    "bench disturbed": Command(
+    "bench disturbed": TableEntry(
         "Rise in disturbed worlds.",
         "requests.bench.BenchDisturbed",
         "bench.bench",
         json=True,
     ),
-    "bench scenes": Command(
+    "bench scenes": TableEntry(
         "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench", json=True
     ),
-    "bench motions": Command(
+    "bench motions": TableEntry(
         "Play every motion disturbed.",
         "requests.bench.BenchMotions",
         "bench.bench",
         json=True,
     ),
-    "bench sit": Command(
+    "bench sit": TableEntry(
         "Sit and lie down from many stands.",
         "requests.bench.BenchSit",
         "bench.bench",
         json=True,
     ),
-    "bench filter": Command(
+    "bench filter": TableEntry(
         "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench", json=True
     ),
-    "bench faults": Command(
+    "bench faults": TableEntry(
         "Inject faults during a rise.",
         "requests.bench.BenchFaults",
         "bench.bench",
         json=True,
     ),
-    "bench kill": Command(
+    "bench kill": TableEntry(
         "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench", json=True
     ),
-    "bench soak": Command(
+    "bench soak": TableEntry(
         "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench", json=True
     ),
-    "bus": Command(
+    "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
     ),
-    "scan": Command(
+    "scan": TableEntry(
         "List serial ports and the devices on them.", "options.hardware.Scan", "scan.scan"
     ),
-    "doctor": Command(
+    "doctor": TableEntry(
         "Check a robot on its bus; moves nothing.", "options.hardware.Doctor", "doctor.doctor"
     ),
-    "calibrate": Command(
+    "calibrate": TableEntry(
         "Measure the zeros and signs of the servos.",
         "options.hardware.Calibrate",
         "calibrate.calibrate",
     ),
-    "plan-cache": Command(
+    "plan-cache": TableEntry(
         "List the solved rises that are kept, or remove them.",
         "options.motions.ListPlanCache",
         "plan_cache.list_or_clear",
     ),
-    "preflight": Command(
+    "preflight": TableEntry(
         "Judge if a motion may be played.", "options.motions.Preflight", "preflight.preflight"
     ),
-    "replay": Command(
-        "Replay a flight log and compare.", "options.motions.Replay", "replay.replay_log"
+    "replay": TableEntry(
+        "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"
     ),
-    "style": Command("List, show, edit or extract styles of rising."),
-    "style list": Command(
+    "style": TableEntry("List, show, edit or extract styles of rising."),
+    "style list": TableEntry(
         "List the named styles.", "options.style.ListStyles", "style.list_styles"
     ),
-    "style show": Command(
+    "style show": TableEntry(
         "Print and draw the curves of styles.", "options.style.ShowStyles", "style.show"
     ),
-    "style edit": Command(
+    "style edit": TableEntry(
         "Raise sooner or later, slower, faster, hold.", "options.style.EditStyle", "style.edit"
     ),
-    "style extract": Command(
+    "style extract": TableEntry(
         "Extract a style from a motion, a flight log or a clip.",
         "requests.style.ExtractRequest",
         "style.extract",
     ),
-    "mocap": Command("Import clips of motion capture."),
-    "mocap import": Command(
+    "mocap": TableEntry("Import clips of motion capture."),
+    "mocap import": TableEntry(
         "Make a motion of a robot from a clip.",
         "requests.motions.ClipRequest",
         "make_motions.import_clip",
         json=True,
     ),
-    "scenes": Command(
+    "scenes": TableEntry(
         "List or draw the scenes.", "options.motions.ListScenes", "scenes.list_scenes"
     ),
-    "robots": Command("List the robots, import one from a model file, check one."),
-    "robots list": Command(
+    "robots": TableEntry("List the robots, import one from a model file, check one."),
+    "robots list": TableEntry(
         "List the installed robots.", "options.robots.ListRobots", "robots.list_robots"
     ),
-    "robots import": Command(
+    "robots import": TableEntry(
         "Make a robot folder from an MJCF or URDF file.",
         "requests.robots.ImportRequest",
         "robots.import_robot",
         json=True,
     ),
-    "robots check": Command(
+    "robots check": TableEntry(
         "Check a robot's description, and what its body can do.",
         "options.robots.CheckRobot",
         "robots.check_robot",
@@ -242,7 +244,7 @@ class Invocation:
     """A command and its options."""
 
     name: str
-    options: Request
+    options: JobRequest
 
     def run(self) -> int:
         """Import the function of the command, call it, and return the exit code."""
@@ -319,7 +321,7 @@ def write_help(group: str = "") -> str:
     return "\n".join([*lines, "", f"{program} COMMAND --help lists the options of a command."])
 
 
-def load_options(name: str) -> type[Request]:
+def load_options(name: str) -> type[JobRequest]:
     """Import the options of a command."""
     command = COMMANDS[name]
     package = "cli" if command.options.startswith("options.") else "jobs"

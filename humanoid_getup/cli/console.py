@@ -13,7 +13,7 @@ from rich.status import Status
 from rich.table import Table
 
 from humanoid_getup.cli.output import STANDARD_OUTPUT, find_json_target
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.long_work.progress import Progress, Report
 
 SMALL_FIGURE = 0.1  # below which two decimals are too few
@@ -29,7 +29,7 @@ class PipeConsole(Console):
         raise
 
 
-def console_for(command: Request | None = None) -> Console:
+def console_for(command: JobRequest | None = None) -> Console:
     """Return the console for people: standard error where JSON takes standard output."""
     is_json = find_json_target(command) == STANDARD_OUTPUT
     console = PipeConsole(stderr=is_json, highlight=False)
@@ -54,7 +54,7 @@ def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def showing(command: Request | None = None) -> Iterator[Report]:
+def showing(command: JobRequest | None = None) -> Iterator[Report]:
     """Show progress on standard error, and findings to people; yield what shows them."""
     display = ProgressDisplay(console_for(command))
     try:

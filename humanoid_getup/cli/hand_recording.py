@@ -20,7 +20,7 @@ from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, Te
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.long_work.progress import Monitor
+from humanoid_getup.long_work.progress import ProgressMonitor
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes
@@ -58,7 +58,7 @@ def record(command: RecordMotion) -> int:
     with refusing():
         found = make_keyframes(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
     with showing() as report:
-        added = add_keys([found], robot, command, path, Monitor(report))
+        added = add_keys([found], robot, command, path, ProgressMonitor(report))
     print_added(added, command)
     return HARDWARE_FAULT if is_fault else DID_IT
 

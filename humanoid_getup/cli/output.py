@@ -7,7 +7,7 @@ from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.output_files import find_file_faults
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
@@ -20,12 +20,12 @@ def find_json_faults(json: str | None) -> list[str]:
     return [] if json in (None, STANDARD_OUTPUT) else find_file_faults(Path(json))
 
 
-def find_json_target(command: Request | None) -> str | None:
+def find_json_target(command: JobRequest | None) -> str | None:
     """Return the file of a command's JSON, "-" for standard output, ``None`` for none."""
     return getattr(command, "json", None)
 
 
-def write_json(result: object, command: Request) -> None:
+def write_json(result: object, command: JobRequest) -> None:
     """Write a result as JSON where a command wants it: to a file, to standard output, or nowhere.
 
     Raises:

@@ -16,7 +16,7 @@ from robots import Posture, Robot
 FLIGHT = "flight.mcap"
 
 
-class Recorder:
+class FlightRecorder:
     """Writes a flight log from the first cycle on, if one is requested."""
 
     def __init__(self, log: FlightLog | None, closing: ExitStack) -> None:
@@ -69,13 +69,13 @@ def make_log(
 
 
 @contextmanager
-def recording(log: FlightLog | None) -> Iterator[Recorder]:
+def recording(log: FlightLog | None) -> Iterator[FlightRecorder]:
     """Record while the block lasts; ``None`` for no log.
 
     An earlier log of that name is renamed, also where nothing is recorded.
     """
     with ExitStack() as closing:
-        yield Recorder(log, closing)
+        yield FlightRecorder(log, closing)
     if log is not None and not log.cycles:
         make_room(log.path)  # of an earlier run: it is not of this one
     if log is not None and log.fault:

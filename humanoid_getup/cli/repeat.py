@@ -10,10 +10,10 @@ from typing import Any, get_args, get_type_hints
 
 from tyro.conf import Positional
 
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 
 
-def write_command(name: str, request: Request) -> str:
+def write_command(name: str, request: JobRequest) -> str:
     """Write the command line of a request: what differs from the defaults."""
     hints = get_type_hints(type(request), include_extras=True)
     words, options = ["getup", *name.split()], list[str]()

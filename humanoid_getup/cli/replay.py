@@ -11,7 +11,7 @@ from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.console import console_for, phase
 from humanoid_getup.cli.exit_codes import DID_IT
-from humanoid_getup.cli.options.motions import REPLAY_FILES, Replay
+from humanoid_getup.cli.options.motions import REPLAY_FILES, ReplayOptions
 from humanoid_getup.cli.output import write_json
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.output_files import staging
@@ -27,7 +27,7 @@ from robots.servo import LIMIT_MODES, LimitMode
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
 
 
-def replay_log(command: Replay) -> int:
+def replay_log(command: ReplayOptions) -> int:
     """Load, replay, report."""
     with phase("reading") as report_phase, refusing():
         record = FlightRecord.load(command.log)
@@ -50,7 +50,7 @@ def replay_log(command: Replay) -> int:
     return DID_IT
 
 
-def _load_world(command: Replay, record: FlightRecord) -> World:
+def _load_world(command: ReplayOptions, record: FlightRecord) -> World:
     body = Body.parse(str(record.about.get("body", "")))
     robot = load_robot(command.robot or record.robot, body)
     record.check_robot(robot)
@@ -59,7 +59,7 @@ def _load_world(command: Replay, record: FlightRecord) -> World:
     return World(robot, load_scene(scene, robot, seed if isinstance(seed, int) else 0))
 
 
-def _replay(command: Replay, record: FlightRecord, world: World) -> ReplayReport:
+def _replay(command: ReplayOptions, record: FlightRecord, world: World) -> ReplayReport:
     supply = choose_supply(record, world.robot) if command.voltage is None else command.voltage
     twin = Twin(world, voltage=supply, limit_by=_find_limit_mode(record))
     if not record.cycles:

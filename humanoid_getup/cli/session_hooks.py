@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from drivers import SafetyGuard
 from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.operator_key import OperatorKey
-from humanoid_getup.cli.recording import Recorder
+from humanoid_getup.cli.recording import FlightRecorder
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.jobs.errors import refusing
 
@@ -21,7 +21,7 @@ class SessionHooks:
     def __init__(
         self,
         choice: BackendChoice,
-        recorder: Recorder,
+        recorder: FlightRecorder,
         report: Callable[[str], None],
         terminal: int | None = None,
     ) -> None:

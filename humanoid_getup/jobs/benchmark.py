@@ -33,8 +33,8 @@ from humanoid_getup.jobs.requests.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.jobs.requests.shared import BodyOption, Request, SceneOptions
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
@@ -50,7 +50,7 @@ Figures = dict[str, Any]
 
 
 def benchmark(
-    request: Request, report: Report | None = None, cancel: Cancel | None = None
+    request: JobRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> Figures:
     """Run the benchmark of a request of `jobs.requests.bench`.
 
@@ -62,7 +62,7 @@ def benchmark(
         result = measure_robot(request, report, cancel)
     else:
         request.check()
-        monitor = Monitor(report, cancel)
+        monitor = ProgressMonitor(report, cancel)
         monitor.begin("loading")
         run = next(run for kind, run in BENCHMARKS.items() if isinstance(request, kind))
         result = run(request, monitor)
@@ -71,7 +71,7 @@ def benchmark(
     return result
 
 
-def _bench_rise(request: BenchRise, monitor: Monitor) -> Figures:
+def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> Figures:
     """Rise from many settled falls."""
     world, database = _load(request)
     planner = PlannedRise(
@@ -90,7 +90,7 @@ def _bench_rise(request: BenchRise, monitor: Monitor) -> Figures:
     return _count(request, monitor, rise.bench_rise, planner, count=rises, of="rises")
 
 
-def _bench_methods(request: BenchMethods, monitor: Monitor) -> Figures:
+def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> Figures:
     """Compare plans and policies on the same falls."""
     world, database = _load(request)
     limit = make_torque_limit(request, world.robot)
@@ -103,7 +103,7 @@ def _bench_methods(request: BenchMethods, monitor: Monitor) -> Figures:
     return _count(request, monitor, rise.bench_methods, strategies, count=rises, of="rises")
 
 
-def _bench_disturbed(request: BenchDisturbed, monitor: Monitor) -> Figures:
+def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> Figures:
     """Compare plans, with and without feedback, and policies in disturbed worlds."""
     world, database = _load(request)
     limit = make_torque_limit(request, world.robot)
@@ -121,7 +121,7 @@ def _bench_disturbed(request: BenchDisturbed, monitor: Monitor) -> Figures:
     return _count(request, monitor, bench, planner, count=rises, of="rises")
 
 
-def _bench_scenes(request: BenchScenes, monitor: Monitor) -> Figures:
+def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> Figures:
     """Compare plans, policies and stored motions in every scene."""
     with refusing():
         robot = load_robot(request)
@@ -146,14 +146,14 @@ def _bench_scenes(request: BenchScenes, monitor: Monitor) -> Figures:
     return _count(request, monitor, bench, robot, count=count, of="rises")
 
 
-def _bench_motions(request: BenchMotions, monitor: Monitor) -> Figures:
+def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> Figures:
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(request)
     own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
     return _count(request, monitor, motions.bench_motions, world, own, count=len(own), of="motions")
 
 
-def _bench_sit(request: BenchSit, monitor: Monitor) -> Figures:
+def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> Figures:
     """Sit and lie down from many disturbed stands."""
     world = load_world(request)
     with refusing():
@@ -162,14 +162,14 @@ def _bench_sit(request: BenchSit, monitor: Monitor) -> Figures:
     return _count(request, monitor, sit.bench_sit, world, count=count, of="stands")
 
 
-def _bench_filter(request: BenchFilter, monitor: Monitor) -> Figures:
+def _bench_filter(request: BenchFilter, monitor: ProgressMonitor) -> Figures:
     """Compare the speed of the filter's simulation with bare physics."""
     world, database = _load(request)
     monitor.begin("filtering")
     return speed.bench_filter(world, database, seed=request.seed, repeats=request.n)
 
 
-def _bench_faults(request: BenchFaults, monitor: Monitor) -> Figures:
+def _bench_faults(request: BenchFaults, monitor: ProgressMonitor) -> Figures:
     """Inject each kind of fault in the middle of a motion, or of a held stand."""
     world, cases = load_world(request), len(fault_injection.CASES)
     robot, is_stand = world.robot, request.motion == STANDING
@@ -179,7 +179,7 @@ def _bench_faults(request: BenchFaults, monitor: Monitor) -> Figures:
     )
 
 
-def _bench_kill(request: BenchKill, monitor: Monitor) -> Figures:
+def _bench_kill(request: BenchKill, monitor: ProgressMonitor) -> Figures:
     """Kill the program in the middle of a rise."""
     world = load_world(request)
     motion = find_motion(world.robot, request.motion)
@@ -188,14 +188,14 @@ def _bench_kill(request: BenchKill, monitor: Monitor) -> Figures:
     )
 
 
-def _bench_soak(request: BenchSoak, monitor: Monitor) -> Figures:
+def _bench_soak(request: BenchSoak, monitor: ProgressMonitor) -> Figures:
     """Rise, hold, lie down, tumble and rise again for a time on the bus."""
     planner = PlannedRise(*_load(request))
     count = monitor.count("bus time [s]", round(request.duration))
     return soak.bench_soak(planner, seed=request.seed, duration=request.duration, report=count)
 
 
-BENCHMARKS: dict[type[Request], Callable[[Any, Monitor], Figures]] = {
+BENCHMARKS: dict[type[JobRequest], Callable[[Any, ProgressMonitor], Figures]] = {
     BenchRise: _bench_rise,
     BenchMethods: _bench_methods,
     BenchDisturbed: _bench_disturbed,
@@ -212,7 +212,7 @@ BENCHMARKS: dict[type[Request], Callable[[Any, Monitor], Figures]] = {
 
 def _count(
     request: Any,
-    monitor: Monitor,
+    monitor: ProgressMonitor,
     bench: Callable[..., Figures],
     *subjects: Any,
     count: int,

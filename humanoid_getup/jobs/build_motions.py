@@ -15,7 +15,7 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_faults
 from humanoid_getup.jobs.requests.motions import BuildRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Progress, Report
+from humanoid_getup.long_work.progress import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.long_work.worker_pool import SPAWN, worker_pool
 from humanoid_getup.motions.build import (
     UNFINISHED,
@@ -66,7 +66,9 @@ def build_motions(
     request.check()
     robot = load_robot(request)
     check_folders(robot)
-    return build_all(robot, find_keyframes(robot, request.names), request, Monitor(report, cancel))
+    return build_all(
+        robot, find_keyframes(robot, request.names), request, ProgressMonitor(report, cancel)
+    )
 
 
 def check_folders(robot: Robot) -> None:
@@ -81,7 +83,7 @@ def check_folders(robot: Robot) -> None:
 
 
 def build_all(
-    robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: Monitor
+    robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> BuiltMotions:
     """Build motions in processes, and keep each when it is ready."""
     done = _count_done(robot, chosen, request, monitor)
@@ -138,7 +140,7 @@ def _keep_best(build: Build, robot: Robot) -> Path:
 
 
 def _count_done(
-    robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: Monitor
+    robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> dict[str, int]:
     """Count the generations in the logs, which are checked before any work; tell what goes on."""
     with refusing():
@@ -169,7 +171,7 @@ class _Watch:
     def __init__(
         self,
         reports: Queue,
-        monitor: Monitor,
+        monitor: ProgressMonitor,
         generations: int,
         *,
         work: float,

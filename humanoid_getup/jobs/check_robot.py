@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.robots import CheckRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.robot_check.check import RobotCheck
 from humanoid_getup.robot_check.check import check_robot as check
 from humanoid_getup.robot_check.finding import CheckFinding
@@ -41,7 +41,7 @@ def check_robot(
         CancelledError: if ``cancel`` ended it before.
     """
     request.check()
-    monitor = Monitor(report, cancel)
+    monitor = ProgressMonitor(report, cancel)
     try:
         robot = load_robot(request.robot)
         found = check(robot, lambda part: monitor.begin(f"checking {part}"))

@@ -9,7 +9,7 @@ from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_folder_faults
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import SOUND, motion_file
 from humanoid_getup.motions.motion import NAME
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
@@ -31,7 +31,7 @@ def discover(
         CancelledError: if ``cancel`` ended it; motions of the sides that were finished are kept.
     """
     request.check()
-    request, monitor = name_robot(request, request.policy), Monitor(report, cancel)
+    request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
     robot = load_robot(request)
     policy = load_policy(robot, request.policy, None)
     if policy.contract.style is not None:

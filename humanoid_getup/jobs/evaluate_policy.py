@@ -16,7 +16,7 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_grounds
 from humanoid_getup.simulation.world import World
@@ -66,7 +66,7 @@ def evaluate(
         CancelledError: if ``cancel`` ended it.
     """
     request.check()
-    request, monitor = name_robot(request, request.policy), Monitor(report, cancel)
+    request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
     names = _find_scenes(request)
     monitor.begin("loading")
     worlds = [load_world(replace(request, scene=name)) for name in names]
@@ -148,7 +148,7 @@ def _roll_out(
     grounds: Grounds,
     choices: list[StyleChoice | None],
     label: str,
-    monitor: Monitor,
+    monitor: ProgressMonitor,
 ) -> dict[str, Any]:
     """Let the policy get up from all falls; return the figures."""
     from sim2real.perturbations import evaluate_policy, summarize_rollouts
@@ -199,7 +199,7 @@ def _load_style(name: str, robot: Robot) -> Style | None:
 
 
 def _choose_curves(
-    grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: Monitor
+    grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: ProgressMonitor
 ) -> tuple[list[StyleChoice | None], dict[str, int]]:
     """Make what chooses the curves of each rise, for each ground; count rises with a plan's own."""
     if name is None:
@@ -245,7 +245,7 @@ def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
         )
 
 
-def _list_grounds(request: EvaluateRequest, world: World, monitor: Monitor) -> Grounds:
+def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> Grounds:
     """List the falls of a scene; where a seed makes the ground, every four on one of their own."""
     name, robot = world.scene.name, world.robot
     grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)

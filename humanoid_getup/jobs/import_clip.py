@@ -8,7 +8,7 @@ from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.motions import ClipRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter, RetargetedClip
 
 
@@ -22,7 +22,7 @@ def import_clip(
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
     request.check()
-    robot, monitor = load_robot(request), Monitor(report, cancel)
+    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading")
     with refusing():
         clip = read_clip(request.clip, request.skeleton, request.rate, request.up)

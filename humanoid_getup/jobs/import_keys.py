@@ -10,7 +10,7 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_faults
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest, NewKeysOptions
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
     ImportedKeyframes,
@@ -55,7 +55,7 @@ def import_keys(
             make_keyframes(each, robot, name=request.name, end_class=request.end, clip=request.clip)
             for each in sequences
         ]
-    return add_keys(imported, robot, request, path, Monitor(report, cancel))
+    return add_keys(imported, robot, request, path, ProgressMonitor(report, cancel))
 
 
 def find_target(request: NewKeysOptions, robot: Robot) -> Path:
@@ -75,7 +75,7 @@ def add_keys(
     robot: Robot,
     request: NewKeysOptions,
     path: Path,
-    monitor: Monitor,
+    monitor: ProgressMonitor,
 ) -> AddedKeys:
     """Play new keyframes from where they start, and add them to a file."""
     trials = []

@@ -7,7 +7,7 @@ import numpy as np
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.robots import ImportRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from robots import RobotError, load_robot
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
@@ -45,7 +45,7 @@ def import_robot(
         CancelledError: if ``cancel`` ended it before.
     """
     request.check()
-    monitor = Monitor(report, cancel)
+    monitor = ProgressMonitor(report, cancel)
     options = ImportOptions(
         name=request.name or request.out.resolve().name,
         servos=request.servo,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.learning import PriorRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ def make_prior(
         CancelledError: if ``cancel`` ended it; rises that were planned are kept.
     """
     request.check()
-    robot, monitor = load_robot(request), Monitor(report, cancel)
+    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):
         from sim2real.pose_prior.pose_prior import PosePrior

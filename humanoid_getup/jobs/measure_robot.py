@@ -33,7 +33,7 @@ from humanoid_getup.jobs.requests.bench import (
     BenchAll,
 )
 from humanoid_getup.long_work.ledger import Ledger
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, MotionDatabase, load_database
 from humanoid_getup.policy.onnx_policy import list_policies
@@ -65,7 +65,7 @@ def measure_robot(
         CancelledError: if ``cancel`` ended it; the parts that were finished are kept.
     """
     request.check()
-    monitor = Monitor(report, cancel)
+    monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading")
     with refusing():
         world = World(load_robot(request))
@@ -166,7 +166,7 @@ def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
     return Ledger.resume(path, part.depends) if resume else Ledger(path, part.depends)
 
 
-def _run_parts(request: BenchAll, whole: Whole, monitor: Monitor) -> Results:
+def _run_parts(request: BenchAll, whole: Whole, monitor: ProgressMonitor) -> Results:
     """Run the parts that are not finished; every kept one is checked before any work."""
     parts, folder = whole.parts(), request.out / PARTS
     if not request.resume:

@@ -10,7 +10,7 @@ from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_start, load_keys, load_world
 from humanoid_getup.jobs.requests.plan import PlanRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.planning.path_planner import PathOptions
@@ -55,7 +55,7 @@ def plan(
         CancelledError: if ``cancel`` ended it.
     """
     request.check()
-    monitor, rng = Monitor(report, cancel), np.random.default_rng(request.seed)
+    monitor, rng = ProgressMonitor(report, cancel), np.random.default_rng(request.seed)
     monitor.begin("loading")
     world = load_world(request)
     keys = load_keys(world, request.key)

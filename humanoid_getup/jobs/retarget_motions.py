@@ -10,7 +10,7 @@ from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_fol
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.requests.motions import RetargetRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Report
+from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import build_unimproved, motion_file
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
@@ -52,7 +52,7 @@ def retarget(
         CancelledError: if ``cancel`` ended it; keys and motions that were ready are kept.
     """
     request.check()
-    monitor, robot = Monitor(report, cancel), load_robot(request)
+    monitor, robot = ProgressMonitor(report, cancel), load_robot(request)
     with refusing():
         source = load(request.source)
     if source.folder.resolve() == robot.folder.resolve():
@@ -76,7 +76,7 @@ def retarget(
 
 
 def _transfer(
-    source: Robot, robot: Robot, request: RetargetRequest, monitor: Monitor
+    source: Robot, robot: Robot, request: RetargetRequest, monitor: ProgressMonitor
 ) -> Sequence[Keyframes]:
     """Write the keys that the robot does not have yet; return all that were asked for."""
     path = robot.folder / KEYFRAMES
@@ -92,7 +92,7 @@ def _transfer(
     return find_keyframes(robot, tuple(each.name for each in wanted))
 
 
-def _keep_if_sound(robot: Robot, keyframes: Keyframes, seed: int, monitor: Monitor) -> bool:
+def _keep_if_sound(robot: Robot, keyframes: Keyframes, seed: int, monitor: ProgressMonitor) -> bool:
     """Keep a motion that stands in most disturbed worlds as it is; tell how it ended."""
     monitor.begin(f"playing {keyframes.name}")
     build = build_unimproved(robot, keyframes, seed)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
-from humanoid_getup.long_work.progress import Cancel, Monitor, Progress, Report
+from humanoid_getup.long_work.progress import Cancel, Progress, ProgressMonitor, Report
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported
@@ -63,7 +63,7 @@ def train(
         )
     if prior is not None and not prior.is_dir():
         raise BadInputError(f"--prior is {prior}, expected the folder of a pose prior")
-    robot, monitor = load_robot(request), Monitor(report, cancel)
+    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):
         import torch
@@ -106,7 +106,7 @@ def export(
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
     request.check()
-    monitor = Monitor(report, cancel)
+    monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):
         from sim2real.training.config import TrainingRecord

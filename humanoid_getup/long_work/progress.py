@@ -32,7 +32,7 @@ class CancelledError(Exception):
     """Work ended because its caller no longer wanted it; what was finished is kept."""
 
 
-class Monitor:
+class ProgressMonitor:
     """Reports the progress of some work, and ends it between two pieces once it is cancelled."""
 
     def __init__(self, report: Report | None = None, cancel: Cancel | None = None) -> None:

@@ -78,7 +78,7 @@ class Preflight(TorqueOptions, WorldOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay(JsonOption):
+class ReplayOptions(JsonOption):
     """Replay a flight log on the twin and report the differences."""
 
     log: Annotated[Positional[Path], arg(metavar="LOG")]

@@ -15,8 +15,8 @@ from humanoid_getup.jobs.output_files import find_file_faults, find_folder_fault
 from humanoid_getup.jobs.requests.shared import (
     NO_ORIGIN,
     BodyOption,
+    JobRequest,
     Origin,
-    Request,
     SceneOptions,
     TorqueOptions,
 )
@@ -44,7 +44,7 @@ A_REAL_ROBOT = "a real robot has the body that it has"
 
 
 @dataclass(frozen=True, kw_only=True)
-class JsonOption(Request):
+class JsonOption(JobRequest):
     """Where the results go."""
 
     json: JsonTarget = None
@@ -55,7 +55,7 @@ class JsonOption(Request):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PictureOption(Request):
+class PictureOption(JobRequest):
     """Whether something is drawn, and where."""
 
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
@@ -163,7 +163,7 @@ class RunOptions(MoveOptions):
 
 
 @cache
-def with_json(request: type[Request]) -> type[Request]:
+def with_json(request: type[JobRequest]) -> type[JobRequest]:
     """Return the options of a command: a request, and where its results go."""
     namespace = {"__doc__": request.__doc__}
     bases = (JsonOption, request)

@@ -13,9 +13,9 @@ from tyro.conf import Positional, arg
 from humanoid_getup.jobs.output_files import find_file_faults
 from humanoid_getup.jobs.requests.shared import (
     Count,
+    JobRequest,
     PolicyName,
     Prefer,
-    Request,
     RobotOption,
     Seed,
 )
@@ -76,7 +76,7 @@ class DiscoverRequest(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewKeysOptions(Request):
+class NewKeysOptions(JobRequest):
     """What becomes of new keys."""
 
     start: Literal["supine", "prone", "left", "right", "squat", "standing"] | None = None

@@ -1,4 +1,4 @@
-"""Request to plan a path."""
+"""JobRequest to plan a path."""
 
 from __future__ import annotations
 

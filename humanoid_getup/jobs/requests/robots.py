@@ -8,11 +8,11 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImportRequest(Request):
+class ImportRequest(JobRequest):
     """Make a robot folder from a model file: its own model, and a robot.toml whose guesses are
     marked."""
 
@@ -32,7 +32,7 @@ class ImportRequest(Request):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckRequest(Request):
+class CheckRequest(JobRequest):
     """A robot to check."""
 
     robot: Annotated[Positional[str], arg(metavar="NAME|DIR")]

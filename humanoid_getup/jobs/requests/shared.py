@@ -45,7 +45,7 @@ TorqueLimitValue = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class Request:
+class JobRequest:
     """What a job is asked for."""
 
     def find_faults(self) -> list[str]:
@@ -66,7 +66,7 @@ A_POLICY = "a policy is made for the original body"
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotOption(Request):
+class RobotOption(JobRequest):
     """Which robot."""
 
     robot: str = "op3"
@@ -74,7 +74,7 @@ class RobotOption(Request):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyOption(Request):
+class BodyOption(JobRequest):
     """The lengths of a robot's parts."""
 
     body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
@@ -109,7 +109,7 @@ class SceneOptions(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueOptions(Request):
+class TorqueOptions(JobRequest):
     """A torque limit, and what it acts on."""
 
     torque_limit: TorqueLimitValue = None
@@ -119,7 +119,7 @@ class TorqueOptions(Request):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreferenceOptions(Request):
+class PreferenceOptions(JobRequest):
     """What a planned rise should be, and how long it is searched for."""
 
     prefer: Prefer = "time"

@@ -15,7 +15,7 @@ from humanoid_getup.jobs.plan_path import plan
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.jobs.requests.plan import PlanRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
-from humanoid_getup.jobs.requests.shared import Request
+from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.long_work.progress import CancelledError, Progress
 
@@ -45,7 +45,7 @@ class Stop:
         (plan, PlanRequest(origin="prone")),
     ],
 )
-def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: Request, reports: int):
+def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: JobRequest, reports: int):
     stop = Stop(reports)
     with pytest.raises(CancelledError):
         job(request_, stop.report, stop.is_wanted)

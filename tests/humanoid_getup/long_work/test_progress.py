@@ -4,12 +4,12 @@ import threading
 
 import pytest
 
-from humanoid_getup.long_work.progress import CancelledError, Monitor, Progress
+from humanoid_getup.long_work.progress import CancelledError, Progress, ProgressMonitor
 
 
 def test_what_is_counted_adds_up():
     seen: list[Progress] = []
-    advance = Monitor(seen.append).count("rises", 3)
+    advance = ProgressMonitor(seen.append).count("rises", 3)
     advance(1)
     advance(2)
     assert [each.done for each in seen] == [0, 1, 3]
@@ -19,7 +19,7 @@ def test_what_is_counted_adds_up():
 def test_work_that_is_cancelled_ends_with_the_next_piece():
     cancel = threading.Event()
     seen: list[Progress] = []
-    monitor = Monitor(seen.append, cancel.is_set)
+    monitor = ProgressMonitor(seen.append, cancel.is_set)
     monitor.begin("reading")
     cancel.set()
     for go_on in (lambda: monitor.tell("found"), monitor.check, lambda: monitor.begin("more")):
@@ -33,7 +33,7 @@ def test_work_that_is_cancelled_ends_with_the_next_piece():
 
 
 def test_work_needs_no_one_who_watches():
-    monitor = Monitor()
+    monitor = ProgressMonitor()
     monitor.begin("reading")
     monitor.count("rises", 2)(2)
     monitor.check()

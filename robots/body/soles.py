@@ -29,8 +29,6 @@ class Sole:
     """Middle of the face [m], (3,)."""
     axes: Array
     """Forward, left and up of the face, in columns, (3, 3)."""
-    corners: Array
-    """Of the face [m], (p, 3)."""
     area: float
     """[m²]"""
 
@@ -48,10 +46,7 @@ def find_sole(
     """
     best: Sole | None = None
     rotation = data.xmat[body].reshape(3, 3)
-    shapes = read_shapes(model, body, keep_hulls=True)
-    if not shapes:
-        return None
-    points = np.concatenate([shape.sample() for shape in shapes])
+    points = _sample(model, body)
     for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
         area = _measure_area(face)
         if area > (best.area if best else least_area):
@@ -62,9 +57,13 @@ def find_sole(
 def find_lowest(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
     """Return the height of the lowest point of a body's shapes [m]; infinite without shapes."""
     up = data.xmat[body].reshape(3, 3)[2]
+    return float(data.xpos[body, 2] + np.min(_sample(model, body) @ up, initial=np.inf))
+
+
+def _sample(model: mujoco.MjModel, body: int) -> Array:
+    """Return points that span a body's shapes, in its frame [m], (p, 3)."""
     shapes = read_shapes(model, body, keep_hulls=True)
-    heights = [float(np.min(shape.sample() @ up)) for shape in shapes]
-    return float(data.xpos[body, 2]) + min(heights, default=np.inf)
+    return np.concatenate([np.zeros((0, 3)), *(shape.sample() for shape in shapes)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +74,8 @@ class _Face:
 
 def _list_faces(points: Array, down: Array) -> list[_Face]:
     """List the flat faces of the points' hull that look down; (3,) is a unit vector."""
+    if not len(points):
+        return []
     try:
         hull = ConvexHull(points)
     except QhullError:
@@ -110,7 +111,7 @@ def _describe(body: int, points: Array, face: _Face, rotation: Array, area: floa
     own = face.points @ axes
     middle = (own.min(axis=0) + own.max(axis=0)) / 2.0
     middle[2] = np.min(points @ up)  # where the lowest point touches the ground
-    return Sole(body, axes @ middle, axes, face.points, area)
+    return Sole(body, axes @ middle, axes, area)
 
 
 def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None:
@@ -132,12 +133,11 @@ def list_sole_points(model: mujoco.MjModel, site: str) -> Array:
     mujoco.mj_kinematics(model, data)
     foot = model.body_weldid[model.site_bodyid[number]]
     points = [
-        data.xpos[body] + shape.sample() @ data.xmat[body].reshape(3, 3).T
+        data.xpos[body] + _sample(model, int(body)) @ data.xmat[body].reshape(3, 3).T
         for body in np.flatnonzero(model.body_weldid == foot)
-        for shape in read_shapes(model, int(body), keep_hulls=True)
     ]
     axes = data.site_xmat[number].reshape(3, 3)
-    return (np.concatenate([np.zeros((0, 3)), *points]) - data.site_xpos[number]) @ axes
+    return (np.concatenate(points) - data.site_xpos[number]) @ axes
 
 
 def measure_tilt(points: Array) -> float:

@@ -51,8 +51,11 @@ def test_a_sole_with_studs_is_as_low_as_its_lowest_point():
     assert sole.position[2] == pytest.approx(-0.052)
 
 
-def test_a_ball_has_no_sole():
-    assert find_sole(*build('<geom size="0.03"/>'), body=1, least_area=1e-3) is None
+@pytest.mark.parametrize(
+    "shapes", ['<geom size="0.03"/>', '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>']
+)
+def test_a_ball_and_a_body_without_shapes_have_no_sole(shapes: str):
+    assert find_sole(*build(shapes), body=1, least_area=1e-3) is None
 
 
 def test_the_lowest_point_is_that_of_all_shapes():

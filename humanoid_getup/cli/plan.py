@@ -171,7 +171,7 @@ def _print(record: DescribedPath, files: list[str], command: Plan) -> None:
     rows = {
         "start": f"{record.start_class}, seed {record.seed}",
         "search": f"{effort}, {record.nodes} nodes, {how}",
-        "way out": record.way_out and f"{record.way_out:.2f} m, moved as it lies",
+        "way out": record.way_out and f"{record.way_out:.2f} m, moved as it lies: a rise crawls",
         "keys": ", ".join(f"{key.name} at {key.time:.2f} s" for key in record.keys),
         "files": ", ".join(files),
         "no film": record.strip_reason,

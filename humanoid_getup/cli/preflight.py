@@ -16,7 +16,7 @@ from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import describe_end
-from humanoid_getup.playback.preflight import MotionVerdict, Severity
+from humanoid_getup.playback.preflight import MotionVerdict, ReasonKind
 from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.playback.preflight_rollout import MOST_RISES
 from robots import Robot
@@ -58,7 +58,7 @@ def record_verdict(robot: Robot, verdict: MotionVerdict) -> dict[str, Any]:
     return {
         "passed": verdict.passed,
         "reasons": [
-            {"severity": reason.severity.value, "joint": reason.joint, "text": reason.text}
+            {"kind": reason.kind.value, "joint": reason.joint, "text": reason.text}
             for reason in verdict.reasons
         ],
         "voltage_v": figures.voltage,
@@ -90,7 +90,7 @@ def print_verdict(robot: Robot, motion: Motion, verdict: MotionVerdict, console:
     word, color = ("passed", "green") if verdict.passed else ("refused", "red")
     console.print(f"[bold {color}]{escape(motion.name)}: {word} at {figures.voltage:.1f} V")
     for reason in verdict.reasons:
-        mark = "[red]✗[/]" if reason.severity is Severity.REFUSE else "[yellow]![/]"
+        mark = "[red]✗[/]" if reason.kind is ReasonKind.REFUSE else "[yellow]![/]"
         console.print(f" {mark} {escape(str(reason))}")
     rises = f"over {MOST_RISES}" if figures.rises_in_a_row is None else f"{figures.rises_in_a_row}"
     ending = f"{'ends' if figures.succeeded else 'does not end'} {describe_end(motion)}"

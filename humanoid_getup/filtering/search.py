@@ -39,7 +39,7 @@ class Improvement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchResult:
+class FoundTargets:
     """What a search found."""
 
     target: Array
@@ -73,7 +73,7 @@ class TargetSearch:
 
     def search(
         self, scenarios: Scenarios, target: Array, budget: float, rng: np.random.Generator
-    ) -> SearchResult:
+    ) -> FoundTargets:
         """Vary targets [rad], (T, n), that stand in few worlds or in none.
 
         The search ends when they stand in all worlds, of which the first is the nominal one, or
@@ -103,7 +103,7 @@ class TargetSearch:
                 if _share(whole) > share:
                     best, share, hardest = motions[i], _share(whole), _find_hardest(whole)
                     break
-        return SearchResult(
+        return FoundTargets(
             target=best,
             share=share,
             generations=generations,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -85,14 +86,21 @@ def find_path(
     """Plan through the key postures to the first of the goals to which there is a path.
 
     A start that is not valid has no path to any of them: the others are not tried. One far from
-    any room to stand is first moved there as it lies.
+    any room to stand is first moved there as it lies. No servo robot can follow that: a rise crawls
+    there instead, and takes no path from here.
     """
     began, checker = time.perf_counter(), CollisionChecker(world.robot, world.scene)
     way_out = find_way_out(world, checker, start, rng)
+    before = start if way_out is None else way_out.end
     answers: list[tuple[Goal, ViaResult]] = []
     for goal in goals:
         report(goal.name, None)
-        result = _plan(world, start, way_out, keys, goal, checker, rng, options, report)
+        stops = _place(world, before, keys, goal)
+        if isinstance(stops, ViaResult):
+            result = stops
+        else:
+            tell = partial(report, goal.name)
+            result = plan_via(start, stops, checker, rng, options, tell, way_out)
         answers.append((goal, result))
         if result.status in (SearchStatus.SOLVED, SearchStatus.START_INVALID):
             break
@@ -111,35 +119,18 @@ def find_path(
     )
 
 
-def _plan(
-    world: World,
-    start: Posture,
-    way_out: WayOut | None,
-    keys: Sequence[KeyPosture],
-    goal: Goal,
-    checker: CollisionChecker,
-    rng: np.random.Generator,
-    options: PathOptions,
-    report: Progress,
-) -> ViaResult:
-    before = start if way_out is None else way_out.end
-    placed = place_stops(world, [*(key.posture for key in keys), goal.posture], before)
+def _place(
+    world: World, start: Posture, keys: Sequence[KeyPosture], goal: Goal
+) -> list[Posture] | ViaResult:
+    """Place key postures and goal, each at the one before it; or say which has no place."""
+    placed = place_stops(world, [*(key.posture for key in keys), goal.posture], start)
     names = [*(key.name for key in keys), goal.name]
-    stops = list[Posture]()
-    for leg, stop in enumerate(placed):
-        if stop is None:
-            reason = f"there is no place for {names[leg]} at the robot or beside it"
-            return ViaResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
-        stops.append(stop)
-    return plan_via(
-        start,
-        stops,
-        checker,
-        rng,
-        options,
-        report=lambda level: report(goal.name, level),
-        way_out=way_out,
-    )
+    stops = [stop for stop in placed if stop is not None]
+    if len(stops) == len(placed):
+        return stops
+    leg = placed.index(None)
+    reason = f"there is no place for {names[leg]} at the robot or beside it"
+    return ViaResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
 
 
 def measure_length(metric: PostureMetric, path: Trajectory) -> float:

@@ -102,7 +102,7 @@ Finding = tuple[AbortKind, str]
 """A reason to abort a run, and its details."""
 
 
-class Monitor(Protocol):
+class RunMonitor(Protocol):
     """Checks a run for one kind of reason to abort it."""
 
     warnings: list[str]
@@ -208,7 +208,7 @@ class MotionMonitor:
         limits: MonitorLimits = LIMITS,
         tracked: bool = True,
     ) -> None:
-        """Monitor a motion and its player.
+        """RunMonitor a motion and its player.
 
         Without ``tracked``, for a motion that was never rolled out, neither tilt nor stuck
         joints are a reason to abort.

@@ -34,7 +34,7 @@ REFUSED_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up
 IMPOSSIBLE_OVERLAP = 0.025  # m
 
 
-class Severity(Enum):
+class ReasonKind(Enum):
     """Effect of a reason on the verdict."""
 
     REFUSE = "refused"
@@ -45,7 +45,7 @@ class Severity(Enum):
 class Reason:
     """One finding of a preflight."""
 
-    severity: Severity
+    kind: ReasonKind
     joint: str | None
     """None if it is not about a single joint."""
     text: str
@@ -79,12 +79,12 @@ class Verdict:
     @property
     def refusals(self) -> tuple[Reason, ...]:
         """Return the reasons that it must not be played."""
-        return tuple(r for r in self.reasons if r.severity is Severity.REFUSE)
+        return tuple(r for r in self.reasons if r.kind is ReasonKind.REFUSE)
 
     @property
     def warnings(self) -> tuple[Reason, ...]:
         """Return the reasons to be careful."""
-        return tuple(r for r in self.reasons if r.severity is Severity.WARN)
+        return tuple(r for r in self.reasons if r.kind is ReasonKind.WARN)
 
     def __str__(self) -> str:
         if not self.passed:
@@ -153,7 +153,7 @@ def preflight(
         *_judge_overlap(figures),
         *_judge_start(robot, motion, start),
     ]
-    reasons.sort(key=lambda reason: reason.severity is Severity.WARN)
+    reasons.sort(key=lambda reason: reason.kind is ReasonKind.WARN)
     return MotionVerdict(tuple(reasons), figures=figures)
 
 
@@ -173,11 +173,11 @@ def _check_input(voltage: float, temperature: Array | float) -> None:
 
 
 def _refuse(text: str, joint: str | None = None) -> Reason:
-    return Reason(Severity.REFUSE, joint, text)
+    return Reason(ReasonKind.REFUSE, joint, text)
 
 
 def _warn(text: str, joint: str | None = None) -> Reason:
-    return Reason(Severity.WARN, joint, text)
+    return Reason(ReasonKind.WARN, joint, text)
 
 
 def _judge_supply(robot: Robot, voltage: float) -> list[Reason]:

@@ -10,9 +10,9 @@ from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import hold_time
 from humanoid_getup.playback.monitors import (
     Abort,
-    Monitor,
     MotionMonitor,
     PolicyMonitor,
+    RunMonitor,
     ServoMonitor,
 )
 from humanoid_getup.playback.motion_player import MotionPlayer
@@ -26,7 +26,7 @@ from robots.quaternion import Array
 class Supervisor:
     """A controller that turns torque off as soon as one of its monitors aborts the run."""
 
-    def __init__(self, controller: TimedController, monitors: Sequence[Monitor]) -> None:
+    def __init__(self, controller: TimedController, monitors: Sequence[RunMonitor]) -> None:
         self._controller, self._monitors = controller, monitors
         self.longest = controller.longest
         """Longest duration of the run, without the approach to its start [s]."""
@@ -117,7 +117,7 @@ def supervise_hold(
         held=held,
         balance=Balance(world, posture) if balanced else None,
     )
-    monitors: list[Monitor] = [ServoMonitor(world.robot)]
+    monitors: list[RunMonitor] = [ServoMonitor(world.robot)]
     if balanced is not None:
         monitors.insert(0, MotionMonitor(world, posture, holder))
     return Supervisor(holder, monitors)

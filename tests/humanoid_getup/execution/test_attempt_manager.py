@@ -17,7 +17,7 @@ from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
-from humanoid_getup.playback.preflight import Reason, Severity, Verdict
+from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
@@ -220,7 +220,7 @@ def test_a_plan_is_forgotten_only_where_it_falls(
     manage, motions, monkeypatch, limit: float, forgotten: int
 ):
     """That the way down is refused says nothing about the rise."""
-    hot = Verdict((Reason(Severity.REFUSE, None, "too hot"),))
+    hot = Verdict((Reason(ReasonKind.REFUSE, None, "too hot"),))
     monkeypatch.setattr(StandKeeper, "preflight", lambda *_: hot)
     counts = []
     monkeypatch.setattr(MotionPlan, "forget", lambda *_: counts.append(1))

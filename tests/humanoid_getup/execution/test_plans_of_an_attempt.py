@@ -17,7 +17,7 @@ from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
-from humanoid_getup.playback.preflight import Reason, Severity, Verdict
+from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
@@ -62,7 +62,7 @@ class Refused(MotionPlan):
     """A plan that the preflight refuses, without a rollout."""
 
     def preflight(self, *_) -> Verdict:
-        return Falls((Reason(Severity.REFUSE, None, "it falls"),))
+        return Falls((Reason(ReasonKind.REFUSE, None, "it falls"),))
 
 
 @pytest.fixture

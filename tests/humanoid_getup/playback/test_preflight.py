@@ -18,7 +18,7 @@ from humanoid_getup.cli.options.motions import Preflight
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.playback.estimation import estimate_posture, settle
-from humanoid_getup.playback.preflight import Severity, Verdict, preflight
+from humanoid_getup.playback.preflight import ReasonKind, Verdict, preflight
 from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
@@ -123,7 +123,7 @@ def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
     verdict = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=11.1)
     assert verdict.passed
     (warning,) = verdict.warnings
-    assert warning.severity is Severity.WARN
+    assert warning.kind is ReasonKind.WARN
     assert "targets move at 4.48 rad/s, the servo does 4.46 rad/s" in warning.text
     assert str(verdict).startswith("preflight passed, with warnings: joint '")
     assert preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0).reasons == ()
@@ -261,8 +261,8 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
     told = "; ".join(refusals(verdict))
     for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
         assert part in told
-    severities = [reason.severity for reason in verdict.reasons]
-    assert severities == sorted(severities, key=lambda s: s is Severity.WARN)
+    kinds = [reason.kind for reason in verdict.reasons]
+    assert kinds == sorted(kinds, key=lambda s: s is ReasonKind.WARN)
 
 
 @pytest.mark.parametrize(
@@ -296,7 +296,7 @@ def test_the_command_passes_refuses_and_writes_its_figures(
     out, error = capsys.readouterr()
     record = json.loads(out)  # JSON alone
     assert record["passed"] is False
-    assert record["reasons"][0]["severity"] == "refused"
+    assert record["reasons"][0]["kind"] == "refused"
     assert "charge the battery" in error
 
 

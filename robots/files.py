@@ -22,28 +22,23 @@ KINDS = {
 
 
 def read_bounded(path: Path, max_bytes: int) -> bytes:
-    """Read a file of a limited size, as `check_regular` demands it.
-
-    Raises:
-        OSError: if it cannot be read, or is not a regular file.
-        ValueError: if it is larger.
-    """
-    check_regular(path)
+    """Read a file of a limited size, as `check_file` demands it; raises as that does."""
+    check_file(path, max_bytes)
     with path.open("rb") as file:
         content = file.read(max_bytes + 1)
-    if len(content) > max_bytes:
-        raise ValueError(f"it has more than {max_bytes} bytes, expected a smaller file")
+    if len(content) > max_bytes:  # it has grown, or the system did not know its size
+        raise ValueError(_describe_size(max_bytes))
     return content
 
 
-def check_regular(path: Path) -> int:
-    """Check that a path leads to a regular file: others may keep a reader waiting for ever.
+def check_file(path: Path, max_bytes: int) -> int:
+    """Check that a path leads to a regular file of a limited size; return its size [bytes].
 
-    Returns:
-        Its size [bytes].
+    Others, such as a FIFO, may keep a reader waiting for ever.
 
     Raises:
         OSError: if there is none, or it is a folder, FIFO, socket or device.
+        ValueError: if it is larger.
     """
     found = path.stat()
     kind = stat.S_IFMT(found.st_mode)
@@ -51,7 +46,13 @@ def check_regular(path: Path) -> int:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if kind != stat.S_IFREG:
         raise OSError(errno.EINVAL, f"it is a {KINDS[kind]}, expected a file", str(path))
+    if found.st_size > max_bytes:
+        raise ValueError(_describe_size(max_bytes))
     return found.st_size
+
+
+def _describe_size(max_bytes: int) -> str:
+    return f"it has more than {max_bytes} bytes, expected a smaller file"
 
 
 def describe(error: Exception) -> str:

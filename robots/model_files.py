@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mujoco
 
-from robots.files import check_regular, describe, read_bounded
+from robots.files import check_file, describe, read_bounded
 from robots.validation import shown
 
 MAX_MODEL = 32 * 2**20  # bytes of an XML file, and of all that it includes together
@@ -174,10 +174,7 @@ class _ModelFiles:
                 if not place.exists():
                     continue
                 try:
-                    size = check_regular(place)
-                    self._assets[place.resolve()] = size
-                    if size > MAX_ASSET:
-                        raise ValueError(f"it has {size} bytes, expected at most {MAX_ASSET}")
+                    self._assets[place.resolve()] = check_file(place, MAX_ASSET)
                 except (OSError, ValueError) as error:
                     self._problems.append(f"<{element.tag}> file {shown(name)}: {describe(error)}")
 

@@ -16,7 +16,7 @@ from drivers.flight_log.content import DAMAGE, Content, Event, Track, explain
 from drivers.flight_log.writer import FORMAT, TOPICS
 from drivers.state import Command, State
 from robots import Posture, Robot
-from robots.files import check_regular
+from robots.files import read_bounded
 from robots.quaternion import Array
 
 MOST_BYTES = 1 << 29  # of a file
@@ -135,10 +135,7 @@ def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[st
 
 def _read_file(path: Path) -> bytes:
     """Read a file that begins like a log, and none whose end may never come."""
-    size = check_regular(path)
-    if size > MOST_BYTES:
-        raise ValueError(f"it has {size} bytes, expected at most {MOST_BYTES}")
-    data = path.read_bytes()
+    data = read_bounded(path, MOST_BYTES)
     if not data.startswith(MCAP0_MAGIC):
         raise ValueError("not an MCAP file, expected a log of FlightLog")
     return data

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robots.files import check_regular, read_bounded
+from robots.files import read_bounded
 from robots.model_files import MAX_ASSET
 from robots.quaternion import Array
 
@@ -29,19 +29,6 @@ Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 NO_AXIS = 1e-12  # length of an axis about which nothing turns
 FARTHEST = 1e6  # m; a number beyond is an error, or none
 THIN = 1e-4  # m; points within a plane are given that thickness
-
-
-def check_mesh(path: Path) -> int:
-    """Check that a mesh is a regular file, not too large; return its size [bytes].
-
-    Raises:
-        OSError: if it is not.
-        ValueError: if it is too large.
-    """
-    size = check_regular(path)
-    if size > MAX_ASSET:
-        raise ValueError(f"it has {size} bytes, expected at most {MAX_ASSET}")
-    return size
 
 
 def is_readable(path: Path) -> bool:

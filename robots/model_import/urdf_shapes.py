@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from robots.files import describe
-from robots.model_files import MAX_ASSETS
-from robots.model_import.mesh_files import MESH_KINDS, check_mesh, is_readable, read_hull
+from robots.files import check_file, describe
+from robots.model_files import MAX_ASSET, MAX_ASSETS
+from robots.model_import.mesh_files import MESH_KINDS, is_readable, read_hull
 from robots.validation import shown
 
 SIZES = ("radius", "length", "size")
@@ -79,7 +79,7 @@ class UrdfShapes:
 
     def _convert(self, file: Path) -> None:
         if file not in self._converted:
-            self._bytes += check_mesh(file)
+            self._bytes += check_file(file, MAX_ASSET)
             if self._bytes > MAX_ASSETS:
                 raise ValueError(f"with it all meshes have {self._bytes} bytes")
             name = str(file)

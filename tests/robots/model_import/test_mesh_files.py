@@ -1,15 +1,13 @@
 """Meshes that MuJoCo does not read become the convex hull of their points."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from text_meshes import CORNERS, write_text_stl
 
-from robots.model_files import MAX_ASSET
 from robots.model_import import mesh_files
-from robots.model_import.mesh_files import check_mesh, is_readable, read_hull
+from robots.model_import.mesh_files import is_readable, read_hull
 
 COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
 <asset><unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
@@ -97,16 +95,6 @@ def test_a_mesh_of_too_many_corners_is_refused(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(mesh_files, "MOST_POINTS", 3)
     with pytest.raises(ValueError, match="it has 4 corners, expected at most 3"):
         read_hull(file)
-
-
-def test_a_mesh_that_is_no_file_or_too_large_is_refused(tmp_path: Path):
-    os.mkfifo(tmp_path / "pipe.stl")
-    with pytest.raises(OSError, match="it is a FIFO"):
-        check_mesh(tmp_path / "pipe.stl")
-    with (tmp_path / "huge.obj").open("wb") as file:
-        file.truncate(MAX_ASSET + 1)
-    with pytest.raises(ValueError, match=f"expected at most {MAX_ASSET}"):
-        check_mesh(tmp_path / "huge.obj")
 
 
 @pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid", b"<COLLADA/>"])

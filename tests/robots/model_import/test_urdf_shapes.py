@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from text_meshes import write_text_stl
 
+from robots.model_files import MAX_ASSET
+from robots.model_import import urdf_shapes
 from robots.model_import.urdf_shapes import UrdfShapes, find_mesh
 
 
@@ -81,3 +83,16 @@ def test_a_mesh_that_is_used_twice_is_converted_once(model: Path):
     link, problems, _ = resolve(model, shape("collision", PART), shape("collision", PART))
     assert not problems
     assert {mesh.get("filename") for mesh in link.iter("mesh")} == {"hull_0.stl"}
+
+
+def test_a_mesh_that_is_too_large_is_refused_by_its_size(model: Path):
+    with (model.parent / "huge.obj").open("wb") as file:
+        file.truncate(MAX_ASSET + 1)
+    _, problems, _ = resolve(model, shape("collision", '<mesh filename="huge.obj"/>'))
+    assert f"cannot be read (it has more than {MAX_ASSET} bytes" in problems[0]
+
+
+def test_meshes_that_are_too_large_together_are_refused(model: Path, monkeypatch):
+    monkeypatch.setattr(urdf_shapes, "MAX_ASSETS", 100)
+    _, problems, _ = resolve(model, shape("collision", PART))
+    assert "with it all meshes have" in problems[0]

@@ -79,9 +79,7 @@ def check_recipe(
     Raises:
         ValueError: naming what differs; ``remedy`` says what to do.
     """
-    keys = [key for key in recipe if key not in kept or kept[key] != recipe[key]]
-    keys += [key for key in kept if key not in recipe]
-    if keys:
+    if keys := [key for key in {**recipe, **kept} if recipe.get(key) != kept.get(key)]:
         listed = ", ".join(_compare(key, recipe.get(key), kept.get(key)) for key in keys)
         raise ValueError(f"{path}: made with another {listed}, expected the same ({remedy})")
 

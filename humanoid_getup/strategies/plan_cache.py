@@ -21,6 +21,7 @@ import numpy as np
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.strategies.solved_rise import SolvedRise, read_solved_rise
+from robots.encoding import to_json
 from robots.files import read_bounded, write_atomically
 from robots.validation import parse_file
 
@@ -166,7 +167,7 @@ class PlanCache:
         motion.save(file.with_suffix(".npz"))
         checksum = hashlib.sha256(file.with_suffix(".npz").read_bytes()).hexdigest()
         record = msgspec.to_builtins(rise, enc_hook=np.ndarray.tolist)
-        write_atomically(file, json.dumps(record | {"motion_sha256": checksum}, indent=1) + "\n")
+        write_atomically(file, to_json(record | {"motion_sha256": checksum}))
         self._removed.discard(file)
         self._drop_oldest(rise.context.robot)
         return CacheEntry(file=file, rise=rise, motion_sha256=checksum)

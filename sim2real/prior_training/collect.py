@@ -11,6 +11,7 @@ import numpy as np
 
 from humanoid_getup.experiments.drop import Drops
 from humanoid_getup.experiments.starts import CLASSES, sample_fall_set
+from humanoid_getup.long_work.ledger import Ledger
 from humanoid_getup.long_work.worker_pool import worker_pool
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
@@ -30,6 +31,8 @@ PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evalu
 LONGEST = 8.0  # s of a policy's rollout
 AFTER = 4  # frames of the stand that belong to a rise
 SHORTEST = 12  # frames of a rise
+LEDGER = "ledger.json"
+"""Which rises were planned, and whether each stands."""
 PHYSICS_STEP = 0.002  # s, the twin's
 
 
@@ -46,30 +49,29 @@ def plan_rises(
     falls = sample_fall_set(World(robot, "flat"), dict.fromkeys(CLASSES, each), own_seed).falls
     kept = folder / f"plans_{count}_seed_{seed}"
     kept.mkdir(parents=True, exist_ok=True)
-    files = [kept / f"{number:05d}.npz" for number in range(len(falls))]
-    left = [n for n, file in enumerate(files) if not file.exists() and not _failed(file).exists()]
-    report(len(files) - len(left))
+    recipe = {"robot": robot.name, "count": count, "seed": seed}
+    ledger = Ledger.resume(kept / LEDGER, recipe)
+    files = {f"{number:05d}": kept / f"{number:05d}.npz" for number in range(len(falls))}
+    done = [name for name, stood in ledger.done.items() if not stood or files[name].exists()]
+    report(len(done))
     with worker_pool(jobs, _start_planner, robot) as pool:
-        started = [
-            pool.submit(_plan, falls[number].posture, (own_seed, number), files[number])
-            for number in left
-        ]
+        started = {
+            pool.submit(_plan, fall.posture, (own_seed, number), file): name
+            for number, (fall, (name, file)) in enumerate(zip(falls, files.items(), strict=True))
+            if name not in done
+        }
         for planned in as_completed(started):
-            planned.result()
+            ledger.add(started[planned], planned.result())
             report(1)
-    return [_load_plan(robot, file) for file in files if file.exists()]
+    return [_load_plan(file) for name, file in files.items() if ledger.done[name]]
 
 
-def _load_plan(robot: Robot, file: Path) -> Motion:
+def _load_plan(file: Path) -> Motion:
     """Load a planned motion of a robot."""
     try:
         motion = Motion.load(file)
     except ValueError as error:
         raise ValueError(f"{error}; delete it, and it is planned again") from error
-    if motion.robot != robot.name:
-        raise ValueError(
-            f"{file} is a motion of robot '{motion.robot}', expected '{robot.name}': another --out"
-        )
     return motion
 
 
@@ -82,18 +84,13 @@ def _start_planner(robot: Robot) -> None:
     _planner = PlannedRise(World(robot, "flat"), options=PlannerOptions(threads=1))
 
 
-def _plan(start: Posture, seed: tuple[int, int], file: Path) -> None:
-    """In a worker: plan a rise; write the motion if it stands, otherwise mark it as failed."""
+def _plan(start: Posture, seed: tuple[int, int], file: Path) -> bool:
+    """In a worker: plan a rise, and write the motion if it stands; return whether it does."""
     plan = _planner.plan(start, np.random.default_rng(seed))
     if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
         plan.motion.save(file)
-    else:
-        _failed(file).touch()
-
-
-def _failed(file: Path) -> Path:
-    """Return the file that marks a rise that could not be planned."""
-    return file.with_suffix(".none")
+        return True
+    return False
 
 
 def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> CollectedRise:

@@ -9,9 +9,11 @@ from typing import Any
 
 import msgspec
 
+from humanoid_getup.long_work.ledger import check_recipe as compare_recipes
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from robots import Robot
+from robots.encoding import as_kept
 from robots.files import read_bounded
 from robots.validation import MAX_TEXT, shown
 
@@ -211,6 +213,9 @@ def _as_fact(value: object) -> Fact:
     return value if isinstance(value, str | int | float | bool) else shown(value)
 
 
+OTHER_FOLDER = "another folder begins another training"
+
+
 def check_recipe(file: Path, requested: dict[str, Any]) -> None:
     """Check that a recipe file holds the requested recipe.
 
@@ -221,14 +226,14 @@ def check_recipe(file: Path, requested: dict[str, Any]) -> None:
         found = _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
         raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
-    wanted = _flatten(json.loads(json.dumps(requested)))
-    differences = [
-        f"{key} is {shown(found.get(key))} there, expected {shown(wanted.get(key))}"
-        for key in sorted(found.keys() | wanted.keys())
-        if key not in FREE and found.get(key) != wanted.get(key)
-    ]
-    if differences:
-        raise TrainingFolderError(f"{file.parent} holds another training: {'; '.join(differences)}")
+    wanted = _flatten(as_kept(requested))
+    for key in FREE:
+        found.pop(key, None)
+        wanted.pop(key, None)
+    try:
+        compare_recipes(file, wanted, found, OTHER_FOLDER)
+    except ValueError as error:
+        raise TrainingFolderError(str(error)) from error
 
 
 def _flatten(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:

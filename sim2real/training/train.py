@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import random
 from collections.abc import Callable
@@ -18,6 +17,7 @@ import torch
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
+from robots.encoding import to_json
 from robots.files import write_atomically
 from robots.quaternion import Array
 from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
@@ -229,7 +229,7 @@ def write_recipe(
     }
     if file.exists():
         check_recipe(file, record)
-    write_atomically(file, json.dumps(record, indent=1) + "\n")
+    write_atomically(file, to_json(record))
 
 
 def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:

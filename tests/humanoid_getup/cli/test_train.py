@@ -62,9 +62,9 @@ def test_a_training_goes_on_where_it_stopped(run: Run):
 def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
     assert run(*TINY)[0] == 0
     line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
-    assert "mine holds another training" in line
-    assert "recipe.robots is 4 there, expected 5" in line
-    assert "seed is 0 there, expected 7" in line
+    assert "mine/recipe.json: made with another" in line
+    assert "recipe.robots (4, now 5)" in line
+    assert "seed (0, now 7)" in line
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_a_refused_training_leaves_another_folder_as_it_was(op3, prior, tmp_path
     folder = tmp_path / "quick"
     folder.mkdir()
     write_recipe(op3, RECIPES["quick"], 0, folder / RECIPE)
-    with pytest.raises(TrainingFolderError, match="holds another training"):
+    with pytest.raises(TrainingFolderError, match="made with another"):
         train(op3, QUICK, 0, folder, TrainingInputs(prior=prior))
     assert [file.name for file in folder.iterdir()] == [RECIPE]
 

@@ -23,10 +23,12 @@ KINDS = {
 
 def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Read a file of a limited size, as `check_file` demands it; raises as that does."""
-    check_file(path, max_bytes)
+    size = check_file(path, max_bytes)
     with path.open("rb") as file:
-        content = file.read(max_bytes + 1)
-    if len(content) > max_bytes:  # it has grown, or the system did not know its size
+        content = file.read(size + 1)  # Python sets aside as many bytes as are asked for
+        if len(content) > size:  # it has grown, or the system did not know its size
+            content += file.read(max_bytes + 1 - len(content))
+    if len(content) > max_bytes:
         raise ValueError(_describe_size(max_bytes))
     return content
 

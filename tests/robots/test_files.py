@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 import threading
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -203,3 +204,21 @@ def test_an_error_is_described_in_one_line_without_the_name_of_the_file():
     assert describe(OSError("broken")) == "broken"
     assert describe(ValueError("a\n  b")) == "a b"
     assert describe(MemoryError()) == "MemoryError"
+
+
+def test_a_small_file_takes_little_memory_whatever_its_limit(tmp_path: Path):
+    (tmp_path / "file").write_bytes(b"x" * 10)
+    tracemalloc.start()
+    try:
+        assert len(read_bounded(tmp_path / "file", 2**29)) == 10
+        assert tracemalloc.get_traced_memory()[1] < 2**20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_file_whose_size_the_system_does_not_know_is_read():
+    status = Path("/proc/self/status")
+    assert status.stat().st_size == 0
+    assert read_bounded(status, 2**20).startswith(b"Name:")
+    with pytest.raises(ValueError, match="more than 10 bytes"):
+        read_bounded(status, 10)

@@ -55,9 +55,12 @@ def straight_path(start: Posture, goal: Posture, speed: float, period: float) ->
     )
 
 
-def align_motion(motion: Motion, frame: int, posture: Posture) -> tuple[Array, Array]:
+def align_motion(
+    motion: Motion, frame: int, posture: Posture, *, keep_height: bool = True
+) -> tuple[Array, Array]:
     """Turn and shift a motion so that its frame has a posture's place and heading.
 
+    Heights are the motion's own, or else those that lead on from the posture's.
     Returns positions (T, 3) and orientations (T, 4).
     """
     yaw = best_yaw(motion.orientation[frame], posture.orientation)
@@ -65,7 +68,7 @@ def align_motion(motion: Motion, frame: int, posture: Posture) -> tuple[Array, A
     offset = motion.position - motion.position[frame]
     position = quaternion.rotate(turn, offset)
     position[:, :2] += posture.position[:2]
-    position[:, 2] = motion.position[:, 2]
+    position[:, 2] = motion.position[:, 2] if keep_height else posture.position[2] + offset[:, 2]
     return position, quaternion.multiply(turn, motion.orientation)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from humanoid_getup.filtering.reference import align_motion
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
@@ -250,12 +251,12 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
     shift = start.position - motion.position[0]
     if max(np.abs(apart).max(), abs(float(yaw)), np.abs(shift).max()) < SAME_ANGLE:
         return motion
-    turn = quaternion.from_yaw(yaw)
+    position, orientation = align_motion(motion, 0, start, keep_height=False)
     angles = motion.joint_pos + _fade(motion.time - motion.time[0])[:, None] * apart
     return replace(
         motion,
-        position=quaternion.rotate(turn, motion.position - motion.position[0]) + start.position,
-        orientation=quaternion.normalize(quaternion.multiply(turn, motion.orientation)),
+        position=position,
+        orientation=quaternion.normalize(orientation),
         joint_pos=np.clip(angles, robot.lower, robot.upper),
         joint_target=limit_targets(motion.joint_target, start.joint_pos, robot),
     )

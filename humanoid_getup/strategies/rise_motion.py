@@ -6,6 +6,7 @@ import numpy as np
 
 from humanoid_getup.experiments.starts import LyingSide, classify
 from humanoid_getup.filtering.candidate import CandidateRollout
+from humanoid_getup.filtering.reference import align_motion
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
@@ -59,9 +60,7 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
     """
     robot, joined, frame = world.robot, connection.motion, connection.frame
     count = len(path.time)
-    turn = quaternion.multiply(path.orientation[-1], quaternion.inverse(joined.orientation[frame]))
-    orientation = quaternion.multiply(turn, joined.orientation[frame:])
-    moved = quaternion.rotate(turn, joined.position[frame:] - joined.position[frame])
+    position, orientation = align_motion(joined, frame, path.posture(-1), keep_height=False)
     angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
     return Motion(
         name=f"path_to_{joined.name}",
@@ -69,8 +68,8 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
         start_class=classify(path.orientation[0]) or joined.start_class,
         strategy=joined.strategy,
         time=np.arange(len(angles), dtype=float) * robot.control_period,
-        position=np.concatenate([path.position, path.position[-1] + moved]),
-        orientation=quaternion.normalize(np.concatenate([path.orientation, orientation])),
+        position=np.concatenate([path.position, position[frame:]]),
+        orientation=quaternion.normalize(np.concatenate([path.orientation, orientation[frame:]])),
         joint_pos=angles,
         joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
         provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}

@@ -1,0 +1,84 @@
+"""From a name to a strategy: one way for commands and benchmarks, under one torque limit."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.choice import (
+    NEAREST,
+    STRAIGHT,
+    StrategyRequest,
+    choose_strategy,
+    make_strategy,
+)
+from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
+from humanoid_getup.strategies.plan import RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.stored_motion import NearestMotion
+from humanoid_getup.strategies.track_record import PLAN
+from robots import TorqueLimit
+
+LIMIT = TorqueLimit(2.5, "pwm")
+
+
+@pytest.fixture(scope="module")
+def database(world: World) -> MotionDatabase:
+    return load_database(world.robot)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        (PLAN, PlannedRise),
+        (STRAIGHT, PlannedRise),
+        (NEAREST, NearestMotion),
+        ("robust", LearnedRise),
+    ],
+)
+def test_every_name_makes_a_strategy_under_the_limit(world, database, name, kind):
+    strategy = make_strategy(world, name, torque_limit=LIMIT, database=database)
+    assert isinstance(strategy, kind)
+    assert strategy.world is world
+    assert strategy.torque_limit == LIMIT
+    if isinstance(strategy, LearnedRise):
+        assert (strategy.name, strategy.policy.torque_limit) == (name, LIMIT.value)
+    if isinstance(strategy, PlannedRise):
+        assert strategy.options.planning is strategy.options.filtering is (name == PLAN)
+
+
+def test_a_name_that_is_none_is_refused(world, database):
+    with pytest.raises(ValueError, match="moonwalk"):
+        make_strategy(world, "moonwalk", database=database)
+
+
+def test_a_policy_that_is_asked_for_is_run(world):
+    strategy = choose_strategy(world, StrategyRequest(method="policy", torque_limit=LIMIT))
+    plan = strategy.plan(sample_fall(world, "prone", seed=1).posture, np.random.default_rng(0))
+    assert isinstance(plan, PolicyPlan)
+    assert (plan.name, plan.policy.torque_limit) == ("robust", LIMIT.value)
+
+
+def test_a_style_brings_the_policy_that_follows_it(world):
+    request = StrategyRequest(method="policy", style="side-sit")
+    plan = choose_strategy(world, request).plan(
+        sample_fall(world, "prone", seed=1).posture, np.random.default_rng(0)
+    )
+    assert isinstance(plan, PolicyPlan)
+    assert plan.status is RiseStatus.LEARNED
+    assert plan.title == "policy styled, style side-sit"
+
+
+def test_a_cache_is_put_before_the_planner_alone(world):
+    seen = []
+
+    def cached(planner: PlannedRise) -> PlannedRise:
+        seen.append(planner)
+        return planner
+
+    strategy = choose_strategy(world, StrategyRequest(torque_limit=LIMIT, prefer="torque"), cached)
+    (planner,) = seen
+    assert (planner.prefer, strategy.torque_limit) == ("torque", LIMIT)
+    choose_strategy(world, StrategyRequest(method="policy"), cached)
+    assert len(seen) == 1

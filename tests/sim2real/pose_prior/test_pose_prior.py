@@ -29,7 +29,7 @@ def postures(rises: RiseSet) -> Postures:
 
 @pytest.fixture(scope="module")
 def prior(postures: Postures) -> PosePrior:
-    options = FitOptions(hidden=64, epochs=150, learning_rate=3e-3, batch=32)
+    options = FitOptions(hidden=64, epochs=80, learning_rate=3e-3, batch=32)
     return fit_prior(postures, 0, options)
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.distributions import RandomAxis
+from humanoid_getup.experiments.disturbance import Disturbance
 from humanoid_getup.experiments.starts import Fall
 from humanoid_getup.experiments.summary import summarize, wilson_interval
 from humanoid_getup.policy.action import ActionSpec
@@ -17,7 +19,7 @@ from humanoid_getup.policy.observation import StyleInput
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
+from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import LimitMode
@@ -209,21 +211,17 @@ def make_parameters(
 
     Which servo is weak and the axes of the IMU's errors are random.
     """
-    p = DomainParameters.nominal(
-        world,
-        n,
-        friction=perturbation.friction,
+    disturbance = Disturbance(
+        friction=world.scene.friction if perturbation.friction is None else perturbation.friction,
         voltage=perturbation.voltage,
-        torque_limit=perturbation.torque_limit,
-        limit_by=perturbation.limit_by,
+        mass=perturbation.mass,
+        action_delay=perturbation.delay,
+        weak_servo=perturbation.weak_servo,
+        imu_tilt=RandomAxis(perturbation.imu_tilt) if perturbation.imu_tilt else 0.0,
+        gyro_bias=RandomAxis(perturbation.gyro_bias) if perturbation.gyro_bias else 0.0,
     )
-    p.mass[:] = perturbation.mass
-    p.action_delay[:] = perturbation.delay
-    p.strength[np.arange(n), rng.integers(0, world.robot.n, n)] = perturbation.weak_servo
-    for error, size in ((p.imu_tilt, perturbation.imu_tilt), (p.gyro_bias, perturbation.gyro_bias)):
-        axis = rng.normal(size=(n, 3))
-        error[:] = size * axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    return p
+    limit = TorqueLimit(perturbation.torque_limit, perturbation.limit_by)
+    return disturbance.draw(world, n, rng, limit)
 
 
 def _format(value: object) -> str:

@@ -16,8 +16,10 @@ from robots.ground import GROUND_FRICTION
 from robots.kinematics import lowest_point
 from robots.quaternion import Array
 from robots.robot import Layout
+from robots.servo import PWM
 
 ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
+MOST_DELAY = 0.04  # s, of targets or measurements
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
 
@@ -64,8 +66,44 @@ class Disturbance:
     """Angle by which the root is turned about a random axis at the start [rad]."""
     ground_friction: Quantity = GROUND_FRICTION
     """Sliding friction where the ground is a usual one; elsewhere it is scaled to the scene's."""
+    friction: Quantity | None = None
+    """Sliding friction of every contact, in any scene; None for that of the ground."""
     supply: Quantity = 1.0
     """Share of the robot's nominal supply."""
+    voltage: float | None = None
+    """Supply [V]; None for a share of the nominal one."""
+    mass: Quantity = 1.0
+    """Factor on the mass of the robot."""
+    link_mass: Quantity = 1.0
+    """Further factor on the mass of each link."""
+    com_shift: Quantity = 0.0
+    """Shift of the torso's center of mass along each axis [m]."""
+    torque_share: Quantity = 1.0
+    """Torque limit as a share of the stall torque."""
+    by_pwm: float = 0.0
+    """Probability that the torque limit acts on the PWM; else as it does on the robot."""
+    strength: Quantity = 1.0
+    """Factor on gain and torque of every servo."""
+    weak_servo: Quantity = 1.0
+    """Further factor on the strength of one random servo."""
+    weak_share: float = 1.0
+    """Probability of a weak servo."""
+    armature: Quantity = 1.0
+    """Factor on the rotor inertia of all servos."""
+    friction_loss: Quantity = 1.0
+    """Factor on the dry friction of all joints."""
+    action_delay: Quantity = 0.0
+    """Delay of targets [s]."""
+    split_delay: Quantity = 0.0
+    """Delay of targets plus that of measurements, split at random, each at most 0.04 s [s]."""
+    joint_offset: Quantity = 0.0
+    """Calibration error of each joint [rad]."""
+    backlash: Quantity = 0.0
+    """Of each gear, from end to end [rad]."""
+    imu_tilt: Quantity = 0.0
+    """Mounting error of the IMU, a small rotation vector [rad]."""
+    gyro_bias: Quantity = 0.0
+    """[rad/s], a vector"""
 
     def sample(
         self,
@@ -80,18 +118,50 @@ class Disturbance:
         The torque limit is that of every servo.
         """
         starts = self._draw_starts(world, start, n, rng)
-        friction = draw(self.ground_friction, rng, n) * (world.scene.friction / GROUND_FRICTION)
-        supply = draw(self.supply, rng, n)
-        friction[0], supply[0] = world.scene.friction, 1.0
-        parameters = DomainParameters.nominal(
-            world,
-            n,
-            friction=friction,
-            voltage=supply * world.robot.supply_voltage,
-            torque_limit=limit.value,
-            limit_by=limit.by,
-        )
+        parameters = self.draw(world, n, rng, limit)
+        first = DomainParameters.nominal(world, 1, torque_limit=limit.value, limit_by=limit.by)
+        parameters.put(np.arange(1), first)
         return Scenarios(starts=starts, parameters=parameters)
+
+    def draw(
+        self, world: World, n: int, rng: np.random.Generator, limit: TorqueLimit = FULL_TORQUE
+    ) -> DomainParameters:
+        """Draw the domain parameters of n robots; a constant quantity draws nothing."""
+        robot = world.robot
+        p = DomainParameters.nominal(
+            world, n, voltage=self.voltage, torque_limit=limit.value, limit_by=limit.by
+        )
+        p.torque_limit[:] *= draw(self.torque_share, rng, n)
+        p.strength[:] = draw(self.strength, rng, n, robot.n)
+        if self.weak_share > 0.0 and self.weak_servo != 1.0:
+            weak = np.ones(n, dtype=bool)
+            if self.weak_share < 1.0:
+                weak = rng.random(n) < self.weak_share
+            which = rng.integers(0, robot.n, n)
+            p.strength[weak, which[weak]] *= draw(self.weak_servo, rng, int(weak.sum()))
+        p.armature[:] = draw(self.armature, rng, n)
+        if self.split_delay != 0.0:
+            delay, part = draw(self.split_delay, rng, n), rng.random(n)
+            p.action_delay[:] = np.minimum(delay * part, MOST_DELAY)
+            p.sensor_delay[:] = np.minimum(delay * (1.0 - part), MOST_DELAY)
+        p.action_delay[:] += draw(self.action_delay, rng, n)
+        p.mass[:] = draw(self.mass, rng, n, 1) * draw(self.link_mass, rng, n, world.model.nbody)
+        p.com_shift[:] = draw(self.com_shift, rng, n, 3)
+        if self.friction is None:
+            of_ground = draw(self.ground_friction, rng, n)
+            p.friction[:] = of_ground * (world.scene.friction / GROUND_FRICTION)
+        else:
+            p.friction[:] = draw(self.friction, rng, n)
+        if self.voltage is None:
+            p.voltage[:] = draw(self.supply, rng, n) * robot.supply_voltage
+        if self.by_pwm > 0.0:
+            p.limit_by[rng.random(n) < self.by_pwm] = PWM
+        p.friction_loss[:] = draw(self.friction_loss, rng, n)
+        p.joint_offset[:] = draw(self.joint_offset, rng, n, robot.n)
+        p.backlash[:] = draw(self.backlash, rng, n)
+        p.imu_tilt[:] = draw(self.imu_tilt, rng, n, 3)
+        p.gyro_bias[:] = draw(self.gyro_bias, rng, n, 3)
+        return p
 
     def _draw_starts(self, world: World, start: Array, n: int, rng: np.random.Generator) -> Array:
         """Draw MuJoCo positions at the start, (n, nq), of which the first is the given one."""

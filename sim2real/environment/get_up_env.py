@@ -78,7 +78,7 @@ class GetUpEnv(VectorEnv):
         self.style = style
         self.head: ActionHead = style.head if style else DirectHead(robot, action)
         randomization = options.randomization
-        has_delays = randomization is not None and randomization.delay[1] > 0.0
+        has_delays = randomization is not None and randomization.disturbance.split_delay != 0.0
         scene = options.scene
         world = build_training_world(
             robot,
@@ -230,7 +230,7 @@ class GetUpEnv(VectorEnv):
         layout = self.robot.layout(self.sim.model)
         qpos[along, layout.root_qpos : layout.root_qpos + 2] += o.origin
         if o.randomization:
-            drawn = o.randomization.sample(self.sim.world, count, rng)
+            drawn = o.randomization.disturbance.draw(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
         self.sim.place(ids, qpos)
         self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.disturbance import MOST_DELAY
 from humanoid_getup.policy.observation import ROTATION, SAME, VECTOR, Floats, Mirror
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.physics.randomization import MOST_DELAY
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,13 +14,13 @@ from robots.kinematics import place
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.episodes import HELD
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.randomization import DomainRandomization
+from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import Reward, action_change, haste, stands
 from sim2real.environment.starts.start_pool import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
 STANDING = replace(FALLEN, falls=0.0, motions=0.0)
-RANDOM = EnvOptions(robots=8, randomization=DomainRandomization(), threads=2)
+RANDOM = EnvOptions(robots=8, randomization=RANDOMIZATIONS["all"], threads=2)
 
 
 def roll(op3, action, pool, options, seed, steps=8):

@@ -15,7 +15,7 @@ from robots.drive import KP, VMAX
 from robots.kinematics import place
 from robots.servo import PWM
 from sim2real.environment.physics.model_variants import backlash
-from sim2real.environment.physics.randomization import DomainRandomization, ObservationNoise
+from sim2real.environment.physics.randomization import ALL, ObservationNoise
 from sim2real.environment.physics.training_simulation import BACKLASH_TORQUE, TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
 
@@ -205,7 +205,7 @@ def test_parameters_of_some_leave_the_others_as_they_are(op3, delayed_world, fal
     for sim in sims:
         sim.place(np.arange(3), falls[:3])
         sim.follow(target, target + 0.2)
-    sims[1].set_parameters(some, DomainRandomization().sample(delayed_world, 1, rng))
+    sims[1].set_parameters(some, ALL.draw(delayed_world, 1, rng))
     for sim in sims:
         sim.follow(target + 0.2, target)
     others = [0, 2]
@@ -309,7 +309,7 @@ def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, fall
 
 def test_a_restored_simulation_goes_on_to_the_bit(op3, delayed_world, falls):
     everyone, rng = np.arange(8), np.random.default_rng(0)
-    parameters = DomainRandomization().sample(delayed_world, 8, rng)
+    parameters = ALL.draw(delayed_world, 8, rng)
     sim = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=2)
     sim.set_parameters(everyone, parameters)
     sim.place(everyone, falls[:8])

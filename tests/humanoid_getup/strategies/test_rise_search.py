@@ -1,0 +1,131 @@
+"""The search keeps the rise that loses the fewest keys, is the most robust, and costs least."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.strategies.rise_search import RiseSearch, SearchTools
+
+
+@dataclass(frozen=True, eq=False)
+class Rolled:
+    """A rollout, by what the search looks at."""
+
+    name: str
+    cost: float = 1.0
+    share: float = 1.0
+    """Of the disturbed rollouts in which it stands."""
+    lost: int = 0
+    stood: bool = True
+    collides: bool = False
+    peak_neck: float = 0.3
+
+    @property
+    def target(self) -> str:
+        return self.name
+
+
+@dataclass
+class Filter:
+    """A dynamics filter whose rollouts, checks and variations are given."""
+
+    rolled: list[Rolled]
+    varied: Rolled | None = None
+    is_demanding: bool = False
+    checked: list[str] = field(default_factory=list)
+    bases: list[str] = field(default_factory=list)
+
+    @property
+    def preference(self) -> SimpleNamespace:
+        return SimpleNamespace(is_demanding=self.is_demanding, improvement=0.5)
+
+    def roll_out(self, _start, candidates) -> list[Rolled]:
+        assert all(candidate.assistance == 0.7 for candidate in candidates)
+        return self.rolled
+
+    def separate(self, _start, rollout: Rolled) -> Rolled:
+        return rollout
+
+    def check(self, _start, target: str, _rng) -> float:
+        self.checked.append(target)
+        known = [*self.rolled, *([self.varied] if self.varied else [])]
+        return next(one.share for one in known if one.name == target)
+
+    def search(self, _start, base: Rolled, budget: float, _rng) -> tuple[Rolled, float]:
+        self.bases.append(base.name)
+        assert budget == 100.0
+        return (self.varied, self.varied.share) if self.varied else (base, 0.0)
+
+    def improve(self, _start, base: Rolled, budget: float, _rng) -> Rolled:
+        assert budget == 50.0
+        return self.varied or base
+
+
+def search_with(dynamics: Filter) -> RiseSearch:
+    tools = SearchTools(
+        world=None,
+        database=None,
+        approach=None,
+        filter=dynamics,
+        crawl=None,
+        assistance=0.7,
+        budget=100.0,
+    )
+    search = RiseSearch(tools, None, np.random.default_rng(0), lambda one: one.lost)
+    search.try_all([Candidate(path=None, connection=None)])
+    return search
+
+
+@pytest.mark.parametrize(
+    ("rolled", "best", "checked"),
+    [
+        ([Rolled("dear", 2.0), Rolled("cheap", 1.0)], "cheap", ["cheap"]),
+        ([Rolled("cheap", 1.0, 0.5), Rolled("robust", 2.0)], "robust", ["cheap", "robust"]),
+        ([Rolled("lossy", 1.0, lost=1), Rolled("keeping", 2.0, 0.5)], "keeping", None),
+        ([Rolled("fallen", stood=False), Rolled("frail", share=0.0)], None, ["frail"]),
+        ([Rolled("touching", 1.0, collides=True), Rolled("free", 0.5, 0.9)], "touching", None),
+    ],
+)
+def test_the_best_is_kept_and_no_more_is_checked_than_needed(rolled, best, checked):
+    dynamics = Filter(rolled)
+    found = search_with(dynamics).found
+    assert (found.rollout and found.rollout.name) == best
+    assert checked is None or dynamics.checked == checked
+    assert (found.rounds, found.rolled_out, found.highest) == (1, True, 0.3)
+
+
+def test_what_stands_nowhere_is_varied_from_those_that_rose_highest():
+    low, high, higher = (Rolled(f"{z}", stood=False, peak_neck=z) for z in (0.1, 0.2, 0.3))
+    dynamics = Filter([low, high, higher])
+    search = search_with(dynamics)
+    search.vary()
+    assert dynamics.bases == ["0.3", "0.2"]
+    assert search.found.rollout is None
+
+
+@pytest.mark.parametrize(("lost", "taken"), [(0, True), (1, False)])
+def test_no_variation_may_lose_a_key_that_the_best_has(lost: int, taken: bool):
+    frail, varied = Rolled("frail", share=0.5), Rolled("varied", lost=lost)
+    search = search_with(Filter([frail], varied))
+    search.vary()
+    assert search.found.rollout is (varied if taken else frail)
+    assert search.is_done is taken
+
+
+@pytest.mark.parametrize(("lost", "taken"), [(0, True), (1, False)])
+def test_an_improvement_is_remembered_with_what_it_replaced(lost: int, taken: bool):
+    plain, better = Rolled("plain"), Rolled("better", cost=0.5, lost=lost)
+    search = search_with(Filter([plain], better, is_demanding=True))
+    search.improve()
+    found = search.found
+    assert (found.rollout, found.before) == ((better, plain) if taken else (plain, None))
+
+
+def test_where_nothing_more_is_wanted_nothing_is_improved():
+    plain = Rolled("plain")
+    search = search_with(Filter([plain], replace(plain, name="better", cost=0.5)))
+    search.improve()
+    assert search.found.rollout is plain

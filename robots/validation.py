@@ -91,7 +91,7 @@ def read_table(
             keys are ignored.
         table: What TOML or JSON holds.
         place: What the messages begin with: "" or, for example, "joint 'l_knee': ".
-        problems: Where problems are added.
+        problems: Problems are appended here.
         required: Keys that the table must have although their fields have a default.
     """
     values = {}

@@ -74,7 +74,7 @@ def _compile(spec: mujoco.MjSpec, notes: list[str]) -> mujoco.MjModel:
 
 
 def _give_mass(root: ET.Element, notes: list[str]) -> None:
-    """Give links without mass and shape that move a little, as a simulation requires."""
+    """Give massless moving links without shape a small mass, as a simulation requires."""
     moving = {
         joint.find("child").get("link")  # type: ignore[union-attr]
         for joint in root.findall("joint")

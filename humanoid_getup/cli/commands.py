@@ -56,9 +56,9 @@ COMMANDS = {
         "Run a policy once and judge how it ends.", "options.rise.RunPolicy", "rise.run_policy"
     ),
     "plan": TableEntry("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
-    "sit": TableEntry("Sit and lie down from a stand.", "options.stand.Sit", "stand.sit"),
+    "sit": TableEntry("Sit and lie down from a stand.", "options.rise.Sit", "stand.sit"),
     "hold": TableEntry(
-        "Hold a robot in its stand until a key is pressed.", "options.stand.Hold", "stand.hold"
+        "Hold a robot in its stand until a key is pressed.", "options.rise.Hold", "stand.hold"
     ),
     "prior": TableEntry(
         "Make the pose prior of styled policies.",
@@ -95,12 +95,12 @@ COMMANDS = {
     ),
     "motions record": TableEntry(
         "Record keys from a robot moved by hand.",
-        "options.own_motions.RecordMotion",
+        "options.motions.RecordMotion",
         "hand_recording.record",
     ),
     "motions preview": TableEntry(
         "Draw the keys of a motion and play them once.",
-        "options.own_motions.PreviewMotion",
+        "options.motions.PreviewMotion",
         "make_motions.preview",
     ),
     "motions retarget": TableEntry(

@@ -15,7 +15,7 @@ from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.console import console_for, showing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.make_motions import print_added
-from humanoid_getup.cli.options.own_motions import RecordMotion
+from humanoid_getup.cli.options.motions import RecordMotion
 from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.import_keys import add_keys, find_target

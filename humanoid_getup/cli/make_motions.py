@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from humanoid_getup.cli.console import console_for, phase, showing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.options.own_motions import PreviewMotion
+from humanoid_getup.cli.options.motions import PreviewMotion
 from humanoid_getup.cli.output import write_json
 from humanoid_getup.cli.repeat import hinting, write_command
 from humanoid_getup.jobs.build_motions import BuiltMotions

@@ -15,8 +15,8 @@ from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.console import console_for
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.cli.options.rise import Hold, Sit
 from humanoid_getup.cli.options.shared import MoveOptions, RunOptions
-from humanoid_getup.cli.options.stand import Hold, Sit
 from humanoid_getup.cli.output import ARTEFACTS, REPORT, STRIP, STYLE, TORQUE, write_json
 from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.execution.after_stand import AfterStand

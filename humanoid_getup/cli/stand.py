@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.console import phase
-from humanoid_getup.cli.options.stand import Hold, Sit
+from humanoid_getup.cli.options.rise import Hold, Sit
 from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.cli.session_hooks import SessionHooks

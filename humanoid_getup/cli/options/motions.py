@@ -1,4 +1,4 @@
-"""Options of `robots`, `scenes`, `motions`, `plan-cache`, `preflight` and `replay`."""
+"""Options of `scenes`, `motions`, `plan-cache`, `preflight` and `replay`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import CacheFolder, JsonOption, WorldOptions
+from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption, WorldOptions
 from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.requests.motions import KeyframesFile, NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     MotionName,
@@ -99,3 +100,29 @@ class ReplayOptions(JsonOption):
         """Report a folder that cannot be written, too."""
         faults = super().find_faults()
         return faults if self.out is None else faults + find_folder_faults(self.out, REPLAY_FILES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordMotion(NewKeysOptions, BackendOptions):
+    """Record keys from a robot that is moved by hand, torque off.
+
+    Enter or space takes the posture, backspace drops the last one, q finishes.
+    """
+
+    name: Positional[str]
+    """Name of the new motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewMotion(RobotOption):
+    """Draw the keys of a motion, play them once as they are, and say how that ends.
+
+    Above, each key without physics; below, the rollout, undisturbed and at full torque.
+    """
+
+    name: Positional[str]
+    """Name of a motion in the keyframes."""
+    keyframes: KeyframesFile = None
+    """Keyframes file (.toml); default: the robot's keyframes.toml."""
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    """Picture to write; default: NAME.png."""

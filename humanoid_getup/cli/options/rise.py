@@ -1,4 +1,4 @@
-"""Options of `getup rise`, `run` and `play`."""
+"""Options of `getup rise`, `run`, `play`, `sit` and `hold`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import CacheFolder, RunOptions, StyleOption
+from humanoid_getup.cli.options.shared import CacheFolder, MoveOptions, RunOptions, StyleOption
 from humanoid_getup.jobs.output_files import find_folder_faults
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
@@ -116,3 +116,32 @@ class Play(BodyOption, RunOptions):
         if self.scene != "flat":
             faults.append(f"--scene is {self.scene}, expected flat with --without-imu")
         return faults
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sit(BodyOption, MoveOptions):
+    """Sit and lie down from a stand, then torque off.
+
+    A simulated robot starts standing; a real one is held by a person until it moves.
+    """
+
+    then: ClassVar[Literal["sit"]] = "sit"
+    ending: ClassVar[Literal["sit"]] = "sit"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold(BodyOption, MoveOptions):
+    """Hold a robot in its stand, supervised, until a key is pressed.
+
+    A simulated robot starts standing; a real one is held by a person until it has torque. In
+    simulated time or without a terminal, the stand is held just long enough to be judged.
+    """
+
+    then: Literal["sit", "limp", "hand-over"] = "sit"
+    """After that: sit and lie down, torque off where it stands, or leave torque on for another
+    program."""
+
+    @property
+    def ending(self) -> Literal["hold", "limp", "hand-over"]:
+        """What the robot does: it is always held first."""
+        return "hold" if self.then == "sit" else self.then

@@ -15,7 +15,7 @@ from run_getup import Run
 
 from drivers import DriverError
 from humanoid_getup.cli import hand_recording
-from humanoid_getup.cli.options.own_motions import RecordMotion
+from humanoid_getup.cli.options.motions import RecordMotion
 from humanoid_getup.execution.hand_recorder import Press
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion

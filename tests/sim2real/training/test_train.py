@@ -122,7 +122,7 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
     record = json.loads((folder / RECIPE).read_text("utf-8"))
     record["rewards"]["stands"] = 7.0
     (folder / RECIPE).write_text(json.dumps(record), "utf-8")
-    with pytest.raises(TrainingFolderError, match=r"rewards\.stands is 7\.0 there"):
+    with pytest.raises(TrainingFolderError, match=r"another rewards\.stands \(7\.0, now"):
         train(op3, TINY, 1, folder, TrainingInputs(threads=1))
 
 

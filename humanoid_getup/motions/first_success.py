@@ -9,18 +9,16 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 
-import cma
 import numpy as np
 
 from humanoid_getup.experiments.disturbance import Scenarios
 from humanoid_getup.experiments.play import Experiment
+from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.scoring import (
-    ANGLE_STEP,
     SEARCH_HOLD,
     SEARCH_TIMESTEP,
     SWAY_TIME,
-    TIME_STEP,
     score,
 )
 from humanoid_getup.simulation.world import World
@@ -56,18 +54,16 @@ class FirstSuccess:
         After each generation its number, best cost and share of successes are reported.
         """
         robot = self._world.robot
-        scale = np.full(len(keyframes.genes), ANGLE_STEP)
-        scale[: len(keyframes.duration)] = TIME_STEP
-        options = {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
-        search = cma.CMAEvolutionStrategy(keyframes.genes / scale, FIRST_STEP, options)
+        population = KeyframePopulation(
+            keyframes, robot, size=POPULATION, seed=seed, step=FIRST_STEP
+        )
         for generation in range(generations):
-            genes = search.ask()
-            candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
+            candidates = population.sample()
             cost, succeeded = self._play(candidates)
             report(generation, float(cost.min()), float(succeeded.mean()))
             if succeeded.any():
                 return candidates[int(np.argmin(np.where(succeeded, cost, np.inf)))]
-            search.tell(genes, cost.tolist())
+            population.learn(cost)
         return None
 
     def _play(self, candidates: list[Keyframes]) -> tuple[Array, np.ndarray]:

@@ -6,7 +6,6 @@ import copy
 from collections.abc import Callable
 from dataclasses import replace
 
-import cma
 import numpy as np
 
 from humanoid_getup.experiments.distributions import Normal
@@ -14,15 +13,14 @@ from humanoid_getup.experiments.disturbance import USUAL, Disturbance, Scenarios
 from humanoid_getup.experiments.play import Experiment
 from humanoid_getup.experiments.standing import HOLD_TIME
 from humanoid_getup.motions.first_success import FirstSuccess
+from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import (
-    ANGLE_STEP,
     SEARCH_HOLD,
     SEARCH_TIMESTEP,
     SWAY_TIME,
-    TIME_STEP,
     score,
 )
 from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog
@@ -76,26 +74,20 @@ class TrajectoryOptimizer:
         generation its number, best cost and share that stood are reported. Generations that the
         log has are not rolled out again; others are added to it.
         """
-        robot = self.world.robot
         first = FirstSuccess(self.world, self.start)
         if not first.succeeds(keyframes):
             keyframes = first.find(keyframes, FIRST_SHARE * generations, seed) or keyframes
         rng = np.random.default_rng(seed)
-        count = len(keyframes.duration)
-        scale = np.full(len(keyframes.genes), ANGLE_STEP)
-        scale[:count] = TIME_STEP
-        options = {"popsize": POPULATION, "seed": seed + 1, "verbose": -9}
-        search = cma.CMAEvolutionStrategy(keyframes.genes / scale, 1.0, options)
+        population = KeyframePopulation(keyframes, self.world.robot, size=POPULATION, seed=seed)
         finalists = [keyframes]
         for generation in range(generations):
-            genes = search.ask()
-            candidates = [keyframes.with_genes(g * scale, robot) for g in genes]
+            candidates = population.sample()
             found = self._evaluate(candidates, generation, rng, log)
-            search.tell(genes, found.cost.tolist())
+            population.learn(found.cost)
             report(generation, float(found.cost.min()), found.stood)
             if generation >= generations - FINALISTS:
                 finalists.append(candidates[int(np.argmin(found.cost))])
-        finalists.append(keyframes.with_genes(search.mean * scale, robot))
+        finalists.append(population.mean)
         judged = [self.judge(finalist, seed) for finalist in finalists]
         best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
         return finalists[best], judged[best][1]

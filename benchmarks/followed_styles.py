@@ -22,7 +22,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.starts import CLASSES, FallSet, sample_fall_set
+from humanoid_getup.experiments.starts.falls import CLASSES, FallSet, sample_fall_set
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.reporting.style_plot import save_styles
 from humanoid_getup.simulation.world import World

@@ -25,10 +25,10 @@ import tyro
 
 import humanoid_getup as hg
 from humanoid_getup.cli.parsing import registry
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.reporting.film_strip import render_frames, save_sheet
 from robots.kinematics import place

@@ -21,8 +21,8 @@ import tyro
 from rich.console import Console
 
 from humanoid_getup.cli.console import counting, format_figure, make_table
-from humanoid_getup.experiments.starts import CLASSES, sample_falls
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.planning.key_check import check_keys

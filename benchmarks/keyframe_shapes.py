@@ -24,11 +24,11 @@ from peer_keyframes import PAGES_FILE, Page
 from rich.console import Console
 from rich.table import Table
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import HOLD
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion

@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
 
 REPOSITORY = Path(__file__).parents[1]
 OPERATORS = re.compile(
@@ -51,9 +51,9 @@ _GUARD = (
     "tests/drivers/test_safety_guard.py",
 )
 _JUDGE = (
-    "tests/humanoid_getup/experiments/test_standing.py",
-    "tests/humanoid_getup/experiments/test_judge.py",
-    "tests/humanoid_getup/experiments/test_sensor_judge.py",
+    "tests/humanoid_getup/experiments/judging/test_standing.py",
+    "tests/humanoid_getup/experiments/judging/test_judge.py",
+    "tests/humanoid_getup/experiments/judging/test_sensor_judge.py",
     "-k=not test_it_s",  # whole rises: slow, and noticed by the rest
 )
 _PLANNING = "tests/humanoid_getup/planning"
@@ -74,8 +74,8 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
     ),
     "humanoid_getup/filtering/reference.py": ("tests/humanoid_getup/filtering/test_reference.py",),
-    "humanoid_getup/experiments/standing.py": _JUDGE,
-    "humanoid_getup/experiments/judge.py": _JUDGE,
+    "humanoid_getup/experiments/judging/standing.py": _JUDGE,
+    "humanoid_getup/experiments/judging/judge.py": _JUDGE,
     "sim2real/policy_evaluation.py": ("tests/sim2real/test_policy_evaluation.py",),
     "sim2real/environment/rewards.py": ("tests/sim2real/environment/test_rewards.py",),
     "humanoid_getup/playback/monitors.py": (

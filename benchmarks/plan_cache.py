@@ -28,8 +28,8 @@ from humanoid_getup.cli.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts import CLASSES, sample_falls, settle_posture
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import CachedRise, KeptPlan
 from humanoid_getup.strategies.plan import Strategy

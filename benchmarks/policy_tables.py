@@ -22,8 +22,8 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.experiments.starts import CLASSES, Fall, FallSet
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE

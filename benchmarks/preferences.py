@@ -29,9 +29,9 @@ from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.play import Experiment
-from humanoid_getup.experiments.starts import Fall, sample_falls
-from humanoid_getup.experiments.summary import summarize, summarize_records
+from humanoid_getup.experiments.judging.summary import summarize, summarize_records
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES

@@ -28,8 +28,8 @@ from rich.table import Table
 from drivers import State, Twin
 from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.playback.preflight import MotionVerdict, Verdict
 from humanoid_getup.playback.supervisor import Supervisor
 from humanoid_getup.simulation.world import World

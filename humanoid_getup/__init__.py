@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from humanoid_getup.execution.get_up import get_up
     from humanoid_getup.execution.keep_stand import keep_stand
     from humanoid_getup.execution.session import SessionOptions
-    from humanoid_getup.experiments.starts import sample_fall
+    from humanoid_getup.experiments.starts.falls import sample_fall
     from humanoid_getup.jobs.benchmark import benchmark
     from humanoid_getup.jobs.build_motions import build_motions
     from humanoid_getup.jobs.check_robot import check_robot
@@ -150,7 +150,7 @@ _HOMES = {
     "measure_robot": "humanoid_getup.jobs.measure_robot",
     "plan": "humanoid_getup.jobs.plan_path",
     "retarget": "humanoid_getup.jobs.retarget_motions",
-    "sample_fall": "humanoid_getup.experiments.starts",
+    "sample_fall": "humanoid_getup.experiments.starts.falls",
     "train": "humanoid_getup.jobs.train_policy",
 }
 

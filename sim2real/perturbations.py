@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.distributions import RandomAxis
-from humanoid_getup.experiments.disturbance import Disturbance
-from humanoid_getup.experiments.starts import Fall
-from humanoid_getup.experiments.summary import summarize, wilson_interval
+from humanoid_getup.experiments.disturbances.distributions import RandomAxis
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance
+from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
+from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import StyleInput
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene

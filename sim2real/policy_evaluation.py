@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.record import Record, join_records
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Record, join_records
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     Floats,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.benchmarks.scenes import sample_scene_falls
-from humanoid_getup.experiments.summary import summarize, wilson_interval
+from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.motions.motion_database import load_database
 from path_planning.limited_checker import Budget
 from path_planning.planning_problems import (

@@ -18,8 +18,8 @@ from humanoid_getup.benchmarks.disturbances import (
 )
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts import Fall, sample_falls
-from humanoid_getup.experiments.summary import summarize_records
+from humanoid_getup.experiments.judging.summary import summarize_records
+from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, Strategy

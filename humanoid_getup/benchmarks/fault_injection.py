@@ -23,9 +23,9 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.summary import summarize
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.summary import summarize
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
-from humanoid_getup.experiments.disturbance import USUAL, Scenarios
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play as play_rollouts
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.rollouts.play import play as play_rollouts
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer

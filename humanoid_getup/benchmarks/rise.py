@@ -11,8 +11,8 @@ from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts import Fall, sample_falls
-from humanoid_getup.experiments.summary import summarize, summarize_records
+from humanoid_getup.experiments.judging.summary import summarize, summarize_records
+from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

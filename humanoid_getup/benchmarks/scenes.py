@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.benchmarks.rise import rise_from
-from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
-from humanoid_getup.experiments.summary import summarize_records
+from humanoid_getup.experiments.judging.summary import summarize_records
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy

@@ -13,11 +13,11 @@ from drivers import Twin
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.keep_stand import keep_stand
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.distributions import draw
-from humanoid_getup.experiments.disturbance import USUAL
-from humanoid_getup.experiments.standing import StanceMeter, is_upright
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.summary import summarize, wilson_interval
+from humanoid_getup.experiments.disturbances.distributions import draw
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
+from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
 from robots.ground import GROUND

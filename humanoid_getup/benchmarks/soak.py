@@ -22,8 +22,8 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts import sample_falls
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.quaternion import Array

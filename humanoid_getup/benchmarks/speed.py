@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path

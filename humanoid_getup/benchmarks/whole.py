@@ -22,9 +22,9 @@ from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.drop import FallError
-from humanoid_getup.experiments.starts import CLASSES, Fall, sample_falls
-from humanoid_getup.experiments.summary import COUNTED, SUMMARIZED, summarize_records
+from humanoid_getup.experiments.judging.summary import COUNTED, SUMMARIZED, summarize_records
+from humanoid_getup.experiments.starts.drop import FallError
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy

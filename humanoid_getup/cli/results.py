@@ -21,7 +21,7 @@ from humanoid_getup.cli.output import ARTEFACTS, REPORT, STRIP, STYLE, TORQUE, w
 from humanoid_getup.cli.recording import FLIGHT
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary

@@ -11,7 +11,7 @@ from humanoid_getup.cli.console import console_for, make_table, phase
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.options.motions import ListScenes
 from humanoid_getup.cli.output import write_json
-from humanoid_getup.experiments.starts import CLASSES, sample_falls
+from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_faults

@@ -15,7 +15,7 @@ from humanoid_getup.cli.recording import make_log, recording
 from humanoid_getup.cli.session_hooks import Result, SessionHooks
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.session import Session, SessionOptions
-from humanoid_getup.experiments.starts import Fall, settle_posture
+from humanoid_getup.experiments.starts.falls import Fall, settle_posture
 from humanoid_getup.jobs.inputs import find_start
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement

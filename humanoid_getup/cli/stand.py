@@ -10,7 +10,7 @@ from humanoid_getup.cli.results import hand_over_stand, reporting_hand_over
 from humanoid_getup.cli.session_hooks import SessionHooks
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from robots.kinematics import read_posture
 

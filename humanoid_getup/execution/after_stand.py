@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers import Command, Ending, RunReport
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot
 from robots.quaternion import Array

@@ -13,9 +13,9 @@ from humanoid_getup.execution.recovery import Recovery, StoppedError, Unrecovere
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.starts import UNCLASSED, classify
+from humanoid_getup.experiments.judging.joint_figures import JointFigures
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.starts.falls import UNCLASSED, classify
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.estimation import FaultedError, StartError, estimate_posture, settle
 from humanoid_getup.playback.monitors import AbortKind

@@ -8,9 +8,9 @@ from typing import Any
 
 from drivers import Ending, RunReport
 from humanoid_getup.execution.after_stand import AfterStand
-from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.judging.joint_figures import JointFigures
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus

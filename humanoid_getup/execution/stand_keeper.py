@@ -22,8 +22,8 @@ from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_watch import StandWatch
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.standing import HOLD, StanceMeter, is_upright
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
 from humanoid_getup.playback.ending import ends_as_meant

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers import Cycle
-from humanoid_getup.experiments.standing import HOLD
+from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.playback.play import AnyJudge
 
 LONGEST_WAIT = 3.0 * HOLD  # s that a released robot is still held without a judged stand

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from robots.quaternion import Array

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbance import Disturbance, Scenarios
-from humanoid_getup.experiments.early_stop import LAST_CALL
-from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome
-from humanoid_getup.experiments.play import Feedback, FeedbackLaw
-from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.rollouts.early_stop import LAST_CALL
+from humanoid_getup.experiments.rollouts.play import Feedback, FeedbackLaw
 from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose

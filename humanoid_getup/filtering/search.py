@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import Experiment
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.play import Feedback
+from humanoid_getup.experiments.rollouts.play import Feedback
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

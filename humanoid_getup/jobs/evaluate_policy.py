@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from humanoid_getup.experiments.starts import CLASSES, FallSet, FallSetError, sample_fall_set
+from humanoid_getup.experiments.starts.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.policies import load_policy, name_robot

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import CLASSES, UNCLASSED, Fall, classify, sample_falls
+from humanoid_getup.experiments.starts.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.motions import motion_database

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import Fall
+from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_start, load_keys, load_world
 from humanoid_getup.jobs.requests.plan import PlanRequest

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import HOLD_TIME
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
 from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import Experiment
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.scoring import (

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from humanoid_getup.experiments.distributions import Normal
-from humanoid_getup.experiments.disturbance import USUAL, Disturbance, Scenarios
-from humanoid_getup.experiments.play import Experiment
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.disturbances.distributions import Normal
+from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance, Scenarios
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.first_success import FirstSuccess
 from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome
 from robots.quaternion import Array
 
 PreferenceName = Literal["time", "torque", "impact", "robustness"]

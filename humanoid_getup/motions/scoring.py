@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.experiments.lying import LyingSide, measure_lying
-from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome, compute_progress
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import compute_uprightness
+from humanoid_getup.experiments.judging.lying import LyingSide, measure_lying
+from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_progress
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import compute_uprightness
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.preference import Preference

@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.lying import (
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.lying import (
     LYING_TIME,
     MAX_DESCENT,
     MAX_LEAN,
     Lying,
     measure_lying,
 )
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import (
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import (
     HOLD_TIME,
     MAX_TILT,
     Stance,
     Stand,
     compute_uprightness,
 )
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.simulation.touch import find_touching_bodies

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.lying import LYING_TIME, MAX_HEAD_IMPACT, measure_lying
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.standing import HOLD
+from humanoid_getup.experiments.judging.lying import LYING_TIME, MAX_HEAD_IMPACT, measure_lying
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 
 REST = LYING_TIME + 0.5  # s; a robot may move on for a moment before it lies still

@@ -7,8 +7,8 @@ from typing import Protocol, TypeVar
 
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
-from humanoid_getup.experiments.joint_figures import JointFigures
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.joint_figures import JointFigures
+from humanoid_getup.experiments.judging.outcome import Outcome
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
 

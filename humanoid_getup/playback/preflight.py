@@ -10,8 +10,8 @@ import numpy as np
 
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
-from humanoid_getup.experiments.starts import classify
-from humanoid_getup.experiments.torque import LONG_SATURATION
+from humanoid_getup.experiments.judging.torque import LONG_SATURATION
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.posture_metric import measure_tilt
 from humanoid_getup.playback.ending import describe_end

@@ -11,10 +11,10 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.torque import find_longest, find_saturation
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time

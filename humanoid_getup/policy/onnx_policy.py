@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import Command, Guidance, State
-from humanoid_getup.experiments.standing import HOLD, MAX_TILT
+from humanoid_getup.experiments.judging.standing import HOLD, MAX_TILT
 from humanoid_getup.policy.action import between, next_target
 from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import (

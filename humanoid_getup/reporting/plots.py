@@ -9,8 +9,8 @@ import numpy as np
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.torque import limit_torque
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.torque import limit_torque
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot

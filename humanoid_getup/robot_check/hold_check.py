@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World

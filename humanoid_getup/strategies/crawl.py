@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbance import Disturbance, Scenarios
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import Experiment
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import LyingSide, classify
+from humanoid_getup.experiments.starts.falls import LyingSide, classify
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.filtering.reference import align_motion
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory

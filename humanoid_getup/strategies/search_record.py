@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.preference import PreferenceName
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.track_record import StrategyId, TrackRecord
 from robots import Posture

@@ -27,8 +27,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from humanoid_getup.experiments.starts import CLASSES
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import CLASSES
 from robots import Robot, TorqueLimit
 from robots.servo import LimitMode
 from robots.validation import load_toml, positive, read_table, whole

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import LyingSide
+from humanoid_getup.experiments.starts.falls import LyingSide
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.trial import record_motion

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import LyingSide, sample_falls, settle_posture
+from humanoid_getup.experiments.starts.falls import LyingSide, sample_falls, settle_posture
 from humanoid_getup.motions.build import ATTITUDES
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbance import USUAL
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import Experiment
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
 from humanoid_getup.simulation.world import World

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 from sim2real.motion_discovery.replay import Replay

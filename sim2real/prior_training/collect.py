@@ -9,8 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from humanoid_getup.experiments.drop import Drops
-from humanoid_getup.experiments.starts import CLASSES, sample_fall_set
+from humanoid_getup.experiments.starts.drop import Drops
+from humanoid_getup.experiments.starts.falls import CLASSES, sample_fall_set
 from humanoid_getup.long_work.ledger import Ledger
 from humanoid_getup.long_work.worker_pool import worker_pool
 from humanoid_getup.motions.motion import Motion

@@ -3,7 +3,7 @@
 import pytest
 from benchmark_scripts import load_script
 
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 

@@ -15,9 +15,9 @@ from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import HOLD_TIME, MAX_TILT, is_upright
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.standing import HOLD_TIME, MAX_TILT, is_upright
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion

@@ -6,8 +6,8 @@ import pytest
 from policy_functions import remember_actions
 from records import make_record
 
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.starts import Fall
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot, load_robot

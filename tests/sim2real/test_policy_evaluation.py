@@ -5,8 +5,8 @@ import pytest
 from policy_functions import remember_actions
 from records import make_record
 
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.simulation.domain_parameters import DomainParameters

@@ -15,8 +15,8 @@ from humanoid_getup.cli.results import hand_over
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.standing import HOLD_TIME
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames

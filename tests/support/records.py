@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import Stance
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import Stance
 from robots import Robot
 from robots.robot import Layout
 

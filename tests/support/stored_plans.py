@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import fit

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.experiments.starts import CLASSES, classify
+from humanoid_getup.experiments.starts.falls import CLASSES, classify
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.action_file import PAGE_SIZE, PAGES, ActionFile, load_page
 from humanoid_getup.motions.importing.animation_file import load_animation

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from humanoid_getup.experiments.distributions import LogUniform, Mixture, Normal, Uniform
-from humanoid_getup.experiments.disturbance import Disturbance
+from humanoid_getup.experiments.disturbances.distributions import (
+    LogUniform,
+    Mixture,
+    Normal,
+    Uniform,
+)
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance
 from robots.ground import GROUND_FRICTION
 
 

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.recorder import RECORDED, Recorder
-from humanoid_getup.experiments.standing import StanceMeter, is_upright
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.recorder import RECORDED, Recorder
+from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from humanoid_getup.experiments.drop import Drops, FallError
+from humanoid_getup.experiments.starts.drop import Drops, FallError
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.world import World
 from robots.kinematics import mirror_positions

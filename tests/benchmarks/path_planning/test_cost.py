@@ -11,7 +11,7 @@ from path_planning.generic_humanoid import JOINT_COUNTS, make_humanoid
 from path_planning.limited_checker import Budget
 from path_planning.plot import save_planner_cost
 
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World

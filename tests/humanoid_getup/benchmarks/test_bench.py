@@ -8,8 +8,8 @@ import pytest
 from humanoid_getup.benchmarks.motions import LIMITS, bench_motions, find_lowest_limit
 from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
 from humanoid_getup.cli.main import main
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus

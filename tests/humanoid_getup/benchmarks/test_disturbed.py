@@ -18,7 +18,7 @@ from humanoid_getup.benchmarks.disturbed import (
     select,
     turn_head,
 )
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import quaternion

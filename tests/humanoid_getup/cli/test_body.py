@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retargeting import BODY
 from humanoid_getup.simulation.world import World

@@ -10,7 +10,7 @@ from small_humanoid import small_humanoid, small_urdf
 
 import humanoid_getup as hg
 from drivers import Command
-from humanoid_getup.experiments.standing import HOLD_TIME
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
 
 
 def stands(folder: Path) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World

@@ -16,8 +16,8 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judge import SensorJudge
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.judging.judge import SensorJudge
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.monitors import AbortKind, MotionMonitor

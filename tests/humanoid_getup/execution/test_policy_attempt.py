@@ -14,7 +14,7 @@ from drivers import Ending, SafetyGuard, State, Twin
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy

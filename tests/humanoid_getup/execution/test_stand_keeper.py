@@ -18,7 +18,7 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.starts import classify, settle_posture
+from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit

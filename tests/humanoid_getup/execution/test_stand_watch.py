@@ -6,7 +6,7 @@ from typing import Any, cast
 import pytest
 
 from humanoid_getup.execution.stand_watch import LONGEST_WAIT, StandWatch
-from humanoid_getup.experiments.standing import HOLD
+from humanoid_getup.experiments.judging.standing import HOLD
 
 PERIOD = 0.1
 

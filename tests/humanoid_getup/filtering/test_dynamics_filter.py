@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import Experiment, play
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import Experiment, play
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import Preference

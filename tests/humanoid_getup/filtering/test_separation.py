@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.outcome import DEEP_OVERLAP
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.filtering.reference import straight_path

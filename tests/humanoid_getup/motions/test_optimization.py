@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from authored import load_robot_keyframes
 
-from humanoid_getup.experiments.disturbance import USUAL, Scenarios
-from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.build import settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.outcome import DEEP_OVERLAP, Outcome
-from humanoid_getup.experiments.play import Experiment, play
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome
+from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.jobs.requests.shared import Prefer, PreferenceOptions
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database

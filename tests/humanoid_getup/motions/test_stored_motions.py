@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drivers import SafetyGuard, Twin
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.standing import HOLD
-from humanoid_getup.experiments.starts import classify, settle_posture
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.standing import HOLD
+from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.playback.ending import ends_as_meant, hold_time

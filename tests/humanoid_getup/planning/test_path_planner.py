@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.motions.posture_metric import PostureMetric, align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import (

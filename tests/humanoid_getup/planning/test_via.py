@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.path_planner import PathOptions

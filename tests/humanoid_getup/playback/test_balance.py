@@ -12,7 +12,7 @@ from nonempty import nonempty
 
 from drivers import GuardLimits, SafetyGuard, State, Twin
 from humanoid_getup.benchmarks.disturbances import Disturbance, disturb_start, disturb_world
-from humanoid_getup.experiments.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles, make_balance

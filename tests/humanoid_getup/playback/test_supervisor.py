@@ -8,9 +8,9 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, State, Twin
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.standing import HOLD
-from humanoid_getup.experiments.starts import sample_falls, settle_posture
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.standing import HOLD
+from humanoid_getup.experiments.starts.falls import sample_falls, settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import make_balance

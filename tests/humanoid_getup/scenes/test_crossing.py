@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.scenes.start_region import ANYWHERE, StartRegion, lying
 from robots import Posture, quaternion
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbance import USUAL
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import Scene

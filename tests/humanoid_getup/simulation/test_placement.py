@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import Twin
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.playback.estimation import SINKING, estimate_posture
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.start_region import lying

@@ -12,7 +12,7 @@ from humanoid_getup.execution.attempt_manager import MOST_PLANS
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import (

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import Experiment
-from humanoid_getup.experiments.starts import sample_fall, sample_falls
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.experiments.starts.falls import sample_fall, sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference

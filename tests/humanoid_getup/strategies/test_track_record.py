@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.experiments.summary import wilson_interval
+from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.standing import HOLD_TIME, judge
-from humanoid_getup.experiments.starts import classify, sample_fall_set
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.standing import HOLD_TIME, judge
+from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.starts.falls import classify, sample_fall_set
 from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.starts import sample_fall
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.simulation.world import World

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.disturbance import MOST_DELAY
+from humanoid_getup.experiments.disturbances.disturbance import MOST_DELAY
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.servo import CURRENT, PWM
 from sim2real.environment.physics.randomization import ALL as R

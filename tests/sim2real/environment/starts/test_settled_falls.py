@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.experiments.drop import Drops, DropSampler
-from humanoid_getup.experiments.starts import FallError, sample_falls
+from humanoid_getup.experiments.starts.drop import Drops, DropSampler
+from humanoid_getup.experiments.starts.falls import FallError, sample_falls
 from humanoid_getup.simulation.world import World
 from robots.kinematics import lowest_point, mirror_positions
 from sim2real.environment.get_up_factory import make_get_up

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import HOLD_TIME
-from humanoid_getup.experiments.torque import LONG_SATURATION, count_runs, find_saturation
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.judging.torque import LONG_SATURATION, count_runs, find_saturation
 from robots import Robot
 from robots.quaternion import Array
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.early_stop import CHUNK, EarlyStop
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.record import Record, combine_records, join_records
-from humanoid_getup.experiments.recorder import RECORDED, Recorder
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Record, combine_records, join_records
+from humanoid_getup.experiments.judging.recorder import RECORDED, Recorder
+from humanoid_getup.experiments.rollouts.early_stop import CHUNK, EarlyStop
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from robots.quaternion import Array

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments import starts
-from humanoid_getup.experiments.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbance import MOST_RAISED, Disturbance
-from humanoid_getup.experiments.drop import FallError
-from humanoid_getup.experiments.starts import sample_falls
+from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbances.disturbance import MOST_RAISED, Disturbance
+from humanoid_getup.experiments.starts import falls
+from humanoid_getup.experiments.starts.drop import FallError
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene
@@ -101,8 +101,8 @@ def test_a_start_inside_a_block_is_refused_in_one_line(op3: Robot):
 def test_sampling_ends_where_no_robot_comes_to_lie_as_requested(
     op3: Robot, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(starts, "MOST_IN_VAIN", 2)
-    monkeypatch.setattr(starts.StartRegion, "accepts", lambda *_: False)
+    monkeypatch.setattr(falls, "MOST_IN_VAIN", 2)
+    monkeypatch.setattr(falls.StartRegion, "accepts", lambda *_: False)
     start = StartRegion(start_class="prone")
     world = World(op3, Scene(name="whim", starts=(start,)))
     with pytest.raises(FallError, match="'whim' failed: 1 prone missing after 48 falls"):

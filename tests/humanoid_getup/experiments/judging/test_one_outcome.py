@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from drivers import Command, Twin
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.record import join_records
-from humanoid_getup.experiments.starts import settle_posture
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import join_records
+from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.scene import FLAT_SCENE

@@ -1,6 +1,6 @@
 import pytest
 
-from humanoid_getup.experiments.summary import summarize, summarize_records, wilson_interval
+from humanoid_getup.experiments.judging.summary import summarize, summarize_records, wilson_interval
 
 
 def test_wilson_interval_is_the_textbook_one():

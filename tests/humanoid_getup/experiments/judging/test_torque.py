@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.torque import count_runs, find_saturation
+from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
 from robots import Robot
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.standing import Stance
+from humanoid_getup.experiments.judging.standing import Stance
 from robots.quaternion import Array
 from robots.robot import Layout
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers import Twin
-from humanoid_getup.experiments.standing import (
+from humanoid_getup.experiments.judging.standing import (
     HOLD,
     HOLD_TIME,
     Stance,

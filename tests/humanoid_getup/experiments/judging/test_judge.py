@@ -6,8 +6,8 @@ from records import make_record
 
 from drivers import Command, Twin
 from drivers.twin.ground_truth import GroundTruth
-from humanoid_getup.experiments.judge import GroundTruthJudge
-from humanoid_getup.experiments.outcome import Outcome, count_episodes
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from humanoid_getup.experiments.judging.outcome import Outcome, count_episodes
 from robots import Posture
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.drop import Drops
-from humanoid_getup.experiments.play import play
-from humanoid_getup.experiments.starts import (
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.starts.drop import Drops
+from humanoid_getup.experiments.starts.falls import (
     FallSet,
     classify,
     sample_fall_set,

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.distributions import Normal, Quantity, RandomAxis, Uniform, draw
+from humanoid_getup.experiments.disturbances.distributions import (
+    Normal,
+    Quantity,
+    RandomAxis,
+    Uniform,
+    draw,
+)
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.starts import CLASSES, Fall, FallSet, FallSetError
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet, FallSetError
 from robots import Posture, Robot
 
 

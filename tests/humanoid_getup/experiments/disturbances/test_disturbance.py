@@ -5,8 +5,14 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.distributions import Mixture, Normal, RandomAxis, Uniform, draw
-from humanoid_getup.experiments.disturbance import USUAL, Disturbance
+from humanoid_getup.experiments.disturbances.distributions import (
+    Mixture,
+    Normal,
+    RandomAxis,
+    Uniform,
+    draw,
+)
+from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place

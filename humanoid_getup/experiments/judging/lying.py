@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.record import Record
+from humanoid_getup.experiments.judging.record import Record
 from robots import quaternion
 from robots.quaternion import Array
 

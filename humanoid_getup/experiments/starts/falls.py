@@ -10,9 +10,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.drop import Drops, FallError
-from humanoid_getup.experiments.play import play
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.starts.drop import Drops, FallError
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance

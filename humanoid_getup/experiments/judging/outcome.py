@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import HOLD_TIME, Stand, compute_uprightness, judge
-from humanoid_getup.experiments.torque import (
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import HOLD_TIME, Stand, compute_uprightness, judge
+from humanoid_getup.experiments.judging.torque import (
     LONG_SATURATION,
     TorqueShares,
     find_longest,

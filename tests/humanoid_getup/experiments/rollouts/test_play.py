@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbance import Scenarios
-from humanoid_getup.experiments.play import Experiment, play
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion

@@ -14,14 +14,14 @@ from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
 from drivers.twin.servo_model import SensorNoise, Windings
 from drivers.twin.simulation import SimulationOptions
-from humanoid_getup.experiments.judge import (
+from humanoid_getup.experiments.judging.judge import (
     GroundTruthJudge,
     SensorJudge,
 )
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.standing import StanceMeter
-from humanoid_getup.experiments.starts import settle_posture
-from humanoid_getup.experiments.torque import estimate_torque
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import StanceMeter
+from humanoid_getup.experiments.judging.torque import estimate_torque
+from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.motion_player import MotionPlayer

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbance import USUAL
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.play import Experiment, play
+from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from robots import TorqueLimit

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.lying import (
+from humanoid_getup.experiments.judging.lying import (
     LYING_TIME,
     MAX_DESCENT,
     MAX_LEAN,
     MAX_SWAY,
     judge_lying,
 )
-from humanoid_getup.experiments.starts import classify
+from humanoid_getup.experiments.starts.falls import classify
 from robots import quaternion
 
 PERIOD = 0.01

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 from drivers import Cycle, State
 from drivers.errors import NoImuError
 from drivers.twin.simulation import Simulation
-from humanoid_getup.experiments.outcome import Outcome
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import HOLD_TIME, Stance, StanceMeter, is_upright, judge
-from humanoid_getup.experiments.torque import estimate_torque
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import (
+    HOLD_TIME,
+    Stance,
+    StanceMeter,
+    is_upright,
+    judge,
+)
+from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene, Support
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

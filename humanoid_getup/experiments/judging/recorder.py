@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.record import Record
-from humanoid_getup.experiments.standing import StanceMeter, is_upright
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers import Cycle, State
-from humanoid_getup.experiments.judge import record_joints
-from humanoid_getup.experiments.outcome import Outcome
+from humanoid_getup.experiments.judging.judge import record_joints
+from humanoid_getup.experiments.judging.outcome import Outcome
 from robots import Robot
 
 

@@ -1,0 +1,1 @@
+"""How robots and their worlds differ from those that were planned for."""

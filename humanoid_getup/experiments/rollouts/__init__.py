@@ -1,0 +1,1 @@
+"""Plays targets and feedback laws on many robots at a time."""

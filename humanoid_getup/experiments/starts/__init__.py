@@ -1,0 +1,1 @@
+"""Where robots lie or stand before they are played: sampled falls, drops, settling."""

@@ -71,9 +71,9 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.requests.style import ExtractRequest
     from humanoid_getup.jobs.retarget_motions import retarget
     from humanoid_getup.jobs.train_policy import export, train
-    from humanoid_getup.long_work.progress import CancelledError, Progress
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
+    from humanoid_getup.progress.callback import CancelledError, Progress
     from humanoid_getup.simulation.world import World
     from humanoid_getup.strategies.cached_rise import CachedRise
     from humanoid_getup.strategies.learned_rise import LearnedRise
@@ -103,7 +103,7 @@ _HOMES = {
     "Body": "robots.proportions",
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
     "CachedRise": "humanoid_getup.strategies.cached_rise",
-    "CancelledError": "humanoid_getup.long_work.progress",
+    "CancelledError": "humanoid_getup.progress.callback",
     "CheckRequest": "humanoid_getup.jobs.requests.robots",
     "ClipRequest": "humanoid_getup.jobs.requests.motions",
     "DiscoverRequest": "humanoid_getup.jobs.requests.motions",
@@ -120,7 +120,7 @@ _HOMES = {
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
-    "Progress": "humanoid_getup.long_work.progress",
+    "Progress": "humanoid_getup.progress.callback",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
     "SafetyGuard": "drivers.safety_guard",
     "SessionOptions": "humanoid_getup.execution.session",

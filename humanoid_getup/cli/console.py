@@ -14,7 +14,7 @@ from rich.table import Table
 
 from humanoid_getup.cli.output import STANDARD_OUTPUT, find_json_target
 from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.long_work.progress import Progress, Report
+from humanoid_getup.progress.callback import Progress, Report
 
 SMALL_FIGURE = 0.1  # below which two decimals are too few
 ROUNDING = 1e-9  # below which a figure is 0

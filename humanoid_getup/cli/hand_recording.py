@@ -20,11 +20,11 @@ from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, Te
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.long_work.progress import ProgressMonitor
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import NAME
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot
 from robots.quaternion import Array

@@ -27,7 +27,7 @@ from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.keys.key_record import find_passes
+from humanoid_getup.strategies.key_postures.key_record import find_passes
 from robots.encoding import to_json
 
 NO_ORIENTATION = "without an IMU no one knows how the robot was turned"

@@ -34,10 +34,10 @@ from humanoid_getup.jobs.requests.bench import (
     BenchSoak,
 )
 from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy

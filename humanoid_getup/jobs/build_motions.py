@@ -15,8 +15,6 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_faults
 from humanoid_getup.jobs.requests.motions import BuildRequest
-from humanoid_getup.long_work.progress import Cancel, Progress, ProgressMonitor, Report
-from humanoid_getup.long_work.worker_pool import SPAWN, worker_pool
 from humanoid_getup.motions.build import (
     UNFINISHED,
     Build,
@@ -31,6 +29,8 @@ from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyf
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
+from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.worker_pool import SPAWN, worker_pool
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot

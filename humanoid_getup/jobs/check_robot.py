@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.robots import CheckRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.robot_check.check import RobotCheck
 from humanoid_getup.robot_check.check import check_robot as check
 from humanoid_getup.robot_check.finding import CheckFinding

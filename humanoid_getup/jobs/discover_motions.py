@@ -9,11 +9,11 @@ from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_folder_faults
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import SOUND, motion_file
 from humanoid_getup.motions.motion import NAME
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.policy.onnx_policy import find_policy
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.simulation.world import World
 from robots import Robot
 

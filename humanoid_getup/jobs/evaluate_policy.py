@@ -16,8 +16,8 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.scenes.named_scenes import load_grounds
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan

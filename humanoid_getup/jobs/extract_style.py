@@ -10,7 +10,7 @@ from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot
 from humanoid_getup.jobs.requests.style import ExtractRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.strategies.styled_rise import measure_motion
 from humanoid_getup.style.curves import UPRIGHT_STAND, is_stand
 from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_clip, trim

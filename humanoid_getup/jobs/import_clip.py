@@ -8,8 +8,8 @@ from humanoid_getup.clips.clip_file import read_clip
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.motions import ClipRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter, RetargetedClip
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
 
 def import_clip(

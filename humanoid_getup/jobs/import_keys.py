@@ -10,7 +10,6 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_faults
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest, NewKeysOptions
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
     ImportedKeyframes,
@@ -21,6 +20,7 @@ from humanoid_getup.motions.importing.imported_keyframes import (
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
 from humanoid_getup.motions.trial import Trial
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from robots import Robot

@@ -7,7 +7,7 @@ import numpy as np
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.robots import ImportRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import RobotError, load_robot
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot

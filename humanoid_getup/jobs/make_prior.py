@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.learning import PriorRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,11 +32,11 @@ from humanoid_getup.jobs.requests.bench import (
     WHOLE_ARTEFACTS,
     BenchAll,
 )
-from humanoid_getup.long_work.ledger import Ledger
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, MotionDatabase, load_database
 from humanoid_getup.policy.onnx_policy import list_policies
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.reporting.conditions import describe_conditions

@@ -10,13 +10,13 @@ from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_fol
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.requests.motions import RetargetRequest
-from humanoid_getup.long_work.progress import Cancel, ProgressMonitor, Report
 from humanoid_getup.motions.build import build_unimproved, motion_file
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
 from robots import load_robot as load
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
-from humanoid_getup.long_work.progress import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported

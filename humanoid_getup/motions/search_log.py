@@ -13,7 +13,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from humanoid_getup.long_work.ledger import STARTS_OVER, Ledger
+from humanoid_getup.progress.ledger import STARTS_OVER, Ledger
 from robots.quaternion import Array
 from robots.validation import on_axes, read_table
 

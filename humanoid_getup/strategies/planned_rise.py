@@ -18,7 +18,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.crawl import Crawl
 from humanoid_getup.strategies.free_rise import FreeRise
-from humanoid_getup.strategies.keys.keyed_rise import KeyedRise
+from humanoid_getup.strategies.key_postures.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
 from humanoid_getup.strategies.rise_search import FoundRise, SearchTools

@@ -13,7 +13,7 @@ from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.approach import Approach
 from humanoid_getup.strategies.crawl import Crawl, Move
-from humanoid_getup.strategies.keys.key_record import KeyRecord
+from humanoid_getup.strategies.key_postures.key_record import KeyRecord
 from robots import Posture
 
 ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching

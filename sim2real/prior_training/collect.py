@@ -11,11 +11,11 @@ import numpy as np
 
 from humanoid_getup.experiments.starts.drop import Drops
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_fall_set
-from humanoid_getup.long_work.ledger import Ledger
-from humanoid_getup.long_work.worker_pool import worker_pool
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.progress.ledger import Ledger
+from humanoid_getup.progress.worker_pool import worker_pool
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions

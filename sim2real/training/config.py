@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 
-from humanoid_getup.long_work.ledger import check_recipe as compare_recipes
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
+from humanoid_getup.progress.ledger import check_recipe as compare_recipes
 from robots import Robot
 from robots.encoding import as_kept
 from robots.files import read_bounded

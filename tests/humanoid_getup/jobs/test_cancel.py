@@ -17,7 +17,7 @@ from humanoid_getup.jobs.requests.plan import PlanRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
 from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
-from humanoid_getup.long_work.progress import CancelledError, Progress
+from humanoid_getup.progress.callback import CancelledError, Progress
 
 Job = Callable[..., object]
 

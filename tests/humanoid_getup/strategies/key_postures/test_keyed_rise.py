@@ -14,8 +14,8 @@ from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import CachedRise
-from humanoid_getup.strategies.keys.key_record import CLOSE_JOINT, find_passes
-from humanoid_getup.strategies.keys.key_route import Route, find_stretches
+from humanoid_getup.strategies.key_postures.key_record import CLOSE_JOINT, find_passes
+from humanoid_getup.strategies.key_postures.key_route import Route, find_stretches
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions

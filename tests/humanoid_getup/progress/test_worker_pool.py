@@ -12,7 +12,7 @@ from waiting import wait_until
 PROGRAM = """
 import os, sys, time
 from pathlib import Path
-from humanoid_getup.long_work.worker_pool import worker_pool
+from humanoid_getup.progress.worker_pool import worker_pool
 
 def begin(folder):
     Path(folder, str(os.getpid())).touch()

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from humanoid_getup.long_work.progress import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 
 
 def test_what_is_counted_adds_up():

@@ -16,7 +16,7 @@ from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import REST, place_stops, plan_via
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.keys.key_route import Route, Stretch, find_stretches
+from humanoid_getup.strategies.key_postures.key_route import Route, Stretch, find_stretches
 from robots import Posture
 
 STRETCHES = 2  # stored motions that may lead to a key, beside the path straight to it

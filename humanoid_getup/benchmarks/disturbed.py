@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.disturbances import (
-    Disturbance,
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
+from humanoid_getup.benchmarks.world_change import (
+    WorldChange,
     disturb_start,
     disturb_world,
     turn_head,
 )
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import summarize_records
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
@@ -29,20 +29,20 @@ from robots.quaternion import Array
 
 OPEN_LOOP, FEEDBACK = "plan, open loop", "plan"
 DISTURBANCES = {
-    "nominal": Disturbance(),
-    "300 g on the back": Disturbance(load=0.3),
-    "slope +5 deg": Disturbance(slope=math.radians(5.0)),
-    "slope -5 deg": Disturbance(slope=math.radians(-5.0)),
-    "step of 2 cm": Disturbance(step=0.02),
-    "left shoulder limp": Disturbance(strength=0.0, joint="l_sho_pitch"),
-    "one servo at 60 %": Disturbance(strength=0.6),
-    "friction 0.3": Disturbance(friction=0.3),
-    "mass +10 %": Disturbance(mass=1.1),
-    "mass -10 %": Disturbance(mass=0.9),
-    "center of mass 5 mm off": Disturbance(com_shift=0.005),
-    "supply 11.0 V": Disturbance(voltage=11.0),
-    "supply 12.6 V": Disturbance(voltage=12.6),
-    "start 10 deg off": Disturbance(start_angle=math.radians(10.0)),
+    "nominal": WorldChange(),
+    "300 g on the back": WorldChange(load=0.3),
+    "slope +5 deg": WorldChange(slope=math.radians(5.0)),
+    "slope -5 deg": WorldChange(slope=math.radians(-5.0)),
+    "step of 2 cm": WorldChange(step=0.02),
+    "left shoulder limp": WorldChange(strength=0.0, joint="l_sho_pitch"),
+    "one servo at 60 %": WorldChange(strength=0.6),
+    "friction 0.3": WorldChange(friction=0.3),
+    "mass +10 %": WorldChange(mass=1.1),
+    "mass -10 %": WorldChange(mass=0.9),
+    "center of mass 5 mm off": WorldChange(com_shift=0.005),
+    "supply 11.0 V": WorldChange(voltage=11.0),
+    "supply 12.6 V": WorldChange(voltage=12.6),
+    "start 10 deg off": WorldChange(start_angle=math.radians(10.0)),
 }
 """What is measured, by how the tables name it."""
 
@@ -81,7 +81,7 @@ class Known:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class DisturbedRise:
     """One robot in one disturbed world."""
 
     world: World
@@ -92,20 +92,20 @@ class Trial:
     """Supply [V]; ``None`` for the nominal one."""
 
     @staticmethod
-    def of(world: World, fall: Fall, disturbance: Disturbance, seed: list[int]) -> Trial:
+    def of(world: World, fall: Fall, change: WorldChange, seed: list[int]) -> DisturbedRise:
         """Disturb a world and a fall; the same seed draws the same."""
         rng, robot = np.random.default_rng(seed), world.robot
         direction = rng.uniform(0.0, 2.0 * math.pi)
         weak = int(rng.integers(robot.n))
-        if disturbance.joint is not None:
-            weak = robot.joint_names.index(disturbance.joint)
+        if change.joint is not None:
+            weak = robot.joint_names.index(change.joint)
         strength = np.ones(robot.n)
-        strength[weak] = disturbance.strength
-        return Trial(
-            world=disturb_world(world, disturbance, direction),
-            start=disturb_start(world, turn_head(fall.posture), disturbance, rng),
+        strength[weak] = change.strength
+        return DisturbedRise(
+            world=disturb_world(world, change, direction),
+            start=disturb_start(world, turn_head(fall.posture), change, rng),
             strength=strength,
-            voltage=disturbance.voltage,
+            voltage=change.voltage,
         )
 
     def rise(self, strategy: Strategy, fall: Fall, seed: list[int]) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def bench_disturbed(
     seed: int,
     each: int,
     classes: Sequence[str] = BENCH_CLASSES,
-    disturbances: Mapping[str, Disturbance] = DISTURBANCES,
+    disturbances: Mapping[str, WorldChange] = DISTURBANCES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
@@ -146,7 +146,7 @@ def bench_disturbed(
     for number, fall in enumerate(falls):
         ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
         for case, disturbance in disturbances.items():
-            trial = Trial.of(planner.world, fall, disturbance, [seed, 2, number])
+            trial = DisturbedRise.of(planner.world, fall, disturbance, [seed, 2, number])
             for way, strategy in ways.items():
                 label = {"fall": number, "case": case, "way": way}
                 records.append(trial.rise(strategy, fall, [seed, 3, number]) | label)
@@ -167,7 +167,7 @@ def bench_disturbed(
     }
 
 
-def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, Disturbance]:
+def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, WorldChange]:
     """Select disturbances by name; no names for all.
 
     Raises:

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.disturbances import Disturbance
 from humanoid_getup.benchmarks.disturbed import bench_disturbed
 from humanoid_getup.benchmarks.motions import bench_motion
 from humanoid_getup.benchmarks.part import Part
 from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
+from humanoid_getup.benchmarks.world_change import WorldChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.summary import COUNTED, SUMMARIZED, summarize_records
 from humanoid_getup.experiments.starts.drop import FallError
@@ -79,7 +79,7 @@ class Whole:
     """Plans for disturbed worlds; None without motions."""
     policies: Mapping[str, Strategy]
     """Policies in disturbed worlds, at stall torque."""
-    disturbances: Mapping[str, Disturbance]
+    disturbances: Mapping[str, WorldChange]
     seed: int
     each: int
     """Falls of each class."""

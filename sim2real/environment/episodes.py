@@ -17,7 +17,7 @@ HELD = 1.5
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EndedEpisodes:
     """How episodes ended."""
 
     ended: NDArray[np.int_]
@@ -75,7 +75,7 @@ class Episodes:
         terminated: NDArray[np.bool_],
         diverged: NDArray[np.bool_],
         held: int,
-    ) -> Outcome:
+    ) -> EndedEpisodes:
         """Advance all episodes by a policy step; find those that are over, from masks (N,).
 
         A robot that has stood for ``held`` policy steps has succeeded.
@@ -86,4 +86,4 @@ class Episodes:
         is_over = (self.age >= self.length) | (stood & self.ends_early) | diverged | terminated
         ended = np.flatnonzero(is_over)
         from_fall = ended[self.start[ended] >= 0]
-        return Outcome(ended, self.start[from_fall], stood[from_fall])
+        return EndedEpisodes(ended, self.start[from_fall], stood[from_fall])

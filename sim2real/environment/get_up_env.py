@@ -26,7 +26,7 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead
 from sim2real.environment.env_options import EnvOptions
-from sim2real.environment.episodes import HELD, LONGEST, Episodes, Outcome
+from sim2real.environment.episodes import HELD, LONGEST, EndedEpisodes, Episodes
 from sim2real.environment.physics.assistive_force import AssistiveForce
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import (
@@ -171,11 +171,11 @@ class GetUpEnv(VectorEnv):
         reward[self.sim.diverged] = 0.0
         self._push()
         terminated = self._find_terminated(inputs)
-        outcome = self._episodes.advance(
+        over = self._episodes.advance(
             inputs.standing, terminated, self.sim.diverged, round(HELD / self.step_time)
         )
-        report = self._note(outcome)
-        ended = outcome.ended
+        report = self._note(over)
+        ended = over.ended
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
         truncated &= ~terminated
@@ -210,12 +210,12 @@ class GetUpEnv(VectorEnv):
             return np.zeros(self.num_envs, dtype=bool)
         return self.style.find_terminated(inputs.style, inputs, self.step_time)
 
-    def _note(self, outcome: Outcome) -> dict[str, Any]:
+    def _note(self, over: EndedEpisodes) -> dict[str, Any]:
         """Count how episodes from falls ended; the curricula follow."""
-        self.pool.note(outcome.starts, outcome.stood)
-        self._force.note(outcome.stood)
-        self._terrain.note(outcome.starts, outcome.stood)
-        return {"falls": len(outcome.starts), "stood": int(outcome.stood.sum())}
+        self.pool.note(over.starts, over.stood)
+        self._force.note(over.stood)
+        self._terrain.note(over.starts, over.stood)
+        return {"falls": len(over.starts), "stood": int(over.stood.sum())}
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""

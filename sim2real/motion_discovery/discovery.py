@@ -14,7 +14,7 @@ from humanoid_getup.motions.trial import record_motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from sim2real.motion_discovery.learned_rise import LearnedRise, collect_rises
+from sim2real.motion_discovery.policy_rise import PolicyRise, collect_rises
 from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
 from sim2real.motion_discovery.shaping import SMOOTHINGS
 from sim2real.motion_discovery.strategies import group_rises, name_strategy
@@ -81,7 +81,7 @@ class MotionDiscovery:
             motions=tuple(self._record(judged, start_class, most)),
         )
 
-    def _replay(self, rise: LearnedRise) -> list[Replay]:
+    def _replay(self, rise: PolicyRise) -> list[Replay]:
         """Play a rise as smooth as it stands undisturbed; return it in more worlds, or nothing."""
         for smoothing in SMOOTHINGS:
             tried = self._replayer.play(rise, smoothing, FIRST)

@@ -15,7 +15,7 @@ from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import make_scenarios
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
-from sim2real.motion_discovery.learned_rise import LearnedRise
+from sim2real.motion_discovery.policy_rise import PolicyRise
 from sim2real.motion_discovery.shaping import shape
 
 LIMIT_SHARE = 0.75  # of the strongest servo's torque: the torque limit that a motion must stand
@@ -27,7 +27,7 @@ FIRST, MORE, ALL = 2, 12, 48
 class Replay:
     """Rollouts of one rise: undisturbed at the torque limit, at full torque, then disturbed."""
 
-    rise: LearnedRise
+    rise: PolicyRise
     target: Array
     """[rad], (T, n)"""
     stood: np.ndarray
@@ -55,7 +55,7 @@ class Replayer:
         self.torque_limit = LIMIT_SHARE * float(world.robot.max_torque.max())
         """At which motions must stand [N·m]."""
 
-    def play(self, rise: LearnedRise, smoothing: float, count: int) -> Replay:
+    def play(self, rise: PolicyRise, smoothing: float, count: int) -> Replay:
         """Play a rise that is smoothed by a deviation [s], in so many rollouts."""
         return self._play(rise, shape(self._world.robot, rise, smoothing), count)
 
@@ -63,7 +63,7 @@ class Replayer:
         """Play a rise again in so many rollouts."""
         return self._play(replay.rise, replay.target, count)
 
-    def _play(self, rise: LearnedRise, target: Array, count: int) -> Replay:
+    def _play(self, rise: PolicyRise, target: Array, count: int) -> Replay:
         world, period = self._world, self._world.robot.control_period
         held = hold_last(target, len(target) + round((HOLD_TIME + period) / period))
         rng = np.random.default_rng([self._seed, count])

@@ -11,7 +11,7 @@ from humanoid_getup.motions.keyframes import SPEED_SHARE
 from robots import Robot
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
-from sim2real.motion_discovery.learned_rise import LearnedRise
+from sim2real.motion_discovery.policy_rise import PolicyRise
 
 BALANCING = 1.0  # s of a policy's balancing that belong to a rise: it catches what it has not held
 HOMING = 0.5  # s in which the targets go on to the standing posture at least
@@ -23,7 +23,7 @@ A policy of rates moves targets back and forth in steps of 48 ms; half of that h
 """
 
 
-def shape(robot: Robot, rise: LearnedRise, smoothing: float) -> Array:
+def shape(robot: Robot, rise: PolicyRise, smoothing: float) -> Array:
     """Smooth the targets of a rise, and end them in the standing posture, (T, n) [rad].
 
     Where they are faster than the servos, as those of a policy that turns back from an obstacle,

@@ -7,17 +7,17 @@ import pytest
 from nonempty import nonempty
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.disturbances import Disturbance, disturb_start, disturb_world
 from humanoid_getup.benchmarks.disturbed import (
     DISTURBANCES,
     FEEDBACK,
     OPEN_LOOP,
-    Trial,
+    DisturbedRise,
     WeakTwin,
     bench_disturbed,
     select,
     turn_head,
 )
+from humanoid_getup.benchmarks.world_change import WorldChange, disturb_start, disturb_world
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
@@ -42,14 +42,14 @@ def mass_and_center(world: World) -> tuple[float, np.ndarray]:
 
 
 def test_without_a_disturbance_the_world_is_the_nominal_one(world: World):
-    same = disturb_world(world, Disturbance(), direction=1.0)
+    same = disturb_world(world, WorldChange(), direction=1.0)
     for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction", "geom_quat"):
         assert np.array_equal(getattr(same.model, field), getattr(world.model, field)), field
 
 
 def test_a_load_adds_its_mass_behind_the_robot(world: World):
     mass, center = mass_and_center(world)
-    loaded, moved = mass_and_center(disturb_world(world, Disturbance(load=0.3), 0.0))
+    loaded, moved = mass_and_center(disturb_world(world, WorldChange(load=0.3), 0.0))
     assert loaded == pytest.approx(mass + 0.3)
     assert moved[0] < center[0] - 0.005
 
@@ -58,18 +58,18 @@ def test_the_center_of_mass_moves_with_that_of_the_torso(world: World):
     torso = world.model.body(world.robot.torso).id
     share = world.model.body_mass[torso] / world.model.body_subtreemass[torso]
     _, center = mass_and_center(world)
-    _, moved = mass_and_center(disturb_world(world, Disturbance(com_shift=0.005), 0.0))
+    _, moved = mass_and_center(disturb_world(world, WorldChange(com_shift=0.005), 0.0))
     assert moved[0] - center[0] == pytest.approx(0.005 * share, rel=0.02)
 
 
 def test_every_link_is_heavier(world: World):
-    heavier = disturb_world(world, Disturbance(mass=1.1), 0.0).model
+    heavier = disturb_world(world, WorldChange(mass=1.1), 0.0).model
     assert heavier.body_mass == pytest.approx(1.1 * world.model.body_mass)
 
 
 @pytest.mark.parametrize("case", ["slope +5 deg", "slope -5 deg", "step of 2 cm"])
 def test_a_robot_settles_on_the_ground_that_its_judge_measures_from(world: World, fall, case):
-    trial = Trial.of(world, fall, DISTURBANCES[case], [5, 0])
+    trial = DisturbedRise.of(world, fall, DISTURBANCES[case], [5, 0])
     twin = Twin(trial.world, trial.start)
     with twin:
         for _ in range(150):
@@ -83,7 +83,7 @@ def test_a_robot_settles_on_the_ground_that_its_judge_measures_from(world: World
 
 def test_a_head_lies_uphill_of_the_hips(world: World, fall):
     start = disturb_start(
-        world, turn_head(fall.posture), Disturbance(slope=SLOPE), np.random.default_rng(0)
+        world, turn_head(fall.posture), WorldChange(slope=SLOPE), np.random.default_rng(0)
     )
     up = quaternion.rotate(start.orientation, np.array([0.0, 0.0, 1.0]))
     flat = quaternion.rotate(turn_head(fall.posture).orientation, np.array([0.0, 0.0, 1.0]))
@@ -92,7 +92,7 @@ def test_a_head_lies_uphill_of_the_hips(world: World, fall):
 
 
 def test_a_start_is_turned_by_its_angle_and_lies_on_the_ground(world: World, fall):
-    disturbance = Disturbance(start_angle=math.radians(10.0))
+    disturbance = WorldChange(start_angle=math.radians(10.0))
     flat = turn_head(fall.posture)
     start = disturb_start(world, flat, disturbance, np.random.default_rng(0))
     angle = quaternion.angle_between(start.orientation, flat.orientation)
@@ -119,7 +119,7 @@ def test_a_weak_servo_makes_its_share_of_torque_and_tells_nothing(op3: Robot, wo
 
 def test_the_same_seed_draws_the_same_disturbances(world: World, fall):
     for name, disturbance in nonempty(DISTURBANCES.items()):
-        one, other = (Trial.of(world, fall, disturbance, [5, 1]) for _ in range(2))
+        one, other = (DisturbedRise.of(world, fall, disturbance, [5, 1]) for _ in range(2))
         assert np.array_equal(one.strength, other.strength), name
         assert np.array_equal(one.start.joint_pos, other.start.joint_pos), name
         assert np.array_equal(one.world.model.geom_pos, other.world.model.geom_pos), name

@@ -10,7 +10,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
 from sim2real.motion_discovery import discovery
-from sim2real.motion_discovery.learned_rise import LearnedRise
+from sim2real.motion_discovery.policy_rise import PolicyRise
 from sim2real.motion_discovery.replay import Replay
 
 
@@ -21,9 +21,7 @@ def test_what_the_preflight_refuses_is_not_kept(
     world = World(op3)
     stored = next(m for m in load_database(op3).motions if m.start_class == "supine")
     start = place(op3, world.model, stored.posture(0))
-    rise = LearnedRise(
-        start_class="supine", start=start, target=stored.joint_target, stand_time=1.0
-    )
+    rise = PolicyRise(start_class="supine", start=start, target=stored.joint_target, stand_time=1.0)
     replay = Replay(
         rise=rise,
         target=stored.joint_target,

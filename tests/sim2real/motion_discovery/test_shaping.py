@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from robots import Robot
-from sim2real.motion_discovery.learned_rise import LearnedRise
+from sim2real.motion_discovery.policy_rise import PolicyRise
 from sim2real.motion_discovery.shaping import BALANCING, SMOOTHINGS, shape
 
 
-def make_rise(robot: Robot, seed: int, step: float, stand_time: float = 1.0) -> LearnedRise:
+def make_rise(robot: Robot, seed: int, step: float, stand_time: float = 1.0) -> PolicyRise:
     """Make targets that walk at random by steps [rad] at each control period."""
     walk = np.random.default_rng(seed).uniform(-step, step, (400, robot.n)).cumsum(axis=0)
-    return LearnedRise(
+    return PolicyRise(
         start_class="supine", start=np.zeros(robot.n + 7), target=walk, stand_time=stand_time
     )
 

@@ -6,7 +6,7 @@ from humanoid_getup.motions.build import ATTITUDES
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import place
-from sim2real.motion_discovery.learned_rise import LearnedRise
+from sim2real.motion_discovery.policy_rise import PolicyRise
 from sim2real.motion_discovery.replay import Replay
 from sim2real.motion_discovery.strategies import group_rises, name_strategy
 
@@ -24,7 +24,7 @@ def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
         )
         rows += [place(robot, world.model, posture)] * round(0.4 / robot.control_period)
     qpos = np.array(rows)
-    rise = LearnedRise(
+    rise = PolicyRise(
         start_class=sides[0],  # type: ignore[arg-type]
         start=qpos[0],
         target=np.zeros((len(qpos), robot.n)),

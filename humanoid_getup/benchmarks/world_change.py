@@ -1,4 +1,4 @@
-"""Disturbances: how the world of a rise differs from the one for which it was planned."""
+"""World changes: how the world of a rise differs from the one for which it was planned."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LIMB_SPREAD = math.radians(5.0)  # of joints that were moved after planning
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disturbance:
+class WorldChange:
     """Differences from the nominal world; none by default.
 
     Directions are those of a robot that lies with its head along +x, as `turn_head` lays it.
@@ -69,49 +69,49 @@ class SceneWithLoad(Scene):
         return spec
 
 
-def disturb_world(world: World, disturbance: Disturbance, direction: float) -> World:
+def disturb_world(world: World, change: WorldChange, direction: float) -> World:
     """Build the disturbed world.
 
     Args:
         world: Nominal world, flat.
-        disturbance: What differs.
+        change: What differs.
         direction: Direction of the step's plate, and of the center of mass in the torso [rad].
     """
     surface = world.scene.surface
-    if disturbance.friction is not None:
-        surface = replace(surface, friction=disturbance.friction)
+    if change.friction is not None:
+        surface = replace(surface, friction=change.friction)
     scene = SceneWithLoad(
         name=f"{world.scene.name}, disturbed",
-        ground=Slope(angle=disturbance.slope),
+        ground=Slope(angle=change.slope),
         surface=surface,
-        obstacles=(make_plate(disturbance.step, direction, surface),) if disturbance.step else (),
-        load=disturbance.load,
+        obstacles=(make_plate(change.step, direction, surface),) if change.step else (),
+        load=change.load,
     )
     disturbed = World(world.robot, scene)
     model = disturbed.model
-    model.body_mass *= disturbance.mass
-    model.body_inertia *= disturbance.mass
+    model.body_mass *= change.mass
+    model.body_inertia *= change.mass
     torso = model.body(world.robot.torso).id
-    model.body_ipos[torso] += disturbance.com_shift * _point(direction)
+    model.body_ipos[torso] += change.com_shift * _point(direction)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return disturbed
 
 
 def disturb_start(
-    world: World, start: Posture, disturbance: Disturbance, rng: np.random.Generator
+    world: World, start: Posture, change: WorldChange, rng: np.random.Generator
 ) -> Posture:
     """Lay a robot that lies as `turn_head` lays it on disturbed ground, to settle there.
 
     Args:
         world: Nominal world.
         start: Posture on flat ground.
-        disturbance: What differs.
+        change: What differs.
         rng: Of the axis about which the robot is turned, and of its joints.
     """
-    if disturbance.start_angle:
-        start = _disturb_posture(world, start, disturbance.start_angle, rng)
-    slope = _tilt(disturbance.slope)
-    raised = quaternion.rotate(slope, start.position) + np.array([0.0, 0.0, disturbance.step])
+    if change.start_angle:
+        start = _disturb_posture(world, start, change.start_angle, rng)
+    slope = _tilt(change.slope)
+    raised = quaternion.rotate(slope, start.position) + np.array([0.0, 0.0, change.step])
     turned = quaternion.multiply(slope, start.orientation)
     return replace(start, position=raised, orientation=turned)
 

@@ -1,4 +1,4 @@
-"""Learned rises: what a policy sent to the servos on its way from lying to a stand."""
+"""Rises of policies: what one sent to the servos on its way from lying to a stand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_SPREAD = 1.0  # of the way from the stance to a random posture within the j
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearnedRise:
+class PolicyRise:
     """One rise of a policy that stood, undisturbed."""
 
     start_class: LyingSide
@@ -35,7 +35,7 @@ class LearnedRise:
 
 def collect_rises(
     world: World, policy: OnnxPolicy, start_class: LyingSide, count: int, rng: np.random.Generator
-) -> list[LearnedRise]:
+) -> list[PolicyRise]:
     """Let a policy rise from postures on one side; return the rises that stood.
 
     Half of the robots lie as they fell, half as people would lay them: straight, both sides alike.
@@ -50,7 +50,7 @@ def collect_rises(
     sent = [row for rollouts in found for row in rollouts.target]
     times = [float(time) for rollouts in found for time in rollouts.outcome.stand_time]
     return [
-        LearnedRise(
+        PolicyRise(
             start_class=start_class,
             start=start,
             target=_interpolate(posture.joint_pos, target, policy.action.cycles),

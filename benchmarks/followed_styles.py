@@ -37,7 +37,8 @@ from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 from sim2real.environment.styled.curve_library import LEAST_DURATION, LONGEST, is_held_out
-from sim2real.perturbations import Perturbation, evaluate_policy
+from sim2real.perturbations import PolicyTrial
+from sim2real.policy_evaluation import PolicyDriver
 from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.training.styled_training import DURATIONS, LEGS, RISES
 
@@ -99,16 +100,13 @@ class Follower:
         self, starts: Sequence[Posture], curves: Callable[[int, Array], StyleCurves]
     ) -> Followed:
         """Roll out from each start, with the curves that are chosen for it."""
-        rollouts = evaluate_policy(
-            self.robot,
-            self.policy.action,
-            self.policy.act,
-            starts,
-            Perturbation(),
-            0,
+        driver = PolicyDriver(
+            action=self.policy.action,
+            act=self.policy.act,
             style=self.policy.contract.style,
             choose_style=curves,
         )
+        rollouts = PolicyTrial(robot=self.robot, policy=driver).run(starts)
         height = np.concatenate([r.features[:, :, 0] for r in rollouts])
         step = self.robot.control_period * self.policy.action.cycles
         time = step * np.arange(1, height.shape[1] + 1)

@@ -34,8 +34,8 @@ from robots.kinematics import read_posture
 from robots.quaternion import Array
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.perturbations import Perturbation, evaluate_policy, summarize_rollouts
-from sim2real.policy_evaluation import PolicyRollouts
+from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts
+from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
 
 GROUPS: dict[str, dict[str, Perturbation]] = {
     "torque": {
@@ -118,19 +118,20 @@ def main(options: Options) -> None:
     console = Console(width=160)
 
     def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[PolicyRollouts]:
-        action, act = policy.action, policy.act
         style = policy.style
-        return evaluate_policy(
-            robot,
-            action,
-            act,
-            starts,
-            trial,
-            options.seed,
+        driver = PolicyDriver(
+            action=policy.action,
+            act=policy.act,
             style=policy.contract.style,
             choose_style=(lambda _, features: style.choose(features)) if style else None,
-            threads=options.threads,
         )
+        return PolicyTrial(
+            robot=robot,
+            policy=driver,
+            perturbation=trial,
+            seed=options.seed,
+            threads=options.threads,
+        ).run(starts)
 
     def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
         begun = time.monotonic()

@@ -14,8 +14,6 @@ from humanoid_getup.experiments.disturbances.distributions import RandomAxis
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.experiments.starts.falls import Fall
-from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.policy.observation import StyleInput
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
@@ -29,9 +27,8 @@ from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
 from sim2real.policy_evaluation import (
     DURATION,
-    PolicyFunction,
+    PolicyDriver,
     PolicyRollouts,
-    StyleChoice,
     roll_out_policy,
 )
 
@@ -92,72 +89,73 @@ class Perturbation:
         return ", ".join(parts) or "as described"
 
 
-def evaluate_policy(
-    robot: Robot,
-    action: ActionSpec,
-    policy: PolicyFunction,
-    starts: Sequence[Posture],
-    perturbation: Perturbation,
-    seed: int,
-    *,
-    scene: Scene = FLAT_SCENE,
-    style: StyleInput | None = None,
-    choose_style: StyleChoice | None = None,
-    sees_ground: bool = False,
-    duration: float = DURATION,
-    threads: int = 0,
-    report: Callable[[int], None] = lambda _: None,
-) -> list[PolicyRollouts]:
-    """Roll out a policy under a perturbation for a duration [s]; return rollouts in chunks.
+@dataclass(frozen=True, kw_only=True)
+class PolicyTrial:
+    """A policy on a robot under a perturbation."""
 
-    The seed is that of everything random: weak servos, pushes, the IMU's axis, noise. After each
-    chunk its number of robots is reported. Style and height map are those of
-    :func:`roll_out_policy`.
-    """
-    variants: list[ModelVariant] = []
-    if perturbation.physics:
-        variants.append(MODEL_VARIANTS[perturbation.physics])
-    if perturbation.backlash:
-        variants.append(backlash(perturbation.backlash))
-    delays = LONGEST_DELAY if perturbation.delay else 0.0
-    world = build_training_world(
-        robot, scene, robot.choose_timestep(PHYSICS_STEP), delays, variants
-    )
-    rng = np.random.default_rng(seed)
-    records = []
-    for first in range(0, len(starts), CHUNK):
-        some = starts[first : first + CHUNK]
+    robot: Robot
+    policy: PolicyDriver
+    perturbation: Perturbation = Perturbation()
+    seed: int = 0
+    """Of everything random: weak servos, pushes, the IMU's axis, noise."""
+    scene: Scene = FLAT_SCENE
+    duration: float = DURATION
+    """Of each rollout [s]."""
+    threads: int = 0
+
+    def run(
+        self, starts: Sequence[Posture], report: Callable[[int], None] = lambda _: None
+    ) -> list[PolicyRollouts]:
+        """Roll out the policy from each start; return rollouts in chunks.
+
+        After each chunk its number of robots is reported.
+        """
+        world, rng = self._build_world(), np.random.default_rng(self.seed)
+        rollouts = []
+        for first in range(0, len(starts), CHUNK):
+            some = starts[first : first + CHUNK]
+            rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng))
+            report(len(some))
+        return rollouts
+
+    def _build_world(self) -> World:
+        """Build the world with what of the perturbation is a matter of the model."""
+        robot, perturbation = self.robot, self.perturbation
+        variants: list[ModelVariant] = []
+        if perturbation.physics:
+            variants.append(MODEL_VARIANTS[perturbation.physics])
+        if perturbation.backlash:
+            variants.append(backlash(perturbation.backlash))
+        delays = LONGEST_DELAY if perturbation.delay else 0.0
+        timestep = robot.choose_timestep(PHYSICS_STEP)
+        return build_training_world(robot, self.scene, timestep, delays, variants)
+
+    def _roll_out(
+        self,
+        world: World,
+        starts: Sequence[Posture],
+        policy: PolicyDriver,
+        rng: np.random.Generator,
+    ) -> PolicyRollouts:
+        """Roll out the policy from some starts at once."""
+        perturbation, action = self.perturbation, policy.action
         sim = TrainingSim(
             world,
-            len(some),
+            len(starts),
             cycles=action.cycles,
             pwm_limit=action.pwm_limit,
-            threads=threads,
+            threads=self.threads,
             noise=NOISE,
         )
         sim.set_parameters(sim.everyone, make_parameters(world, sim.n, perturbation, rng))
-        qpos = np.array([place(robot, world.model, posture) for posture in some])
-        records.append(
-            roll_out_policy(
-                sim,
-                action,
-                policy,
-                qpos,
-                style=style,
-                choose_style=_shift(choose_style, first),
-                sees_ground=sees_ground,
-                duration=duration,
-                rng=rng if perturbation.noise else None,
-                on_step=partial(_push, sim, perturbation.push, rng),
-            )
+        return roll_out_policy(
+            sim,
+            policy,
+            np.array([place(self.robot, world.model, posture) for posture in starts]),
+            duration=self.duration,
+            rng=rng if perturbation.noise else None,
+            on_step=partial(_push, sim, perturbation.push, rng),
         )
-        report(len(some))
-    return records
-
-
-def _shift(choose: StyleChoice | None, first: int) -> StyleChoice | None:
-    """Let a choice count starts from the first of a chunk."""
-    return None if choose is None else lambda row, features: choose(first + row, features)
 
 
 def summarize_rollouts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,27 @@ StyleChoice = Callable[[int, Array], StyleCurves]
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 
+@dataclass(frozen=True, kw_only=True)
+class PolicyDriver:
+    """A policy, and what it is given besides what sensors measure."""
+
+    action: ActionSpec
+    act: PolicyFunction
+    style: StyleInput | None = None
+    """What the policy gets to follow style curves."""
+    choose_style: StyleChoice | None = None
+    """Chooses the curves that each robot follows."""
+    sees_ground: bool = False
+    """Whether a policy with a height map gets one that is not flat."""
+
+    def skip(self, count: int) -> PolicyDriver:
+        """Leave out the first starts, of which others took care."""
+        choose = self.choose_style
+        if choose is None:
+            return self
+        return replace(self, choose_style=lambda row, features: choose(count + row, features))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyRollouts:
     """Rollouts of N robots in S policy steps, judged."""
@@ -62,25 +83,20 @@ class PolicyRollouts:
 
 def roll_out_policy(
     sim: TrainingSim,
-    action: ActionSpec,
-    policy: PolicyFunction,
+    policy: PolicyDriver,
     starts: Array,
     *,
-    style: StyleInput | None = None,
-    choose_style: StyleChoice | None = None,
-    sees_ground: bool = False,
     duration: float = DURATION,
     rng: np.random.Generator | None = None,
     on_step: Callable[[int], None] = lambda _: None,
 ) -> PolicyRollouts:
     """Roll out a policy from MuJoCo positions (N, nq) for a duration [s].
 
-    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``. With
-    ``style``, what a policy gets to follow curves, each robot follows those that are chosen for
-    it; a policy with a height map gets it if it ``sees_ground``. ``on_step`` is called before each
-    policy step with its number, to disturb them.
+    The N robots have the domain parameters of the simulation, and sensor noise from ``rng``.
+    ``on_step`` is called before each policy step with its number, to disturb them.
     """
-    robot = sim.robot
+    robot, action, style = sim.robot, policy.action, policy.style
+    choose_style = policy.choose_style
     sim.place(sim.everyone, starts)
     sensed = sim.sense(rng)
     tracker = CurveTracker(robot, sim.n) if style and choose_style else None
@@ -102,8 +118,8 @@ def roll_out_policy(
         more = list(observe_style(tracker.targets, tracker.features)) if tracker else []
         if style and style.height_map:
             seen = sim.measure_height_map()
-            more.append(seen if sees_ground else np.zeros_like(seen))
-        outputs, memory = policy(observe(robot, sensed, target, memory, share, more))
+            more.append(seen if policy.sees_ground else np.zeros_like(seen))
+        outputs, memory = policy.act(observe(robot, sensed, target, memory, share, more))
         following = next_target(
             robot,
             action,

@@ -151,25 +151,28 @@ def _roll_out(
     monitor: ProgressMonitor,
 ) -> dict[str, Any]:
     """Let the policy get up from all falls; return the figures."""
-    from sim2real.perturbations import evaluate_policy, summarize_rollouts
+    from sim2real.perturbations import PolicyTrial, summarize_rollouts
+    from sim2real.policy_evaluation import PolicyDriver
 
     falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
     rollouts: list[PolicyRollouts] = []
     count = monitor.count(f"rises ({label})", len(falls))
     for number, (world, fall_set) in enumerate(grounds):
-        rollouts += evaluate_policy(
-            world.robot,
-            policy.action,
-            policy.act,
-            [fall.posture for fall in fall_set.falls],
-            perturbation,
-            request.seed * len(grounds) + number,
-            scene=world.scene,
+        driver = PolicyDriver(
+            action=policy.action,
+            act=policy.act,
             style=policy.contract.style,
             choose_style=choices[number],
             sees_ground=request.height_map,
-            report=count,
         )
+        trial = PolicyTrial(
+            robot=world.robot,
+            policy=driver,
+            perturbation=perturbation,
+            seed=request.seed * len(grounds) + number,
+            scene=world.scene,
+        )
+        rollouts += trial.run([fall.posture for fall in fall_set.falls], count)
     return summarize_rollouts(falls, rollouts, CLASSES)
 
 

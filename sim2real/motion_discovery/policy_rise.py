@@ -14,7 +14,8 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
-from sim2real.perturbations import Perturbation, evaluate_policy
+from sim2real.perturbations import PolicyTrial
+from sim2real.policy_evaluation import PolicyDriver
 
 MOST_SPREAD = 1.0  # of the way from the stance to a random posture within the joints' ranges
 
@@ -44,9 +45,8 @@ def collect_rises(
     starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
     starts += [_lay_down(world, start_class, rng) for _ in range(count - len(starts))]
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
-    found = evaluate_policy(
-        world.robot, policy.action, policy.act, postures, Perturbation(), seed=0, scene=world.scene
-    )
+    driver = PolicyDriver(action=policy.action, act=policy.act)
+    found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)
     sent = [row for rollouts in found for row in rollouts.target]
     times = [float(time) for rollouts in found for time in rollouts.outcome.stand_time]
     return [

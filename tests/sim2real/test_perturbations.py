@@ -1,5 +1,7 @@
 """Perturbations: a policy evaluated on other robots and in other physics."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -16,11 +18,11 @@ from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.perturbations import (
     Perturbation,
-    evaluate_policy,
+    PolicyTrial,
     make_parameters,
     summarize_rollouts,
 )
-from sim2real.policy_evaluation import PolicyRollouts
+from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
 
 SHORT = 3.5  # s: a held stand and a little
 SIZE = choose_actions(load_robot("op3"), wide=True).size
@@ -34,9 +36,16 @@ def idle(observations: np.ndarray) -> np.ndarray:
 def hold_still(
     op3: Robot, action: ActionSpec, trial: Perturbation, robots: int = 2
 ) -> PolicyRollouts:
-    starts = [op3.standing] * robots
-    (record,) = evaluate_policy(op3, action, idle, starts, trial, 0, duration=SHORT, threads=1)
-    return record
+    return try_policy(op3, PolicyDriver(action=action, act=idle), trial, robots, duration=SHORT)
+
+
+def try_policy(
+    op3: Robot, policy: PolicyDriver, perturbation: Perturbation, robots: int = 2, **options: Any
+) -> PolicyRollouts:
+    """Let a policy go on from a stand."""
+    trial = PolicyTrial(robot=op3, policy=policy, perturbation=perturbation, threads=1, **options)
+    (rollouts,) = trial.run([op3.standing] * robots)
+    return rollouts
 
 
 @pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
@@ -93,9 +102,7 @@ def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
 
     for by in ("current", "ideal"):  # by PWM, a servo that is turned back brakes with more
         trial = Perturbation(torque_limit=1.5, limit_by=by)
-        (record,) = evaluate_policy(
-            op3, action, thrash, [op3.standing] * 2, trial, 0, duration=1.0, threads=1
-        )
+        record = try_policy(op3, PolicyDriver(action=action, act=thrash), trial, duration=1.0)
         assert 1.0 < record.outcome.peak_torque.max() <= 1.5 + 1e-9
 
 
@@ -114,12 +121,10 @@ def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
 
 
 def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
-    starts = [op3.standing] * 2
+    policy = PolicyDriver(action=action, act=idle)
 
     def push(seed: int) -> np.ndarray:
-        trial = Perturbation(push=0.5)
-        (record,) = evaluate_policy(op3, action, idle, starts, trial, seed, duration=1.0, threads=1)
-        return record.qpos
+        return try_policy(op3, policy, Perturbation(push=0.5), seed=seed, duration=1.0).qpos
 
     assert np.array_equal(push(1), push(1))
     assert not np.array_equal(push(1), push(2))

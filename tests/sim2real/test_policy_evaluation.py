@@ -15,7 +15,7 @@ from robots import load_robot
 from robots.kinematics import place
 from sim2real.environment.physics.randomization import ObservationNoise
 from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.policy_evaluation import PolicyRollouts, roll_out_policy
+from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts, roll_out_policy
 
 
 def test_a_robot_that_diverged_never_stood_and_the_others_did(
@@ -32,7 +32,8 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
     def idle(observations: np.ndarray) -> np.ndarray:
         return np.zeros((len(observations), action.size))
 
-    rises = roll_out_policy(sim, action, remember_actions(idle), starts, duration=3.5, on_step=hit)
+    driver = PolicyDriver(action=action, act=remember_actions(idle))
+    rises = roll_out_policy(sim, driver, starts, duration=3.5, on_step=hit)
     assert rises.outcome.stood.tolist() == [True, False, True]
     assert not rises.outcome.record.upright[1].any()
     assert rises.outcome.record.upright[[0, 2]].all()
@@ -95,7 +96,8 @@ def test_torque_is_that_of_the_way_up_and_speed_that_of_the_last_two_seconds(sto
 def roll_out(world, action, starts, policy, **options) -> PolicyRollouts:
     noise = ObservationNoise(gravity=0.05, gyro=0.05)
     sim = TrainingSim(world, len(starts), cycles=action.cycles, noise=noise, threads=1)
-    return roll_out_policy(sim, action, remember_actions(policy), starts, duration=0.3, **options)
+    driver = PolicyDriver(action=action, act=remember_actions(policy))
+    return roll_out_policy(sim, driver, starts, duration=0.3, **options)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -167,7 +169,8 @@ def test_the_torque_limit_is_observed_and_the_last_positions_are_kept(op3, actio
         seen.append(observations[:, -1])
         return np.zeros((len(observations), action.size))
 
-    rollouts = roll_out_policy(sim, action, remember_actions(idle), falls[:2], duration=0.1)
+    driver = PolicyDriver(action=action, act=remember_actions(idle))
+    rollouts = roll_out_policy(sim, driver, falls[:2], duration=0.1)
     np.testing.assert_array_equal(rollouts.qpos[:, -1], sim.qpos)
     share = min(2.05 / op3.max_torque.max(), action.pwm_limit)
     assert np.array(seen) == pytest.approx(np.full((len(seen), 2), share))
@@ -186,15 +189,13 @@ def test_a_robot_that_restarts_on_other_curves_has_no_memory(op3, world, falls):
 
     curves = load_any_style(op3)
     sim = TrainingSim(world, 4, cycles=spec.cycles, threads=1)
-    rollouts = roll_out_policy(
-        sim,
-        spec,
-        lie_still,
-        falls[:4],
+    driver = PolicyDriver(
+        action=spec,
+        act=lie_still,
         style=style,
         choose_style=lambda _, features: curves.choose(features),
-        duration=5.0,
     )
+    rollouts = roll_out_policy(sim, driver, falls[:4], duration=5.0)
     assert rollouts.restarts.sum() >= 2
     blank = np.array(memory[1:]) == 0.0  # (steps, 4)
     assert blank.sum(axis=0).tolist() == rollouts.restarts.tolist()

@@ -23,13 +23,12 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.summary import summarize
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import read_posture
@@ -206,7 +205,6 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         board = robot.bus.board if robot.bus else None
         target = FaultTarget(ports.main.faults, guard, servo.id, board.id if board else 0)
         player = FaultyPlayer(robot, motion, case, target, at)
-        judge = GroundTruthJudge(virtual.simulation, None, world.scene)
         injected_at: list[float] = []
 
         def look(_cycle: object) -> None:
@@ -214,7 +212,9 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
                 injected_at.append(ports.main.time)
 
         try:
-            report, outcome = play(player, guard, judge, on_cycle=look)
+            report, outcome = play_in_simulation(
+                player, guard, virtual.simulation, world.scene, on_cycle=look
+            )
             succeeded = report.ending is Ending.DONE and bool(ends_as_meant(motion, outcome))
         except FaultyError as error:
             report, succeeded = str(error), False

@@ -10,15 +10,14 @@ import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.rollouts.play import play as play_rollouts
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots.ground import GROUND
@@ -110,7 +109,7 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
         starts=np.tile(start, (n, 1)),
         parameters=DomainParameters.nominal(world, n, torque_limit=limits),
     )
-    outcome = Outcome(play_rollouts(world, scenarios, [targets] * n), world.robot)
+    outcome = Outcome(play(world, scenarios, [targets] * n), world.robot)
     unbroken = np.cumprod(ends_as_meant(motion, outcome)).astype(bool)
     return float(limits[unbroken][-1]) if unbroken.any() else None
 
@@ -134,5 +133,4 @@ def _play_disturbed(
 def _play(twin: Twin, world: World, motion: Motion) -> tuple[RunReport, Outcome]:
     """Play a motion without monitors, which would end a failing one early."""
     player = MotionPlayer(twin.robot, motion, hold=hold_time(motion))
-    judge = GroundTruthJudge(twin.simulation, None, world.scene)
-    return play(player, SafetyGuard(twin), judge)
+    return play_in_simulation(player, SafetyGuard(twin), twin.simulation, world.scene)

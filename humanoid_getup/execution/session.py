@@ -10,7 +10,7 @@ from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.twin.simulation import Simulation
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
-from humanoid_getup.experiments.judging.joint_figures import JointJudge
+from humanoid_getup.experiments.judging.joint_judge import JointJudge
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.playback.play import AnyJudge
 from humanoid_getup.scenes.scene import Support

@@ -7,8 +7,11 @@ from typing import Protocol, TypeVar
 
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
 from drivers.control_loop import Controller
+from drivers.twin.simulation import Simulation
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.scenes.scene import Scene
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
 
@@ -45,6 +48,23 @@ class Judge(Protocol[Outcome_co]):
 
 
 AnyJudge = Judge[Outcome | JointFigures]
+
+
+def play_in_simulation(
+    controller: TimedController,
+    guard: SafetyGuard,
+    simulation: Simulation,
+    scene: Scene,
+    *,
+    torque_limit: float | None = None,
+    on_cycle: Callable[[Cycle], None] | None = None,
+) -> tuple[RunReport, Outcome]:
+    """Play a controller as `play` does, and judge it by the ground truth of the simulation.
+
+    That is the simulation behind the guard; torques are judged under a limit [N·m].
+    """
+    judge = GroundTruthJudge(simulation, torque_limit, scene)
+    return play(controller, guard, judge, on_cycle=on_cycle)
 
 
 def play(

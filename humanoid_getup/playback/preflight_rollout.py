@@ -11,7 +11,6 @@ import numpy as np
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
 from humanoid_getup.experiments.starts.falls import settle_posture
@@ -19,7 +18,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import play
+from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import measure_pair_overlaps, overlaps_at
@@ -131,7 +130,6 @@ def _roll_out(
     limits = replace(
         GuardLimits.of(robot, torque_limit.value), min_voltage=0.0, max_temperature=math.inf
     )
-    judge = GroundTruthJudge(twin.simulation, torque_limit.value, world.scene)
     overlap = np.zeros((world.model.nbody, world.model.nbody))
 
     def measure_overlaps(_cycle: Cycle) -> None:
@@ -140,7 +138,14 @@ def _roll_out(
     player = MotionPlayer(
         robot, motion, hold=hold_time(motion), torque_limit=torque_limit.value, balance=balance
     )
-    _, outcome = play(player, SafetyGuard(twin, limits), judge, on_cycle=measure_overlaps)
+    _, outcome = play_in_simulation(
+        player,
+        SafetyGuard(twin, limits),
+        twin.simulation,
+        world.scene,
+        torque_limit=torque_limit.value,
+        on_cycle=measure_overlaps,
+    )
     return outcome, overlap
 
 

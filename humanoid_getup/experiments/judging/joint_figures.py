@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from drivers import Cycle, State
+from drivers import State
 from humanoid_getup.experiments.judging.judge import record_joints
 from humanoid_getup.experiments.judging.outcome import Outcome
 from robots import Robot
@@ -60,23 +60,3 @@ class JointFigures:
             "peak_velocity_rad_s": self.peak_velocity,
             "limit_violations": self.limit_violations,
         }
-
-
-class JointJudge:
-    """Judges a run without an orientation: what the joints did, but not whether it stands."""
-
-    def __init__(self, robot: Robot, torque_limit: float | None) -> None:
-        """Judge under a torque limit [N·m]."""
-        self._robot, self._limit = robot, torque_limit
-        self._states: list[State] = []
-
-    def __call__(self, cycle: Cycle) -> None:
-        """Keep a measurement."""
-        self._states.append(cycle.state)
-
-    def end(self) -> None:
-        """Return that it is not known whether the run ended in a stand."""
-
-    def conclude(self) -> JointFigures:
-        """Return the figures of the run."""
-        return JointFigures.of(self._robot, self._limit, self._states)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
 import sys
+import tempfile
 from collections.abc import MutableMapping
+from pathlib import Path
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+MATPLOTLIB_FOLDER = "MPLCONFIGDIR"
+"""Variable that names where matplotlib has its settings and its list of fonts."""
 
 
 def prepare(environment: MutableMapping[str, str]) -> None:
@@ -19,3 +26,20 @@ def prepare(environment: MutableMapping[str, str]) -> None:
         environment.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
         if not any(environment.get(name) for name in DISPLAYS):
             environment.setdefault("MUJOCO_GL", "egl")
+
+
+def keep_matplotlib_out_of_home() -> None:
+    """Keep matplotlib from making folders in the home of a user who has none of it there.
+
+    It makes them as it is imported; those made here instead last as long as the program.
+    """
+    if "matplotlib" in sys.modules or MATPLOTLIB_FOLDER in os.environ:
+        return
+    home = Path.home()
+    config = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config", "matplotlib")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache", "matplotlib")
+    if any(folder.exists() for folder in (config, cache, home / ".matplotlib")):
+        return
+    folder = tempfile.mkdtemp(prefix="getup-matplotlib-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ[MATPLOTLIB_FOLDER] = folder

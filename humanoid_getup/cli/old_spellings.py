@@ -81,7 +81,7 @@ def _join_lists(words: list[str]) -> list[str]:
         word = words[index]
         index += 1
         option, equals, value = word.partition("=")
-        if option not in LISTS:
+        if option not in LISTS or (option == "--scenes" and words[0] != "bench"):
             joined.append(word)
             continue
         items = [value] if equals else _take_items(words[index:], LISTS[option])

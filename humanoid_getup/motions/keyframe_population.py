@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import cma
 import numpy as np
 
+from humanoid_getup.library_environment import keep_matplotlib_out_of_home
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.scoring import ANGLE_STEP, TIME_STEP
 from robots import Robot
@@ -21,6 +21,9 @@ class KeyframePopulation:
         self._keyframes, self._robot = keyframes, robot
         self._scale = np.full(len(keyframes.genes), ANGLE_STEP)
         self._scale[: len(keyframes.duration)] = TIME_STEP
+        keep_matplotlib_out_of_home()  # cma imports it
+        import cma
+
         options = {"popsize": size, "seed": seed + 1, "verbose": -9}
         self._search = cma.CMAEvolutionStrategy(keyframes.genes / self._scale, step, options)
         self._genes: list[Array] = []

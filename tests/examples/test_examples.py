@@ -78,7 +78,7 @@ def test_the_work_of_commands_runs_as_the_page_shows_it(tmp_path, capsys, monkey
     blocks = re.findall(r"```python\n(.*?)```", section, re.S)
     assert len(blocks) == 2
     monkeypatch.chdir(tmp_path)
-    exec("\n".join(["import threading", "from pathlib import Path", IMPORT, *blocks]), {})
+    exec("\n".join([IMPORT, *blocks]), {})
     out = capsys.readouterr().out
     assert out.startswith("True [")
     assert "Progress(phase='filtering'" in out

@@ -1,5 +1,6 @@
 """No program writes outside what was named, and none sends anything."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,22 +8,26 @@ from pathlib import Path
 import pytest
 from paths import REPOSITORY
 
-from humanoid_getup.library_environment import prepare
+from humanoid_getup import library_environment
+from humanoid_getup.library_environment import MATPLOTLIB_FOLDER, prepare
 
 PROGRAM = """
 import sys
 from pathlib import Path
 import numpy as np
+sys.path.append(sys.argv[1])
+from authored import load_robot_keyframes
 from humanoid_getup.cli.main import main
+from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames, save_strip
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.kinematics import place
-sys.path.append(sys.argv[1])
 from tiny_policies import state_of
 
 robot = load_robot("op3")
+KeyframePopulation(load_robot_keyframes(robot)[0], robot, size=4, seed=0).sample()
 policy, model = OnnxPolicy.load(find_policy(robot, "robust"), robot), World(robot).model
 policy.reset(state_of(robot))
 for cycle in range(100):
@@ -77,3 +82,20 @@ def test_without_a_display_mujoco_renders_by_egl_unless_another_gl_is_chosen():
             "MUJOCO_GL": None,
             **chosen,
         }
+
+
+@pytest.mark.parametrize("existing", ["", ".config/matplotlib", ".cache/matplotlib"])
+def test_matplotlib_gets_another_folder_if_the_home_has_none_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, existing: str
+):
+    home, other = tmp_path / "home", tmp_path / "other"
+    (home / existing).mkdir(parents=True)
+    other.mkdir()
+    monkeypatch.delitem(sys.modules, "matplotlib", raising=False)
+    monkeypatch.setattr(library_environment.tempfile, "mkdtemp", lambda **_: str(other))
+    monkeypatch.setattr(library_environment.atexit, "register", lambda *_, **__: None)
+    monkeypatch.setenv("HOME", str(home))
+    for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", MATPLOTLIB_FOLDER):
+        monkeypatch.delenv(name, raising=False)
+    library_environment.keep_matplotlib_out_of_home()
+    assert os.environ.pop(MATPLOTLIB_FOLDER, None) == (None if existing else str(other))

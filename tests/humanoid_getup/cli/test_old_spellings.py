@@ -51,3 +51,11 @@ def test_an_old_spelling_is_read_and_answered_with_the_new_one(
     assert capsys.readouterr().err == f"getup: an old spelling, now: getup {new}\n"
     assert parse(shlex.split(new)) == read
     assert capsys.readouterr().err == ""
+
+
+def test_an_option_that_a_command_never_had_is_answered_with_no_new_spelling(
+    capsys: pytest.CaptureFixture[str],
+):
+    with pytest.raises(SystemExit):
+        parse(["eval", "robust", "--scenes", "flat", "ice"])
+    assert "an old spelling" not in capsys.readouterr().err

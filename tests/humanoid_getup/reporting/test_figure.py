@@ -1,13 +1,10 @@
 """Figures are PNG files, complete or not there, and matplotlib stays out of the home folder."""
 
-import os
-import sys
 from pathlib import Path
 
 import pytest
 
-from humanoid_getup.reporting import figure as figures
-from humanoid_getup.reporting.figure import FOLDER_VARIABLE, make_figure, open_frame, save_figure
+from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 
 PNG = b"\x89PNG"
 
@@ -38,20 +35,3 @@ def test_an_open_frame_has_no_line_above_and_to_the_right():
     open_frame(axis)
     visible = {side: line.get_visible() for side, line in axis.spines.items()}
     assert visible == {"left": True, "bottom": True, "top": False, "right": False}
-
-
-@pytest.mark.parametrize("existing", ["", ".config/matplotlib", ".cache/matplotlib"])
-def test_matplotlib_gets_another_folder_if_the_home_has_none_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, existing: str
-):
-    home, other = tmp_path / "home", tmp_path / "other"
-    (home / existing).mkdir(parents=True)
-    other.mkdir()
-    monkeypatch.delitem(sys.modules, "matplotlib", raising=False)
-    monkeypatch.setattr(figures.tempfile, "mkdtemp", lambda **_: str(other))
-    monkeypatch.setattr(figures.atexit, "register", lambda *_, **__: None)
-    monkeypatch.setenv("HOME", str(home))
-    for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", FOLDER_VARIABLE):
-        monkeypatch.delenv(name, raising=False)
-    figures.keep_out_of_home()
-    assert os.environ.pop(FOLDER_VARIABLE, None) == (None if existing else str(other))

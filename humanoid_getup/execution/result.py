@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from msgspec.structs import asdict
+
 from drivers import Ending, RunReport
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
@@ -240,5 +242,5 @@ class RiseResult:
             "judged_by": None,
             "warnings": [*map(str, verdict), *last.warnings],
             "after": None,
-            **(last.joint_figures.record() if last.joint_figures else {}),
+            **(asdict(last.joint_figures) if last.joint_figures else {}),
         }

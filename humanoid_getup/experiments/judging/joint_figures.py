@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+
+import msgspec
 
 from drivers import State
 from humanoid_getup.experiments.judging.judge import record_joints
@@ -12,19 +12,18 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from robots import Robot
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointFigures:
-    """Figures of a run; torques are estimated from currents."""
+class JointFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """Figures of a run, as reports name them; torques are estimated from currents."""
 
-    peak_torque: float
+    peak_torque_nm: float
     """Greatest torque with which a servo drove its joint [N·m]."""
-    peak_braking_torque: float
+    peak_braking_torque_nm: float
     """Greatest torque with which a servo was turned from outside [N·m]."""
-    rms_torque: float
+    rms_torque_nm: float
     """RMS over all joints and the whole run [N·m]."""
     torque_use: float
     """Largest driving torque of any servo as a share of its limit."""
-    peak_velocity: float
+    peak_velocity_rad_s: float
     """[rad/s]"""
     limit_violations: int
     """Number of times a joint left its range."""
@@ -35,28 +34,17 @@ class JointFigures:
         record = record_joints(robot, states, robot.control_period)
         outcome = Outcome(record, robot, torque_limit=torque_limit)
         return JointFigures(
-            peak_torque=float(outcome.peak_torque),
-            peak_braking_torque=float(outcome.peak_braking_torque),
-            rms_torque=float(outcome.rms_torque),
+            peak_torque_nm=float(outcome.peak_torque),
+            peak_braking_torque_nm=float(outcome.peak_braking_torque),
+            rms_torque_nm=float(outcome.rms_torque),
             torque_use=float(outcome.torque_use),
-            peak_velocity=float(outcome.peak_velocity),
+            peak_velocity_rad_s=float(outcome.peak_velocity),
             limit_violations=int(outcome.limit_violations),
         )
 
     def __str__(self) -> str:
         """Say in one line how hard the servos worked."""
         return (
-            f"peak about {self.peak_torque:.2f} N·m ({self.torque_use:.0%} of the limit), RMS "
-            f"{self.rms_torque:.2f} N·m, peak {self.peak_velocity:.1f} rad/s"
+            f"peak about {self.peak_torque_nm:.2f} N·m ({self.torque_use:.0%} of the limit), RMS "
+            f"{self.rms_torque_nm:.2f} N·m, peak {self.peak_velocity_rad_s:.1f} rad/s"
         )
-
-    def record(self) -> dict[str, Any]:
-        """Return the figures under report.json's keys."""
-        return {
-            "peak_torque_nm": self.peak_torque,
-            "peak_braking_torque_nm": self.peak_braking_torque,
-            "rms_torque_nm": self.rms_torque,
-            "torque_use": self.torque_use,
-            "peak_velocity_rad_s": self.peak_velocity,
-            "limit_violations": self.limit_violations,
-        }

@@ -175,7 +175,7 @@ def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) 
     """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
     figures = summarize_rollouts(held, rises, ("held",))
-    stayed = np.concatenate([r.outcome.record.upright.all(axis=1) for r in rises])
+    stayed = np.concatenate([r.outcome.upright.all(axis=1) for r in rises])
     low, high = wilson_interval(int(stayed.sum()), len(stayed))
     for row in (figures["all"], figures["classes"]["held"]):
         row |= {"stood": int(stayed.sum()), "stood_interval_95": [low, high]}

@@ -183,7 +183,9 @@ def summarize_rollouts(
             [np.degrees(r.style_error[:, 1:].mean(axis=1)) for r in records]
         ),
         "restarts": np.concatenate([r.restarts for r in records]).astype(float),
-        "standing_joint_speed_rad_s": np.concatenate([r.standing_speed for r in records]),
+        "standing_joint_speed_rad_s": np.concatenate(
+            [outcome.standing_speed for outcome in outcomes]
+        ),
     }
     everyone = np.ones(len(kinds), dtype=bool)
     return {

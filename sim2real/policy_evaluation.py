@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.record import Record, join_records
+from humanoid_getup.experiments.judging.running_outcome import RunFigures, RunningOutcome
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     Floats,
@@ -59,7 +58,7 @@ class PolicyDriver:
 class PolicyRollouts:
     """Rollouts of N robots in S policy steps, judged."""
 
-    outcome: Outcome
+    outcome: RunFigures
     """(N,)"""
     qpos: Array
     """MuJoCo positions at the end of each policy step, (N, S, nq)."""
@@ -72,13 +71,6 @@ class PolicyRollouts:
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
-
-    @property
-    def standing_speed(self) -> Array:
-        """Return the RMS joint speed of the last 2 s [rad/s]; nan without a stand, (N,)."""
-        record = self.outcome.record
-        recent = record.joint_vel[:, -round(2.0 / record.period) :]
-        return np.where(self.outcome.stood, np.sqrt(np.mean(recent**2, axis=(1, 2))), np.nan)
 
 
 def roll_out_policy(
@@ -109,7 +101,7 @@ def roll_out_policy(
     target = sensed.joint_pos
     memory = np.zeros((sim.n, style.memory if style else action.size))
     share = compute_torque_share(robot, action, sim.parameters.torque_limit)
-    records: list[Record] = []
+    outcome, qpos = RunningOutcome(robot), list[Array]()
     targets: list[Array] = []
     features: list[Array] = []
     restarts = np.zeros(sim.n, dtype=int)
@@ -128,7 +120,9 @@ def roll_out_policy(
             sensed.gravity,
             np.clip(outputs.astype(float), -1.0, 1.0),
         )
-        records.append(sim.follow_recorded(target, following))
+        record = sim.follow_recorded(target, following)
+        outcome.add(record)
+        qpos.append(record.qpos[:, -1].copy())
         targets.append(following)
         features.append(sim.measure_features())
         target = following
@@ -141,8 +135,8 @@ def roll_out_policy(
             memory[again] = 0.0
             restarts[again] += 1
     return PolicyRollouts(
-        outcome=Outcome(join_records(records), robot),
-        qpos=np.stack([record.qpos[:, -1] for record in records], axis=1),
+        outcome=outcome.conclude(),
+        qpos=np.stack(qpos, axis=1),
         target=np.stack(targets, axis=1),
         features=np.stack(features, axis=1),
         style_error=errors.mean if errors else np.full((sim.n, COUNT), np.nan),

@@ -8,7 +8,7 @@ import pytest
 from policy_functions import remember_actions
 from records import make_record
 
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -55,7 +55,7 @@ def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     record = hold_still(op3, action, Perturbation(physics=physics))
     assert record.outcome.stood.all()
     assert (record.outcome.stand_time <= 0.3).all()
-    assert (record.standing_speed < 0.05).all()
+    assert (record.outcome.standing_speed < 0.05).all()
     assert (record.outcome.head_impact == 0.0).all()
 
 
@@ -148,8 +148,10 @@ def test_figures_count_by_class(op3: Robot):
         head_touch=touch,
         head_speed=np.array([[0.0], [1.5], [0.5]]) * np.eye(8)[0],
     )
+    outcome = RunningOutcome(op3)
+    outcome.add(made)
     record = PolicyRollouts(
-        outcome=Outcome(made, op3),
+        outcome=outcome.conclude(),
         qpos=np.zeros((3, 1, 27)),
         target=np.zeros((3, 1, 20)),
         features=np.zeros((3, 1, 3)),

@@ -87,8 +87,7 @@ class Outcome:
     @cached_property
     def rising(self) -> Counts:
         """Return how many samples the way up has: to the stand, or to the end without one."""
-        to_stand = np.nan_to_num(self.stand_time / self.record.period)
-        return np.where(self.stood, np.round(to_stand).astype(int), self.record.cycles)
+        return count_rising(self.stand, self.record.period, self.record.cycles)
 
     @cached_property
     def progress(self) -> Array:
@@ -128,12 +127,7 @@ class Outcome:
     @cached_property
     def rms_torque(self) -> Array:
         """Return the RMS torque on the way up, over all joints [N·m]."""
-        square = np.cumsum(np.mean(self.record.torque**2, axis=-1), axis=-1)  # (..., T)
-        if not square.shape[-1]:
-            return np.zeros(square.shape[:-1])[()]
-        count = np.clip(self.rising, 1, square.shape[-1])
-        total = np.take_along_axis(square, count[..., np.newaxis] - 1, axis=-1)[..., 0]
-        return np.sqrt(total / count)
+        return compute_rms(np.mean(self.record.torque**2, axis=-1), self.rising)
 
     @cached_property
     def peak_velocity(self) -> Array:
@@ -188,12 +182,12 @@ class Outcome:
     @cached_property
     def head_impact(self) -> Array | None:
         """Return the greatest speed at which the head hit the ground [m/s]."""
-        return _find_impact(self.record.head_touch, self.record.head_speed)
+        return find_impact(self.record.head_touch, self.record.head_speed)
 
     @cached_property
     def torso_impact(self) -> Array | None:
         """Return the greatest speed of the torso's faster end as it hit the ground [m/s]."""
-        return _find_impact(self.record.torso_touch, self.record.torso_speed)
+        return find_impact(self.record.torso_touch, self.record.torso_speed)
 
     @cached_property
     def neck_delta_v(self) -> Array | None:
@@ -244,6 +238,22 @@ class Outcome:
         return count_episodes(present, apart)
 
 
+def count_rising(stand: Stand, period: float, cycles: Counts | int) -> Counts:
+    """Count the samples of ``period`` [s] up to a stand, or all ``cycles`` without one, (...)."""
+    to_stand = np.nan_to_num(stand.start_time / period)
+    return np.where(stand.stood, np.round(to_stand).astype(int), cycles)
+
+
+def compute_rms(mean_square: Array, count: Counts) -> Array:
+    """Compute the root of the mean of the first samples of mean squares (..., T), (...)."""
+    square = np.cumsum(mean_square, axis=-1)
+    if not square.shape[-1]:
+        return np.zeros(square.shape[:-1])[()]
+    count = np.clip(count, 1, square.shape[-1])
+    total = np.take_along_axis(square, count[..., np.newaxis] - 1, axis=-1)[..., 0]
+    return np.sqrt(total / count)
+
+
 def count_episodes(present: Bools, apart: int) -> Counts:
     """Count the episodes of flags (..., T) that are more than ``apart`` samples apart, (...)."""
     at = np.arange(1, present.shape[-1] + 1)
@@ -257,7 +267,7 @@ def compute_progress(last: Array, best: Array) -> Array:
     return 0.6 * last + 0.4 * best
 
 
-def _find_impact(touch: Bools | None, speed: Array | None) -> Array | None:
+def find_impact(touch: Bools | None, speed: Array | None) -> Array | None:
     """Find the greatest speed (..., T) [m/s], one sample before, at which contacts began.
 
     A contact at the start is not an impact.

@@ -135,7 +135,7 @@ class Robot:
         """
         if self.imu_site is None:
             raise RobotError(
-                f"robot '{self.name}' has no IMU: no one knows how it is turned, expected imu_site "
+                f"robot '{self.name}' has no IMU: its orientation is unknown, expected imu_site "
                 "in its robot.toml; without one, use `getup play MOTION --without-imu`"
             )
         return self.imu_site

@@ -19,7 +19,7 @@ from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.cli.parsing import registry
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.jobs.requests.values import find_value_faults
+from humanoid_getup.jobs.requests.values import find_value_problems
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
 
@@ -266,8 +266,8 @@ def parse(arguments: Sequence[str]) -> Invocation:
     if name not in COMMANDS or not COMMANDS[name].options:
         return _explain(name, rest)
     options = _read(load_options(name), f"getup {name}", rest)
-    if faults := find_value_faults(options) or options.find_faults():
-        raise BadInputError("; ".join(faults))
+    if problems := find_value_problems(options) or options.find_problems():
+        raise BadInputError("; ".join(problems))
     return Invocation(name, options)
 
 

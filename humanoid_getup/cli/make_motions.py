@@ -20,7 +20,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.motions import (
     BuildRequest,
     ClipRequest,
@@ -46,8 +46,8 @@ def preview(command: PreviewMotion) -> int:
     robot = load_robot(command)
     (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
     path = command.picture or Path(f"{keyframes.name}.png")
-    if faults := find_file_faults(path):
-        raise BadInputError("; ".join(faults))
+    if problems := find_file_problems(path):
+        raise BadInputError("; ".join(problems))
     console = console_for()
     with phase("playing the keys"):
         trial = try_out(World(robot, FLAT_SCENE), keyframes)

@@ -12,7 +12,7 @@ from humanoid_getup.cli.options.motions import ListMotions, ShowMotion
 from humanoid_getup.cli.output import write_json
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting import film_strip
@@ -93,8 +93,8 @@ def show(command: ShowMotion) -> int:
     robot = load_robot(command)
     motion = find_motion(robot, command.motion)
     path = command.picture or Path(f"{motion.name}.png")
-    if faults := find_file_faults(path):
-        raise BadInputError("; ".join(faults))
+    if problems := find_file_problems(path):
+        raise BadInputError("; ".join(problems))
     with phase("drawing"):
         try:
             draw_motion(robot, motion, path)

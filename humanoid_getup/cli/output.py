@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.shared import JobRequest
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
@@ -15,9 +15,9 @@ ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
 STANDARD_OUTPUT = "-"
 
 
-def find_json_faults(json: str | None) -> list[str]:
+def find_json_problems(json: str | None) -> list[str]:
     """Report why JSON could not be written."""
-    return [] if json in (None, STANDARD_OUTPUT) else find_file_faults(Path(json))
+    return [] if json in (None, STANDARD_OUTPUT) else find_file_problems(Path(json))
 
 
 def find_json_target(command: JobRequest | None) -> str | None:

@@ -16,7 +16,7 @@ registry = ConstructorRegistry()
 
 @registry.primitive_rule
 def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
-    """Read an option's list; `find_value_faults` reports one whose items cannot be converted."""
+    """Read an option's list; `find_value_problems` reports one whose items cannot be converted."""
     items = find_items(split_hint(info.type)[0])
     if not items or tyro.conf.Positional in info.markers:
         return None
@@ -40,7 +40,7 @@ def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] |
 
 @registry.primitive_rule
 def _accept_any_text(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
-    """Convert choices and numbers where possible; `find_value_faults` reports the rest."""
+    """Convert choices and numbers where possible; `find_value_problems` reports the rest."""
     kinds, _ = split_hint(info.type)
     choices = list_choices(kinds)
     if not choices and kinds not in ({int}, {float}):

@@ -30,7 +30,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_postures.key_record import find_passes
 from robots.encoding import to_json
 
-NO_ORIENTATION = "without an IMU no one knows how the robot was turned"
+NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from humanoid_getup.cli.output import write_json
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import list_scenes as list_named
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -69,8 +69,8 @@ def _print(rows: list[dict[str, Any]]) -> None:
 
 def _draw(robot: Robot, scenes: list[Scene], file: Path, seed: int) -> None:
     """Draw a robot that lies in each scene, in every way that it has if there is one alone."""
-    if faults := find_file_faults(file):
-        raise BadInputError("; ".join(faults))
+    if problems := find_file_problems(file):
+        raise BadInputError("; ".join(problems))
     pictures, captions = [], []
     with phase("drawing") as report:
         for scene in scenes:

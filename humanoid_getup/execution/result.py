@@ -37,7 +37,7 @@ class AttemptStatus(Enum):
     """Final status of getting up."""
 
     STOOD = "the robot stands"
-    PLAYED = "played; without an IMU no one knows whether it stands"
+    PLAYED = "played; without an IMU it is unknown whether it stands"
     NEEDS_HELP = "the robot needs help"
     STOPPED = "stopped by the operator"
 
@@ -129,7 +129,7 @@ class RiseResult:
     """Whether a hardware fault ended it, not a failed rise."""
     attempts: tuple[Attempt, ...] = ()
     has_imu: bool = True
-    """False for a robot of which no one knows how it lies or stands."""
+    """False for a robot that does not measure how it lies or stands."""
 
     def __str__(self) -> str:
         """Say in one line how it ended, by what, and who judged."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,
@@ -78,8 +78,8 @@ def check_folders(robot: Robot) -> None:
         BadInputError: naming the folder.
     """
     for folder in (MOTION_FOLDER, UNFINISHED):
-        if faults := find_folder_faults(robot.folder / folder, ()):
-            raise BadInputError("; ".join(faults))
+        if problems := find_folder_problems(robot.folder / folder, ()):
+            raise BadInputError("; ".join(problems))
 
 
 def build_all(

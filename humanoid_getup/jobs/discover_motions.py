@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.build import SOUND, motion_file
@@ -60,8 +60,8 @@ def discover(
 def _check_names(robot: Robot, policy: str) -> None:
     """Refuse a policy whose name cannot be that of a motion, or whose motions are there already."""
     folder = robot.folder / MOTION_FOLDER
-    if faults := find_folder_faults(folder, ()):
-        raise BadInputError("; ".join(faults))
+    if problems := find_folder_problems(folder, ()):
+        raise BadInputError("; ".join(problems))
     if not NAME.fullmatch(policy):
         raise BadInputError(
             f"policy file is named {policy!r}, expected letters, digits, '_', '-' and '.': motions "

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest, NewKeysOptions
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
@@ -65,8 +65,8 @@ def find_target(request: NewKeysOptions, robot: Robot) -> Path:
         BadInputError: if it cannot be written.
     """
     path = request.out or robot.folder / KEYFRAMES
-    if faults := find_file_faults(path):
-        raise BadInputError("; ".join(faults))
+    if problems := find_file_problems(path):
+        raise BadInputError("; ".join(problems))
     return path
 
 

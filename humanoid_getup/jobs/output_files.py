@@ -14,7 +14,7 @@ from humanoid_getup.jobs.errors import BadInputError
 SCRATCH = ".getup-"
 
 
-def find_folder_faults(folder: Path, names: Sequence[str], owner: str | None = None) -> list[str]:
+def find_folder_problems(folder: Path, names: Sequence[str], owner: str | None = None) -> list[str]:
     """Report why files could not be written into a folder, by trying; leave nothing behind.
 
     ``owner`` is what the messages call the folder.
@@ -33,7 +33,7 @@ def find_folder_faults(folder: Path, names: Sequence[str], owner: str | None = N
     return [f"output file {path}: is a folder, expected a file" for path in in_the_way]
 
 
-def find_file_faults(file: Path) -> list[str]:
+def find_file_problems(file: Path) -> list[str]:
     """Report why a file could not be written."""
     if not file.name:
         return [f"output file '{file}': expected the name of a file"]
@@ -47,7 +47,7 @@ def find_file_faults(file: Path) -> list[str]:
         return [f"output file {file}: {getattr(error, 'strerror', error)}"]
     if target.is_dir():
         return [f"output file {file}: is a folder, expected a file"]
-    return find_folder_faults(file.parent if target == _absolute(file) else target.parent, ())
+    return find_folder_problems(file.parent if target == _absolute(file) else target.parent, ())
 
 
 @contextmanager

@@ -192,8 +192,8 @@ class PolicyMonitor:
 
     def check(self, _state: State, _target: Array) -> Finding | None:
         """Check whether the policy has failed."""
-        fault = self._policy.fault
-        return None if fault is None else (AbortKind.POLICY, fault)
+        failure = self._policy.failure
+        return None if failure is None else (AbortKind.POLICY, failure)
 
 
 class MotionMonitor:
@@ -208,7 +208,7 @@ class MotionMonitor:
         limits: MonitorLimits = LIMITS,
         tracked: bool = True,
     ) -> None:
-        """RunMonitor a motion and its player.
+        """Monitor a motion and its player.
 
         Without ``tracked``, for a motion that was never rolled out, neither tilt nor stuck
         joints are a reason to abort.

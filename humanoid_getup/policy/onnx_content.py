@@ -20,7 +20,7 @@ VARINT, FIXED_64, BYTES, FIXED_32 = 0, 1, 2, 5  # wire types
 FIXED_SIZES = {FIXED_64: 8, FIXED_32: 4}
 
 
-def find_content_faults(model: bytes) -> list[str]:
+def find_content_problems(model: bytes) -> list[str]:
     """List what a policy must not have: control flow, functions, data in other files.
 
     Without control flow, the time of an inference does not depend on the observation.
@@ -30,14 +30,14 @@ def find_content_faults(model: bytes) -> list[str]:
     """
     whole = memoryview(model)
     attributes = [*_select(whole, GRAPH, NODE, ATTRIBUTE)]
-    faults = []
+    problems = []
     if any(_has(attribute, SUBGRAPH, SUBGRAPHS) for attribute in attributes):
-        faults.append("the network has loops or branches, expected none")
+        problems.append("the network has loops or branches, expected none")
     if _has(whole, FUNCTION):
-        faults.append("the model has functions, expected none")
+        problems.append("the model has functions, expected none")
     if any(_is_external(tensor) for tensor in _list_tensors(whole, attributes)):
-        faults.append("its weights are in another file, expected all in this one")
-    return faults
+        problems.append("its weights are in another file, expected all in this one")
+    return problems
 
 
 def _list_tensors(model: memoryview, attributes: list[memoryview]) -> Iterator[memoryview]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from humanoid_getup.policy.onnx_content import find_content_faults
+from humanoid_getup.policy.onnx_content import find_content_problems
 from robots.files import read_bounded, write_atomically
 
 CONTRACT_KEY = "policy_contract"  # of the contract in the model's metadata
@@ -47,11 +47,11 @@ def read_model(file: Path) -> bytes:
     if checksum != _compute_checksum(model):
         raise NetworkError("it is damaged: its content does not match its checksum")
     try:
-        faults = find_content_faults(content)
+        problems = find_content_problems(content)
     except ValueError as error:
         raise NetworkError(f"it is not a complete ONNX file: {error}") from error
-    if faults:
-        raise NetworkError("; ".join(faults))
+    if problems:
+        raise NetworkError("; ".join(problems))
     return content
 
 

@@ -43,14 +43,14 @@ class OnnxNetwork:
             raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
         self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        faults = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
+        problems = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
         if len(outputs) not in (1, 2):
-            faults.append(f"{len(outputs)} outputs, expected 1, or 2 with a memory")
-        if faults:
-            raise NetworkError(f"the network has {' and '.join(faults)}")
+            problems.append(f"{len(outputs)} outputs, expected 1, or 2 with a memory")
+        if problems:
+            raise NetworkError(f"the network has {' and '.join(problems)}")
         self._input, self._outputs = inputs[0], outputs
 
-    def find_faults(
+    def find_problems(
         self, observation_size: int, action_size: int, memory_size: int | None = None
     ) -> list[str]:
         """List differences from a network that maps (N, observation) to (N, action).
@@ -60,17 +60,17 @@ class OnnxNetwork:
         sizes = [action_size] if memory_size is None else [action_size, memory_size]
         if len(self._outputs) != len(sizes):
             return [f"the network has {len(self._outputs)} outputs, expected {len(sizes)}"]
-        faults = []
+        problems = []
         for name, value, size in (
             ("input", self._input, observation_size),
             *zip(("output", "memory"), self._outputs, sizes, strict=False),
         ):
             if value.type != "tensor(float)":
-                faults.append(f"network {name}: {value.type}, expected tensor(float)")
+                problems.append(f"network {name}: {value.type}, expected tensor(float)")
             shape = value.shape
             if len(shape) != 2 or (isinstance(shape[0], int) and shape[0] != 1) or shape[1] != size:
-                faults.append(f"network {name}: shape {shape}, expected (N, {size})")
-        return faults
+                problems.append(f"network {name}: shape {shape}, expected (N, {size})")
+        return problems
 
     def try_out(self, observation_size: int, limit: float = LONGEST_INFERENCE) -> list[str]:
         """Run the network once, on zeros; list what is wrong with what it returns.

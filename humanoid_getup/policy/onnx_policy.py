@@ -36,9 +36,9 @@ STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 class PolicyError(ValueError):
     """A file is not a policy for this robot; the message names every problem."""
 
-    def __init__(self, file: Path, faults: list[str]) -> None:
-        super().__init__(f"policy file {file}: {'; '.join(faults)}")
-        self.file, self.faults = file, tuple(faults)
+    def __init__(self, file: Path, problems: list[str]) -> None:
+        super().__init__(f"policy file {file}: {'; '.join(problems)}")
+        self.file, self.problems = file, tuple(problems)
 
 
 def read_contract(file: Path) -> PolicyContract:
@@ -59,7 +59,7 @@ class OnnxPolicy:
 
     Every ``cycles`` control cycles it observes and computes new targets; in between the
     targets are interpolated. If the network returns NaN or infinity, torque is switched off
-    for good and ``fault`` holds the reason. It is done when the robot has stood, by gravity
+    for good and ``failure`` holds the reason. It is done when the robot has stood, by gravity
     and by targets that hardly move, for the duration of a held stand, or when its time is up.
     """
 
@@ -79,7 +79,7 @@ class OnnxPolicy:
         """Style to follow; ``None`` for a policy that follows none."""
         self._follower = StyleFollower(robot, style) if style else None
         self.action = contract.action
-        self.fault: str | None = None
+        self.failure: str | None = None
         """Reason of a failure; ``None`` without one."""
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
@@ -115,13 +115,15 @@ class OnnxPolicy:
             contract = PolicyContract.from_json(network.contract)
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
-        faults = contract.find_mismatches(robot, period or robot.control_period)
+        problems = contract.find_mismatches(robot, period or robot.control_period)
         memory = contract.style.memory if contract.style else None
-        faults += network.find_faults(contract.observation_size, len(contract.action.names), memory)
+        problems += network.find_problems(
+            contract.observation_size, len(contract.action.names), memory
+        )
         if style is not None and contract.style is None:
-            faults.append(f"it follows no style curves, expected no style '{style.name}' with it")
-        if faults := faults or network.try_out(contract.observation_size):
-            raise PolicyError(file, faults)
+            problems.append(f"it follows no style curves, expected no style '{style.name}' with it")
+        if problems := problems or network.try_out(contract.observation_size):
+            raise PolicyError(file, problems)
         if contract.style is not None and style is None:
             style = load_any_style(robot)
         return OnnxPolicy(
@@ -168,20 +170,20 @@ class OnnxPolicy:
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
         is_lost = self._follower is not None and self._follower.is_lost
-        return self.fault is not None or stood or timed_out or is_lost
+        return self.failure is not None or stood or timed_out or is_lost
 
     def reset(self, state: State) -> None:
         """Begin at the measured joint angles."""
         self._begin = self._clock = state.time
-        self.fault = None
+        self.failure = None
         self._start_at(state.joint_pos)
 
     def step(self, state: State) -> Command:
         """Compute new targets if a policy step begins, and return those of this cycle."""
         self._clock = state.time
-        if self.fault is None and self._cycle == 0:
+        if self.failure is None and self._cycle == 0:
             self._decide(state)
-        if self.fault is not None:
+        if self.failure is not None:
             return Command.limp(self.robot.n)
         cycles = self.action.cycles
         target = between(self._target, self._following, self._cycle, cycles)
@@ -231,7 +233,7 @@ class OnnxPolicy:
         if not np.isfinite(action).all():
             names = self.action.names
             bad = ", ".join(names[i] for i in np.flatnonzero(~np.isfinite(action)))
-            self.fault = f"the network returns NaN or infinity: {bad}"
+            self.failure = f"the network returns NaN or infinity: {bad}"
             return
         self._memory = memory
         self._following = next_target(

@@ -50,7 +50,7 @@ class StyleCurves:
     _pieces: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if problems := self._find_faults():
+        if problems := self._find_problems():
             raise ValueError("; ".join(problems))
         object.__setattr__(self, "_pieces", _fit(self.points))
 
@@ -103,7 +103,7 @@ class StyleCurves:
         """Return the same curves with another duration [s]."""
         return replace(self, duration=duration)
 
-    def _find_faults(self) -> list[str]:
+    def _find_problems(self) -> list[str]:
         problems = []
         for name, values, upper, unit in (
             ("neck_height", self.neck_height, HIGHEST, ""),
@@ -124,9 +124,9 @@ class StyleCurves:
             problems.append(
                 f"duration is {self.duration:.6g} s, expected {SHORTEST:g} to {LONGEST:g} s"
             )
-        return problems or self._find_faults_of_end()
+        return problems or self._find_problems_of_end()
 
-    def _find_faults_of_end(self) -> list[str]:
+    def _find_problems_of_end(self) -> list[str]:
         problems = []
         if self.neck_height[-1] < LEAST_END - ROUNDING:
             problems.append(

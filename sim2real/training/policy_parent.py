@@ -50,15 +50,15 @@ def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
         )
     if recipe.style is None and contract.style is not None:
         raise TrainingFolderError(f"{file} follows style curves, expected a policy that does not")
-    faults = contract.find_mismatches(robot, robot.control_period)
+    problems = contract.find_mismatches(robot, robot.control_period)
     weights = _read_weights(file)
     bad = [name for name, values in weights.items() if not np.isfinite(values).all()]
-    faults += [f"its network holds NaN or infinity in {bad[0]}"] if bad else []
+    problems += [f"its network holds NaN or infinity in {bad[0]}"] if bad else []
     own = recipe.choose_actions(robot).names
     if contract.action.names != own:
-        faults.append(f"it has actions {', '.join(contract.action.names)}; expected {own}")
-    if faults:
-        raise TrainingFolderError(f"{file}: {'; '.join(faults)}")
+        problems.append(f"it has actions {', '.join(contract.action.names)}; expected {own}")
+    if problems:
+        raise TrainingFolderError(f"{file}: {'; '.join(problems)}")
 
 
 def check_decoder(file: Path, prior: PosePrior) -> None:

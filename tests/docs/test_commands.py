@@ -19,7 +19,7 @@ LINES = sorted({(line, name_of(page)) for page in PAGES for line in list_command
 @pytest.mark.parametrize(("line", "page"), LINES)
 def test_a_command_of_the_documentation_is_understood(line: str, page: str, op3: Robot):
     options = parse(shlex.split(line, comments=True)[1:]).options
-    assert options.find_faults() == [], page
+    assert options.find_problems() == [], page
     motion = getattr(options, "motion", None)
     if motion and not motion.endswith(".npz"):
         assert motion in [known.name for known in load_database(op3).motions], page

@@ -47,12 +47,12 @@ class Scan(JsonOption):
     all_bauds: bool = False
     """Try every baud rate that a servo may have: ten seconds a port."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report options that exclude each other, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.baud is not None and self.all_bauds:
-            faults.append("--baud and --all-bauds exclude each other, expected one of them")
-        return faults
+            problems.append("--baud and --all-bauds exclude each other, expected one of them")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +62,10 @@ class ServiceOptions(JsonOption, RobotOption):
     port: Ports = ()
     """Serial port; of a robot with several, NAME=PATH of each."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report missing ports, too."""
         missing = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
-        return super().find_faults() + ([] if self.port else [missing])
+        return super().find_problems() + ([] if self.port else [missing])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption, WorldOptions
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.motions import KeyframesFile, NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
@@ -45,12 +45,12 @@ class ListPlanCache(JsonOption):
     clear: bool = False
     """Remove them, damaged ones too."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that does not exist, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.cache_folder is not None and not self.cache_folder.is_dir():
-            faults.append(f"--cache-folder is {self.cache_folder}, expected an existing folder")
-        return faults
+            problems.append(f"--cache-folder is {self.cache_folder}, expected an existing folder")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +96,14 @@ class ReplayOptions(JsonOption):
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder for replay.json, flight.png and replay.png."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that cannot be written, too."""
-        faults = super().find_faults()
-        return faults if self.out is None else faults + find_folder_faults(self.out, REPLAY_FILES)
+        problems = super().find_problems()
+        return (
+            problems
+            if self.out is None
+            else problems + find_folder_problems(self.out, REPLAY_FILES)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.plan import PlanRequest
 
 PATH, STRIP = "path.npz", "strip.png"
@@ -25,9 +25,11 @@ class Plan(JsonOption, PlanRequest):
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder for path.npz and strip.png."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that cannot be written, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.keep_partial and self.out is None:
-            faults.append("--keep-partial: expected --out DIR with it, to save the path in")
-        return faults if self.out is None else faults + find_folder_faults(self.out, PLAN_FILES)
+            problems.append("--keep-partial: expected --out DIR with it, to save the path in")
+        return (
+            problems if self.out is None else problems + find_folder_problems(self.out, PLAN_FILES)
+        )

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import CacheFolder, MoveOptions, RunOptions, StyleOption
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     BodyOption,
@@ -41,37 +41,37 @@ class Rise(BodyOption, PreferenceOptions, RunOptions):
     """Begin with the plan of a solved rise whose start was near, and keep new ones."""
     cache_folder: CacheFolder = None
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report an option that does not fit the backend or another one, too."""
-        faults = super().find_faults() + self._find_unused()
+        problems = super().find_problems() + self._find_unused()
         if self.is_real and not self.filtering:
-            faults.append("--no-filtering requires a simulated robot")
+            problems.append("--no-filtering requires a simulated robot")
         if self.cache_folder is not None:
             owner = f"--cache-folder {self.cache_folder}"
-            faults += find_folder_faults(self.cache_folder, (), owner)
-        return faults
+            problems += find_folder_problems(self.cache_folder, (), owner)
+        return problems
 
     def _find_unused(self) -> list[str]:
         """Report options of a plan for a policy, and the other way round."""
-        faults = []
+        problems = []
         if self.method == "plan" and self.policy is not None:
-            faults.append(f"--policy is {self.policy}, expected --method policy or auto with it")
+            problems.append(f"--policy is {self.policy}, expected --method policy or auto with it")
         given = {
             f"--prefer {self.prefer}": self.prefer != "time",
             "--search-budget": self.search_budget != PreferenceOptions.search_budget,
         }
         named = " and ".join(name for name, is_given in given.items() if is_given)
         if named and self.method == "policy":
-            faults.append(f"{named}: expected --method plan or auto with it")
+            problems.append(f"{named}: expected --method plan or auto with it")
         if self.style is not None and self.method != "policy":
-            faults.append(f"--style is {self.style}, expected --method policy with it")
+            problems.append(f"--style is {self.style}, expected --method policy with it")
         if self.method == "policy":
-            faults += self.refuse_body(A_POLICY)
+            problems += self.refuse_body(A_POLICY)
         if self.key and not (self.method == "plan" and self.planning and self.filtering):
-            faults.append("--key: expected --method plan with it, planning and filtering")
+            problems.append("--key: expected --method plan with it, planning and filtering")
         if named and not self.filtering:
-            faults.append(f"{named}: expected filtering, not --no-filtering")
-        return faults
+            problems.append(f"{named}: expected filtering, not --no-filtering")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,27 +95,27 @@ class Play(BodyOption, RunOptions):
     preflight: bool = True
     """Play only what the preflight passes; --no-preflight requires a simulated robot."""
     without_imu: bool = False
-    """Play it with a robot that has no IMU: open loop, and no one knows whether it stands. Where it
-    is held in the end, a key press switches torque off."""
+    """Play it with a robot that has no IMU: open loop; whether it stands is unknown. Where it is
+    held in the end, a key press switches torque off."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report an option that does not fit the backend, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.is_real and not self.preflight:
-            faults.append("--no-preflight requires a simulated robot")
-        return faults + (self._find_blind_faults() if self.without_imu else [])
+            problems.append("--no-preflight requires a simulated robot")
+        return problems + (self._find_blind_problems() if self.without_imu else [])
 
-    def _find_blind_faults(self) -> list[str]:
+    def _find_blind_problems(self) -> list[str]:
         """Report what requires an orientation."""
-        faults = []
+        problems = []
         if self.then not in (None, "hold", "limp"):
-            faults.append(
-                f"--then is {self.then}, expected hold or limp with --without-imu: no one knows "
-                "whether the robot stands"
+            problems.append(
+                f"--then is {self.then}, expected hold or limp with --without-imu: it is "
+                "unknown whether the robot stands"
             )
         if self.scene != "flat":
-            faults.append(f"--scene is {self.scene}, expected flat with --without-imu")
-        return faults
+            problems.append(f"--scene is {self.scene}, expected flat with --without-imu")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.output import ARTEFACTS, find_json_faults
-from humanoid_getup.jobs.output_files import find_file_faults, find_folder_faults
+from humanoid_getup.cli.output import ARTEFACTS, find_json_problems
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.shared import (
     NO_ORIGIN,
     BodyOption,
@@ -49,9 +49,9 @@ class JsonOption(JobRequest):
 
     json: JsonTarget = None
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a file that cannot be written."""
-        return super().find_faults() + find_json_faults(self.json)
+        return super().find_problems() + find_json_problems(self.json)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +61,10 @@ class PictureOption(JobRequest):
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
     """Picture to write."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a picture that cannot be written, too."""
-        faults = super().find_faults()
-        return faults if self.picture is None else faults + find_file_faults(self.picture)
+        problems = super().find_problems()
+        return problems if self.picture is None else problems + find_file_problems(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,15 +84,15 @@ class BackendOptions(SceneOptions):
     realtime: bool = False
     """Run a simulated robot in real time."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report ports that do not fit, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
-            faults.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+            problems.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
         if self.backend == "dynamixel" and not self.port:
-            faults.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
-        return faults
+            problems.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
+        return problems
 
     @property
     def is_real(self) -> bool:
@@ -108,16 +108,16 @@ class MoveOptions(TorqueOptions, JsonOption, BackendOptions):
     """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
     of a policy with style curves, style.png."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a torque limit or a folder that does not fit, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.backend != "twin" and self.limit_by == "ideal":
-            faults.append("--limit-by is ideal, which no servo can, expected current or pwm")
+            problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and isinstance(self, BodyOption):
-            faults += self.refuse_body(A_REAL_ROBOT)
+            problems += self.refuse_body(A_REAL_ROBOT)
         if self.out is not None:
-            faults += find_folder_faults(self.out, ARTEFACTS)
-        return faults
+            problems += find_folder_problems(self.out, ARTEFACTS)
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,24 +137,24 @@ class RunOptions(MoveOptions):
     needs_origin: ClassVar[bool] = True
     """Whether a simulated robot has no start of its own."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a start that does not fit, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.at is not None and not all(math.isfinite(value) for value in self.at):
-            faults.append(f"--at is {self.at}, expected three finite numbers")
+            problems.append(f"--at is {self.at}, expected three finite numbers")
         if self.at is not None and not self.is_real:
-            faults.append("--at is given, expected a real robot: a simulated one knows its place")
+            problems.append("--at is given, expected a real robot: a simulated one knows its place")
         if self.is_real and self.at is None and self.scene != "flat":
-            faults.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
+            problems.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
         if self.is_real and self.origin is not None:
-            faults.append(
+            problems.append(
                 f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
                 "lies"
             )
         is_simulated = self.backend != "dynamixel"
         if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
-            faults.append(NO_ORIGIN)
-        return faults
+            problems.append(NO_ORIGIN)
+        return problems
 
     @property
     def ending(self) -> Literal["hold", "sit", "limp", "hand-over"]:

@@ -10,7 +10,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
 from humanoid_getup.jobs.requests.style import StyleOutput
 from humanoid_getup.jobs.requests.values import positive
@@ -34,16 +34,16 @@ class ShowStyles(BodyOption, JsonOption, RobotOption):
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
     """Picture to write of the curves: each style's mean, and how several ways of lying differ."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a picture that cannot be written, and no style at all, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if not self.styles:
-            faults.append("there is no STYLE, expected one or more names or files")
+            problems.append("there is no STYLE, expected one or more names or files")
         if self.picture is None:
-            return faults
+            return problems
         if self.json is not None and Path(self.json) == self.picture:
-            faults.append(f"--json and --picture are both {self.picture}, expected two files")
-        return faults + find_file_faults(self.picture)
+            problems.append(f"--json and --picture are both {self.picture}, expected two files")
+        return problems + find_file_problems(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,22 +62,22 @@ class EditStyle(StyleOutput):
     hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
     """Hold what is wanted at a time [s] for so long [s]."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report edits that contradict each other, or none, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         for one, other in (("slower", "faster"), ("sooner", "later")):
             if getattr(self, one) is not None and getattr(self, other) is not None:
-                faults.append(f"--{one} and --{other} are given, expected one of them")
+                problems.append(f"--{one} and --{other} are given, expected one of them")
         if self.hold is not None and not (
             0.0 <= self.hold[0] < math.inf and 0.0 < self.hold[1] < math.inf
         ):
             at, lasting = self.hold
-            faults.append(
+            problems.append(
                 f"--hold is {at:g},{lasting:g}, expected a time from 0 s and a duration above 0 s"
             )
         edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
         if all(edit is None for edit in edits):
-            faults.append(
+            problems.append(
                 "no edit is given, expected --slower, --faster, --sooner, --later, --hold"
             )
-        return faults
+        return problems

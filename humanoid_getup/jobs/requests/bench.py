@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.output_files import find_folder_faults
+from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
@@ -22,13 +22,13 @@ from humanoid_getup.jobs.requests.shared import (
 from humanoid_getup.jobs.requests.values import at_least, between, positive
 
 
-def find_list_faults(**lists: tuple[str, ...]) -> list[str]:
+def find_list_problems(**lists: tuple[str, ...]) -> list[str]:
     """Report options that name nothing, or one thing twice."""
-    faults = [f"--{key} is empty, expected a name or more" for key, v in lists.items() if not v]
+    problems = [f"--{key} is empty, expected a name or more" for key, v in lists.items() if not v]
     for key, values in lists.items():
         if twice := [name for name in dict.fromkeys(values) if values.count(name) > 1]:
-            faults.append(f"--{key} has '{twice[0]}' twice, expected each name once")
-    return faults
+            problems.append(f"--{key} has '{twice[0]}' twice, expected each name once")
+    return problems
 
 
 PAGE, FIGURES, PLOT, PARTS = "benchmark.md", "benchmark.json", "benchmark.png", "parts"
@@ -58,10 +58,10 @@ class BenchAll(BodyOption, RobotOption):
         """Return the falls of each class."""
         return self.n if self.n is not None else 4 if self.quick else 20
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that cannot be written, too."""
-        faults = super().find_faults() + find_folder_faults(self.out, WHOLE_ARTEFACTS)
-        return faults or find_folder_faults(self.out / PARTS, ())
+        problems = super().find_problems() + find_folder_problems(self.out, WHOLE_ARTEFACTS)
+        return problems or find_folder_problems(self.out / PARTS, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,10 +118,10 @@ class BenchScenes(BodyOption, TorqueOptions, RobotOption):
     """plan; nearest: the stored motion nearest to the start; straight: straight interpolation to
     a stored motion, unfiltered; and policies by name or file."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report ways that are missing, and names that come twice, too."""
-        scenes = find_list_faults(scenes=self.scenes) if self.scenes else []
-        return super().find_faults() + scenes + find_list_faults(ways=self.ways)
+        scenes = find_list_problems(scenes=self.scenes) if self.scenes else []
+        return super().find_problems() + scenes + find_list_problems(ways=self.ways)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_faults, find_folder_faults
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.shared import (
     Count,
     PolicyName,
@@ -38,9 +38,9 @@ class PriorRequest(RobotOption):
     """Keep a prior that was fitted before, and only collect rises."""
     seed: Seed = 0
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that cannot be written, too."""
-        return super().find_faults() + find_folder_faults(self.out, ())
+        return super().find_problems() + find_folder_problems(self.out, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +66,9 @@ class TrainRequest(RobotOption):
     robots: Annotated[int | None, at_least(1)] = None
     """Robots that are simulated side by side; default: the recipe's."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a folder that cannot be written, too."""
-        return super().find_faults() + find_folder_faults(self.out, ())
+        return super().find_problems() + find_folder_problems(self.out, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,9 +82,9 @@ class ExportRequest(RobotOption):
     robot: str = ""
     """Name of a robot, or a folder with a robot.toml; default: the training's."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a file that cannot be written, too."""
-        return super().find_faults() + find_file_faults(self.out)
+        return super().find_problems() + find_file_problems(self.out)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +140,7 @@ class EvaluateRequest(TorqueOptions, SceneOptions):
     ) = None
     """Model variant to evaluate in; default: the physics of training."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report files that cannot be written."""
-        faults = super().find_faults()
-        return faults if self.falls is None else faults + find_file_faults(self.falls)
+        problems = super().find_problems()
+        return problems if self.falls is None else problems + find_file_problems(self.falls)

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.shared import (
     Count,
     JobRequest,
@@ -105,19 +105,19 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     clip: bool = False
     """Take the nearest angle where one is out of the joint's range, instead of refusing it."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report pages that cannot be, too."""
-        faults = super().find_faults()
-        faults += [
+        problems = super().find_problems()
+        problems += [
             f"--page is {page}, expected 1 to {MOST_PAGE}"
             for page in self.page
             if not 1 <= page <= MOST_PAGE
         ]
         if len(set(self.page)) < len(self.page):
-            faults.append("--page has a page twice, expected each once")
+            problems.append("--page has a page twice, expected each once")
         if self.name and len(self.page) > 1:
-            faults.append(f"--name is given with {len(self.page)} pages, expected one")
-        return faults
+            problems.append(f"--name is given with {len(self.page)} pages, expected one")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,20 +164,20 @@ class ClipRequest(RobotOption):
         """Return the file to write."""
         return self.out or Path(f"{self.motion_name}{SUFFIX}")
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report files of other kinds, times in the wrong order, and an output, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         kinds = [file.suffix.lower() for file in self.files]
         if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):
             given = " ".join(map(str, self.files)) or "missing"
-            return [*faults, f"the clip is {given}, expected {CLIPS}"]
+            return [*problems, f"the clip is {given}, expected {CLIPS}"]
         if self.rate is not None and kinds == [".bvh"]:
-            faults.append("--rate is given, expected none with a .bvh file: it says its own")
+            problems.append("--rate is given, expected none with a .bvh file: it says its own")
         begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
         if not 0.0 <= begin < math.inf or math.isnan(end):
-            faults.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
+            problems.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
         elif not begin < end:
-            faults.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
+            problems.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
         if self.target.suffix != SUFFIX:
-            faults.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
-        return faults + find_file_faults(self.target)
+            problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
+        return problems + find_file_problems(self.target)

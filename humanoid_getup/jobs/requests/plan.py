@@ -1,4 +1,4 @@
-"""JobRequest to plan a path."""
+"""Request to plan a path."""
 
 from __future__ import annotations
 
@@ -31,6 +31,6 @@ class PlanRequest(BodyOption, SceneOptions):
     refinement: bool = True
     """Where there is no path, loosen the constraints and tighten them step by step."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a start that is missing, too."""
-        return super().find_faults() + ([] if self.origin else [NO_ORIGIN])
+        return super().find_problems() + ([] if self.origin else [NO_ORIGIN])

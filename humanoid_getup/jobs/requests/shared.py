@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.values import at_least, find_value_faults, positive
+from humanoid_getup.jobs.requests.values import at_least, find_value_problems, positive
 
 Count = Annotated[int, at_least(1)]
 Keys = Annotated[
@@ -48,7 +48,7 @@ TorqueLimitValue = Annotated[
 class JobRequest:
     """What a job is asked for."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report all that is wrong beyond the type and range of single values."""
         return []
 
@@ -58,8 +58,8 @@ class JobRequest:
         Raises:
             BadInputError: naming every field whose value does not fit.
         """
-        if faults := find_value_faults(self) or self.find_faults():
-            raise BadInputError("; ".join(faults))
+        if problems := find_value_problems(self) or self.find_problems():
+            raise BadInputError("; ".join(problems))
 
 
 A_POLICY = "a policy is made for the original body"
@@ -81,18 +81,18 @@ class BodyOption(JobRequest):
     """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
     such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a body that cannot be, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if not self.body:
-            return faults
+            return problems
         from robots import Body, BodyError  # imports numpy, which --help does without
 
         try:
             Body.parse(self.body)
         except BodyError as error:
-            faults.append(f"--{error}")
-        return faults
+            problems.append(f"--{error}")
+        return problems
 
     def refuse_body(self, reason: str) -> list[str]:
         """Report a body where only the original one will do."""

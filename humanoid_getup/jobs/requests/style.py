@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_faults
+from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
 from humanoid_getup.jobs.requests.values import positive
 
@@ -23,12 +23,12 @@ class StyleOutput(BodyOption, RobotOption):
     out: StyleOut
     """Style file to write; an existing file is replaced."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report a file that cannot be written, too."""
-        faults = super().find_faults() + find_file_faults(self.out)
+        problems = super().find_problems() + find_file_problems(self.out)
         if self.out.suffix != SUFFIX:
-            faults.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
-        return faults
+            problems.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,9 @@ class ExtractRequest(StyleOutput):
     finish: bool = False
     """Let the last control point be a stand, whatever the source ends with."""
 
-    def find_faults(self) -> list[str]:
+    def find_problems(self) -> list[str]:
         """Report times in the wrong order, too."""
-        faults = super().find_faults()
+        problems = super().find_problems()
         if self.begin is not None and self.end is not None and not self.begin < self.end:
-            faults.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
-        return faults
+            problems.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
+        return problems

@@ -1,6 +1,6 @@
 """Values of requests, checked by the type of their field: choices by `Literal`, numbers by `Range`.
 
-Faults name fields as the command line does: `--torque-limit`.
+Problems name fields as the command line does: `--torque-limit`.
 """
 
 from __future__ import annotations
@@ -66,15 +66,17 @@ def name_choices(names: Sequence[str]) -> str:
     return f"{', '.join(others)} or {last}" if others else last
 
 
-def find_value_faults(options: Any) -> list[str]:
+def find_value_problems(options: Any) -> list[str]:
     """Report every field of a dataclass whose value does not fit its type and range."""
     hints = get_type_hints(type(options), include_extras=True)
     values = {field.name: getattr(options, field.name) for field in fields(options)}
-    checked = {name: _find_fault(value, hints[name]) for name, value in values.items()}
-    return [f"--{name.replace('_', '-')} is {fault}" for name, fault in checked.items() if fault]
+    checked = {name: _find_problem(value, hints[name]) for name, value in values.items()}
+    return [
+        f"--{name.replace('_', '-')} is {problem}" for name, problem in checked.items() if problem
+    ]
 
 
-def _find_fault(value: Any, hint: Any) -> str | None:
+def _find_problem(value: Any, hint: Any) -> str | None:
     """Return a value that does not fit, and what is expected; ``None`` if it fits."""
     kinds, limits = split_hint(hint)
     if value is None:

@@ -9,9 +9,9 @@ from run_getup import Run
 
 from humanoid_getup.cli.console import format_figure
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.cli.output import find_json_faults, write_json
+from humanoid_getup.cli.output import find_json_problems, write_json
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.output_files import find_folder_faults, staging
+from humanoid_getup.jobs.output_files import find_folder_problems, staging
 
 NAMES = ("report.json", "strip.png")
 
@@ -52,7 +52,7 @@ def test_what_gets_in_the_way_during_the_work_is_told(tmp_path: Path):
 
 
 def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):
-    assert find_folder_faults(tmp_path / "some" / "where", NAMES) == []
+    assert find_folder_problems(tmp_path / "some" / "where", NAMES) == []
     assert list(tmp_path.iterdir()) == []
 
 
@@ -65,7 +65,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path):
     (tmp_path / "elsewhere").mkdir()
     link = tmp_path / "figures.json"
     link.symlink_to(tmp_path / "elsewhere" / "real.json")
-    assert find_json_faults(str(link)) == []
+    assert find_json_problems(str(link)) == []
     write_json({}, JsonOption(json=str(link)))
     assert link.is_symlink()
     assert (tmp_path / "elsewhere" / "real.json").read_text() == "{}\n"
@@ -74,7 +74,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path):
 def test_a_fifo_is_written_through(tmp_path: Path):
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    assert find_json_faults(str(fifo)) == []
+    assert find_json_problems(str(fifo)) == []
     with ThreadPoolExecutor(1) as pool:
         read = pool.submit(fifo.read_text)
         write_json({}, JsonOption(json=str(fifo)))
@@ -83,7 +83,7 @@ def test_a_fifo_is_written_through(tmp_path: Path):
 
 
 def test_devices_are_written_through():
-    assert find_json_faults("/dev/null") == []
+    assert find_json_problems("/dev/null") == []
     write_json({}, JsonOption(json="/dev/null"))
     assert Path("/dev/null").is_char_device()
     with pytest.raises(BadInputError, match="output file /dev/full: No space left on device"):

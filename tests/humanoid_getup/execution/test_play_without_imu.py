@@ -91,7 +91,7 @@ def test_what_is_sent_does_not_depend_on_how_the_robot_is_turned(bare, squat, ti
     cycles = min(len(sent), len(again))
     assert cycles > round(squat.duration / bare.robot.control_period)
     assert np.array_equal(sent[:cycles], again[:cycles])
-    assert result.reason == UNKNOWN  # it lies, which no one knows either
+    assert result.reason == UNKNOWN  # it lies, which is unknown, too
 
 
 def test_a_robot_that_is_held_keeps_its_last_targets_until_a_key_is_pressed(bare, squat):

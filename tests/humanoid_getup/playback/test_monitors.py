@@ -93,11 +93,11 @@ def test_a_new_run_begins_with_no_load_behind_it(tiny, monitor):
 
 
 def test_a_policy_that_gave_up_ends_the_run_with_its_own_words(tiny):
-    policy = SimpleNamespace(fault=None)
+    policy = SimpleNamespace(failure=None)
     monitor, state = PolicyMonitor(policy), still_state(tiny)  # type: ignore[arg-type]
     monitor.reset(state)
     assert monitor.check(state, np.zeros(2)) is None
-    policy.fault = "its action is nan"
+    policy.failure = "its action is nan"
     assert monitor.check(state, np.zeros(2)) == (AbortKind.POLICY, "its action is nan")
     assert monitor.warnings == []
 

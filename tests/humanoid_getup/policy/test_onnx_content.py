@@ -12,7 +12,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 from tiny_policies import save_policy, weights_of
 
-from humanoid_getup.policy.onnx_content import find_content_faults
+from humanoid_getup.policy.onnx_content import find_content_problems
 from humanoid_getup.policy.onnx_file import add_checksum
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
@@ -74,7 +74,7 @@ def add_function(model: onnx.ModelProto) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "fault"),
+    ("change", "problem"),
     [
         (add_endless_loop, LOOPS),
         (move_weights_out, ELSEWHERE),
@@ -83,18 +83,18 @@ def add_function(model: onnx.ModelProto) -> None:
     ],
 )
 def test_what_is_no_network_in_one_file_is_refused(
-    tiny: Robot, tmp_path: Path, change: Callable[[onnx.ModelProto], None], fault: str
+    tiny: Robot, tmp_path: Path, change: Callable[[onnx.ModelProto], None], problem: str
 ):
     file = save_changed(tmp_path / "p.onnx", tiny, change)
     (tmp_path / "weights.bin").write_bytes(bytes(100_000))
     with pytest.raises(PolicyError) as refusal:
         OnnxPolicy.load(file, tiny)
-    assert refusal.value.faults == (fault,)
+    assert refusal.value.problems == (problem,)
 
 
-def test_an_ordinary_policy_has_no_faults(tiny: Robot, tmp_path: Path):
+def test_an_ordinary_policy_has_no_problems(tiny: Robot, tmp_path: Path):
     file = save_policy(tmp_path / "p.onnx", tiny, weight=weights_of(tiny, gyro=0.1))
-    assert find_content_faults(file.read_bytes()) == []
+    assert find_content_problems(file.read_bytes()) == []
 
 
 def test_an_inference_without_end_in_sight_is_stopped(tiny: Robot, tmp_path: Path):

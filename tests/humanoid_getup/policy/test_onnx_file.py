@@ -55,7 +55,7 @@ def test_a_flipped_bit_of_a_shipped_policy_is_refused_in_one_line(
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
 def test_the_shipped_policies_are_valid_onnx_and_load(op3: Robot, file: Path):
     onnx.checker.check_model(onnx.load(str(file)))
-    assert OnnxPolicy.load(file, op3, op3.control_period).fault is None
+    assert OnnxPolicy.load(file, op3, op3.control_period).failure is None
 
 
 def test_onnx_itself_reads_contract_and_checksum(tmp_path: Path):

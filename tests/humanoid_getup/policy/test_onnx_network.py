@@ -48,8 +48,8 @@ def test_a_network_of_another_kind_is_refused(
 
 def test_every_size_and_type_that_does_not_fit_is_named(tmp_path: Path):
     network = OnnxNetwork(save_network(tmp_path / "p.onnx", 1, 2, TensorProto.DOUBLE))
-    assert network.find_faults(4, 3) == ["the network has 2 outputs, expected 1"]
-    assert network.find_faults(4, 3, 5) == [
+    assert network.find_problems(4, 3) == ["the network has 2 outputs, expected 1"]
+    assert network.find_problems(4, 3, 5) == [
         "network input: tensor(double), expected tensor(float)",
         "network output: tensor(double), expected tensor(float)",
         "network output: shape ['N', 4], expected (N, 3)",

@@ -44,12 +44,12 @@ def test_a_policy_that_fits_is_loaded(tiny: Robot, tmp_path: Path):
     assert policy.action.names == ("l_hip together",)
 
 
-def test_every_mismatch_of_contract_and_network_is_told_at_once(tiny: Robot, tmp_path: Path):
+def test_every_mismatch_of_contract_and_network_is_reported_at_once(tiny: Robot, tmp_path: Path):
     contract = contract_of(tiny, robot="nao", mode="torque", imu_frame="askew").to_json()
     file = save_policy(tmp_path / "p.onnx", tiny, weight=np.zeros((5, 3)), contract=contract)
     with pytest.raises(PolicyError) as refusal:
         OnnxPolicy.load(file, tiny, 0.01)
-    assert [fault.split(":")[0] for fault in refusal.value.faults] == [
+    assert [problem.split(":")[0] for problem in refusal.value.problems] == [
         "robot",
         "action mode",
         "rate",
@@ -58,7 +58,7 @@ def test_every_mismatch_of_contract_and_network_is_told_at_once(tiny: Robot, tmp
         "network output",
     ]
     assert str(file) in str(refusal.value)
-    assert all(fault in str(refusal.value) for fault in refusal.value.faults)
+    assert all(problem in str(refusal.value) for problem in refusal.value.problems)
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.9])
@@ -215,9 +215,9 @@ def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
     sent = [policy.step(state) for state in states]
     assert [command.is_limp for command in sent] == [False] * 5 + [True] * 6
     assert policy.done
-    assert policy.fault == "the network returns NaN or infinity: l_hip together"
+    assert policy.failure == "the network returns NaN or infinity: l_hip together"
     policy.reset(state_of(tiny))
-    assert (policy.done, policy.fault) == (False, None)
+    assert (policy.done, policy.failure) == (False, None)
 
 
 def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
@@ -231,7 +231,7 @@ def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
     report = run(policy, guard, max_time=5.0, on_cycle=lambda cycle: sent.append(cycle.sent))
     assert (report.ending, report.cycles) == (Ending.DONE, 1)
     assert sent[0].is_limp
-    assert policy.fault is not None
+    assert policy.failure is not None
     assert guard.fault is None
 
 

@@ -16,7 +16,7 @@ WEAK = "[mini]\nstall_torque = 0.5\n"  # N·m
 FEEBLE = "[mini]\nstall_torque = 1.2\n"  # N·m; OP3's squats down to 75 % take 1.24
 
 
-def find_faults(robot: Robot) -> list[CheckFinding]:
+def find_problems(robot: Robot) -> list[CheckFinding]:
     return [found for found in check_robot(robot).findings if found.level != "ok"]
 
 
@@ -137,7 +137,7 @@ FAULTS = {
 def test_a_fault_is_found_by_one_finding(changes, level: str, text: str, copied_op3: Path):
     for file, old, new in changes:
         spoil(copied_op3, old, new, file)
-    found = find_faults(load_robot(copied_op3))
+    found = find_problems(load_robot(copied_op3))
     assert [finding.level for finding in found][:1] == [level]
     assert str(found[0]).startswith(text)
     assert found[0].remedy
@@ -150,7 +150,7 @@ def test_a_leg_without_room_to_balance_is_named_on_both_sides(copied_op3: Path):
         old = f'name="{side}_hip_yaw" {axis} range="{range_}"'
         spoil(copied_op3, old, old.replace(range_, new), MODEL)
     room = "stands 1.0° from the end of its range, expected at least 2° to balance with"
-    assert [(found.subject, found.text) for found in find_faults(load_robot(copied_op3))] == [
+    assert [(found.subject, found.text) for found in find_problems(load_robot(copied_op3))] == [
         ("joint 'r_hip_yaw'", room),
         ("joint 'l_hip_yaw'", room),
     ]
@@ -165,14 +165,14 @@ def test_a_leg_without_room_to_balance_is_named_on_both_sides(copied_op3: Path):
 )
 def test_a_knee_that_is_too_weak_is_named_once(figures, level, text, copied_op3: Path):
     swap_servo(copied_op3, "l_knee", figures)
-    found = find_faults(load_robot(copied_op3))
+    found = find_problems(load_robot(copied_op3))
     assert [(finding.level, str(finding)[: len(text)]) for finding in found] == [(level, text)]
 
 
 def test_servos_that_become_hot_in_the_stance_are_named(copied_op3: Path):
     # Three times the current at the same torque is nine times the 0.7 W of the knee's winding.
     swap_servo(copied_op3, "l_knee", "[mini]\nstall_torque = 4.1\nstall_current = 15.0\n")
-    (found,) = find_faults(load_robot(copied_op3))
+    (found,) = find_problems(load_robot(copied_op3))
     assert found.subject == "joint 'l_knee'"
     assert "°C in the stance, expected at most 65 °C" in found.text
 
@@ -191,7 +191,7 @@ def test_a_robot_without_motions_is_told_how_to_come_by_them(copied_op3: Path):
 def test_a_class_without_motion_is_named(copied_op3: Path):
     for file in (copied_op3 / "motions").glob("lateral_*"):
         file.unlink()
-    (found,) = find_faults(load_robot(copied_op3))
+    (found,) = find_problems(load_robot(copied_op3))
     assert found.text.endswith("from supine, prone; none from left, right")
 
 

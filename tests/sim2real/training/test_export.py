@@ -173,4 +173,4 @@ def test_the_command_exports(op3: Robot, tmp_path: Path, capsys: pytest.CaptureF
     file = tmp_path / "policy.onnx"
     assert main(["export", str(tmp_path / "training"), "--out", str(file)]) == 0
     assert "after 42 iterations" in capsys.readouterr().out
-    assert OnnxPolicy.load(file, op3, op3.control_period).fault is None
+    assert OnnxPolicy.load(file, op3, op3.control_period).failure is None

@@ -48,7 +48,7 @@ from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, TorqueLimit, load_robot
-from robots.encoding import to_json
+from robots.encoding import to_json, to_plain
 from robots.files import write_atomically
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
@@ -226,7 +226,7 @@ def compare(
         chosen = {way: strategies[way] for way in ways or strategies}
         result = bench_methods(chosen, seed=seed, each=each, heat=False, report=keep)
         cases[name] = {
-            way: summary | _count(records, way) for way, summary in result["cases"].items()
+            way: to_plain(summary) | _count(records, way) for way, summary in result.cases.items()
         }
     return {"name": "peer_keyframes", "seed": seed, "n": len(BENCH_CLASSES) * each, "limits": cases}
 

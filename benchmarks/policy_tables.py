@@ -28,7 +28,7 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, Robot, load_robot
-from robots.encoding import to_json
+from robots.encoding import to_json, to_plain
 from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -136,7 +136,7 @@ def main(options: Options) -> None:
     def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
         begun = time.monotonic()
         if key not in kept:
-            kept[key] = compute()
+            kept[key] = to_plain(compute())
             write_atomically(options.json, to_json(kept))
         console.print(f"{_row(key, kept[key])}  [{time.monotonic() - begun:.0f} s]")
 

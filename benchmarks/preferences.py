@@ -29,7 +29,7 @@ from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.console import counting
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.experiments.judging.summary import summarize, summarize_records
+from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.filtering.dynamics_filter import HARD_DISTURBANCE
@@ -39,7 +39,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
-from robots.encoding import to_json
+from robots.encoding import to_json, to_plain
 from robots.files import write_atomically
 from robots.kinematics import place
 from robots.servo import LimitMode
@@ -109,7 +109,7 @@ def measure(options: Measure) -> None:
                 rises.append(_rise(strategy, fall, [options.seed, 1, number]))
                 count(1)
             summary = {key: summarize(r[key] for r in rises) for key in SUMMARIZED}
-            result["cases"][name] = summarize_records(rises) | summary | {"rises": rises}
+            result["cases"][name] = to_plain(RiseSummary.of(rises)) | summary | {"rises": rises}
             write_atomically(options.json, to_json(result))
 
 

@@ -109,7 +109,7 @@ def summarize_attempts(records: Records) -> dict[str, Any]:
         "found_interval_95": wilson_interval(found, len(records)),
         "time_s": summarize(r["time_s"] for r in records),
         "checks_median": round(float(np.median([r["checks"] for r in records] or [0]))),
-        "length_median": summarize(r["length"] for r in records)["median"],
+        "length_median": summarize(r["length"] for r in records).median,
     }
 
 

@@ -32,7 +32,7 @@ def save_planner_cost(result: dict[str, Any], path: Path) -> None:
         _plot_times(axes[0], at, ours, f"{joints} joints")
         found = [100.0 * case["found"] / case["n"] for case in ours]
         axes[1].plot(at, found, marker="o", markersize=9 - 3 * number, linewidth=1.1)
-        check, bare = ([case[key]["median"] for case in ours] for key in ("check_us", "bare_us"))
+        check, bare = ([case[key].median for case in ours] for key in ("check_us", "bare_us"))
         (line,) = axes[2].plot(at, check, marker="o", markersize=3, linewidth=1.1)
         axes[2].plot(at, bare, color=line.get_color(), linestyle="--", linewidth=0.9)
     axes[0].set(yscale="log", ylabel="planning time, median to p95 [ms]")
@@ -48,7 +48,7 @@ def save_planner_cost(result: dict[str, Any], path: Path) -> None:
 
 def _plot_times(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:
     median, p95 = (
-        np.array([MILLISECONDS * case["time_s"][key] for case in cases])
+        np.array([MILLISECONDS * getattr(case["time_s"], key) for case in cases])
         for key in ("median", "p95")
     )
     (line,) = axis.plot(at, median, marker="o", markersize=3, linewidth=1.1, label=label)

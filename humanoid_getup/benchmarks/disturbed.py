@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, Twin
+from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
 from humanoid_getup.benchmarks.world_change import (
     WorldChange,
@@ -18,7 +19,6 @@ from humanoid_getup.benchmarks.world_change import (
     turn_head,
 )
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judging.summary import summarize_records
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.simulation.world import World
@@ -125,7 +125,7 @@ def bench_disturbed(
     classes: Sequence[str] = BENCH_CLASSES,
     disturbances: Mapping[str, WorldChange] = DISTURBANCES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> CaseBench[RefusableSummary]:
     """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
 
     Each fall is planned once, undisturbed. Preflight and supervision know the nominal world, the
@@ -151,20 +151,20 @@ def bench_disturbed(
                 label = {"fall": number, "case": case, "way": way}
                 records.append(trial.rise(strategy, fall, [seed, 3, number]) | label)
                 report(records[-1])
-    return {
-        "name": "disturbed",
-        "seed": seed,
-        "n": len(falls),
-        "robot": planner.world.robot.name,
-        "torque_limit_nm": planner.torque_limit.value,
-        "limit_by": planner.torque_limit.by,
-        "cases": {
-            f"{case}: {way}": _summarize(records, case, way)
+    return CaseBench(
+        name="disturbed",
+        seed=seed,
+        n=len(falls),
+        robot=planner.world.robot.name,
+        torque_limit_nm=planner.torque_limit.value,
+        limit_by=planner.torque_limit.by,
+        cases={
+            f"{case}: {way}": RefusableSummary.select(records, case, way)
             for case in disturbances
             for way in (OPEN_LOOP, FEEDBACK, *policies)
         },
-        "rises": records,
-    }
+        rises=records,
+    )
 
 
 def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, WorldChange]:
@@ -196,12 +196,4 @@ def _plan(planner: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Strate
     return {
         OPEN_LOOP: Known(world=world, torque_limit=limit, rise=bare),
         FEEDBACK: Known(world=world, torque_limit=limit, rise=rise),
-    }
-
-
-def _summarize(records: list[dict[str, Any]], case: str, way: str) -> dict[str, Any]:
-    ours = [r for r in records if r["case"] == case and r["way"] == way]
-    return summarize_records(ours) | {
-        "refused": sum(r["refused"] for r in ours),
-        "failures": [f"fall {r['fall']}: {r['reason']}" for r in ours if not r["stood"]],
     }

@@ -7,10 +7,11 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
+import msgspec
 import numpy as np
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
@@ -22,8 +23,9 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
-from humanoid_getup.experiments.judging.summary import summarize
+from humanoid_getup.experiments.judging.summary import Quantiles, summarize
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
@@ -58,6 +60,53 @@ class FaultTrial:
     believed_wrong: int
     holds: int
     """Cycles that the guard bridged by holding."""
+
+
+class SafetySummary(msgspec.Struct, frozen=True, kw_only=True):
+    """How plays with a fault ended, and when the robot was safe [s]."""
+
+    n: int
+    succeeded: int = 0
+    endings: dict[str, int]
+    safe_s: Quantiles
+    safe_max_s: float | None
+    never_safe: int
+    beyond_limits: int
+    believed_wrong: int = 0
+
+    @classmethod
+    def of(cls, safe: Sequence[float | None], **others: Any) -> Self:
+        """Summarize the times until robots were safe; ``others`` are the other fields."""
+        return cls(
+            safe_s=summarize(safe),
+            safe_max_s=max((s for s in safe if s is not None), default=None),
+            never_safe=sum(s is None for s in safe),
+            **others,
+        )
+
+
+class FaultSummary(SafetySummary, frozen=True, kw_only=True):
+    """How plays with an injected fault ended."""
+
+    reasons: dict[str, int]
+    holds: int
+
+
+class KillSummary(SafetySummary, frozen=True, kw_only=True):
+    """How robots stopped whose program was killed."""
+
+    tripped: int
+    """Times that the bus watchdog of every servo had tripped."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KillTrial:
+    """One client that was killed."""
+
+    stop: float | None
+    """Time from the kill until torque was off or the servos held [s]; ``None`` for never."""
+    tripped: bool
+    beyond_limits: int
 
 
 @dataclass
@@ -168,8 +217,8 @@ def bench_faults(
     seed: int,
     each: int,
     cases: Mapping[str, FaultCase] = CASES,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+    report: Callable[[FaultSummary], None] = lambda _: None,
+) -> CaseBench[FaultSummary]:
     """Inject each fault several times during a motion on the virtual bus.
 
     Args:
@@ -180,12 +229,12 @@ def bench_faults(
         cases: Faults by name.
         report: Called with the summary of each case.
     """
-    table = {}
+    table: dict[str, FaultSummary] = {}
     for name, case in cases.items():
         trials = [_try(world, motion, case, np.random.default_rng([seed, i])) for i in range(each)]
         table[name] = _summarize(trials)
         report(table[name])
-    return {"name": "faults", "seed": seed, "n": each, "motion": motion.name, "cases": table}
+    return CaseBench(name="faults", seed=seed, n=each, motion=motion.name, cases=table)
 
 
 def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator) -> FaultTrial:
@@ -232,21 +281,19 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
     )
 
 
-def _summarize(trials: list[FaultTrial]) -> dict[str, Any]:
+def _summarize(trials: list[FaultTrial]) -> FaultSummary:
     reasons = Counter(trial.reason.partition(":")[0] for trial in trials)
     safe = [trial.safe for trial in trials if trial.ending != Ending.DONE.name.lower()]
-    return {
-        "n": len(trials),
-        "succeeded": sum(trial.succeeded for trial in trials),
-        "endings": dict(Counter(trial.ending for trial in trials)),
-        "reasons": dict(reasons),
-        "safe_s": summarize(safe),
-        "safe_max_s": max((s for s in safe if s is not None), default=None),
-        "never_safe": sum(s is None for s in safe),
-        "beyond_limits": sum(trial.beyond_limits for trial in trials),
-        "believed_wrong": sum(trial.believed_wrong for trial in trials),
-        "holds": sum(trial.holds for trial in trials),
-    }
+    return FaultSummary.of(
+        safe,
+        n=len(trials),
+        succeeded=sum(trial.succeeded for trial in trials),
+        endings=dict(Counter(trial.ending for trial in trials)),
+        reasons=dict(reasons),
+        beyond_limits=sum(trial.beyond_limits for trial in trials),
+        believed_wrong=sum(trial.believed_wrong for trial in trials),
+        holds=sum(trial.holds for trial in trials),
+    )
 
 
 MAX_START_TIME = 30.0  # s until the client has switched torque on
@@ -261,15 +308,15 @@ def bench_kill(
     *,
     seed: int,
     each: int,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+    report: Callable[[KillTrial], None] = lambda _: None,
+) -> CaseBench[KillSummary]:
     """Kill a client (SIGKILL) ``each`` times in the middle of a rise; time the stop.
 
     The client plays the motion, from its own start, on a real-time bus. ``seed`` is that of the
     times; ``report`` is called with the figures of each kill.
     """
     rng = np.random.default_rng(seed)
-    trials: list[dict[str, Any]] = []
+    trials: list[KillTrial] = []
     refused = 0
     while len(trials) < each:
         trial = _kill_once(world, motion, float(rng.uniform(*KILL_WINDOW)))
@@ -280,23 +327,17 @@ def bench_kill(
         refused += 1
         if refused > each:
             raise RuntimeError("the client does not switch its robot's torque on")
-    stops = [trial["stop_s"] for trial in trials]
-    case = {
-        "n": each,
-        "succeeded": 0,
-        "endings": {"killed": each, "never began": refused},
-        "tripped": sum(bool(trial["tripped"]) for trial in trials),
-        "safe_s": summarize(stops),
-        "safe_max_s": max((s for s in stops if s is not None), default=None),
-        "never_safe": sum(stop is None for stop in stops),
-        "beyond_limits": sum(int(trial["beyond_limits"]) for trial in trials),
-        "believed_wrong": 0,
-    }
-    name = "client killed (SIGKILL)"
-    return {"name": "kill", "seed": seed, "n": each, "cases": {name: case}}
+    case = KillSummary.of(
+        [trial.stop for trial in trials],
+        n=each,
+        endings={"killed": each, "never began": refused},
+        tripped=sum(trial.tripped for trial in trials),
+        beyond_limits=sum(trial.beyond_limits for trial in trials),
+    )
+    return CaseBench(name="kill", seed=seed, n=each, cases={"client killed (SIGKILL)": case})
 
 
-def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | None:
+def _kill_once(world: World, motion: Motion, share: float) -> KillTrial | None:
     """Kill a client; ``None`` if it never started, as on an overloaded machine."""
     robot = world.robot
     virtual = VirtualRobot(Simulation(world))
@@ -317,11 +358,11 @@ def _kill_once(world: World, motion: Motion, share: float) -> dict[str, Any] | N
         tripped = ports.main.call(
             lambda: all(servo.peek("bus_watchdog") < 0 for servo in virtual.servos)
         )
-    return {
-        "stop_s": trace.find_safe_time(killed),
-        "tripped": tripped,
-        "beyond_limits": trace.count_beyond_limits(),
-    }
+    return KillTrial(
+        stop=trace.find_safe_time(killed),
+        tripped=tripped,
+        beyond_limits=trace.count_beyond_limits(),
+    )
 
 
 def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> bool:

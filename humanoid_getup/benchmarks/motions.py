@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
+from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
@@ -29,17 +30,26 @@ LIMITS = np.array([4.1, 3.5, 3.0, 2.5, 2.2, 2.0, 1.8, 1.6, 1.5, 1.4, 1.3, 1.2, 1
 shares."""
 
 
-FIGURES = (
-    "stand_time_s",
-    "head_impact_m_s",
-    "torso_impact_m_s",
-    "peak_torque_nm",
-    "rms_torque_nm",
-    "peak_velocity_rad_s",
-    "self_collisions",
-    "limit_violations",
-)
-"""What is told of the undisturbed play."""
+class MotionSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """How a motion ends undisturbed, and how often it succeeds disturbed."""
+
+    start_class: str
+    end_class: str
+    strategy: str
+    succeeded: bool
+    stand_time_s: float | None
+    head_impact_m_s: float | None
+    torso_impact_m_s: float | None
+    peak_torque_nm: float
+    rms_torque_nm: float
+    peak_velocity_rad_s: float
+    self_collisions: int
+    limit_violations: int
+    clips: int
+    lowest_torque_limit_nm: float | None
+    disturbed_n: int
+    disturbed_succeeded: int
+    disturbed_interval_95: tuple[float, float]
 
 
 def bench_motions(
@@ -48,51 +58,43 @@ def bench_motions(
     *,
     seed: int,
     each: int = 50,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+    report: Callable[[MotionSummary], None] = lambda _: None,
+) -> CaseBench[MotionSummary]:
     """Play each motion undisturbed, under falling torque limits, and ``each`` times disturbed.
 
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
     """
-    cases = {}
+    cases: dict[str, MotionSummary] = {}
     for number, motion in enumerate(motions):
-        record = bench_motion(world, motion, number, seed=seed, each=each)
-        cases[motion.name] = record
-        report({"motion": motion.name, **record})
-    return {"name": "motions", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
+        cases[motion.name] = bench_motion(world, motion, number, seed=seed, each=each)
+        report(cases[motion.name])
+    return CaseBench(name="motions", seed=seed, n=each, robot=world.robot.name, cases=cases)
 
 
 def bench_motion(
     world: World, motion: Motion, number: int, *, seed: int, each: int
-) -> dict[str, Any]:
-    """Play one of several motions, by its number, as `bench_motions` does; return its record."""
+) -> MotionSummary:
+    """Play one of several motions, by its number, as `bench_motions` does."""
     start = settle_posture(world, motion.posture(0))
-    record = _play_once(world, motion, start)
-    record["lowest_torque_limit_nm"] = find_lowest_limit(world, motion, start)
-    rng = np.random.default_rng([seed, number])
-    succeeded = sum(_play_disturbed(world, motion, start, each, rng))
-    return record | {
-        "disturbed_n": each,
-        "disturbed_succeeded": succeeded,
-        "disturbed_interval_95": wilson_interval(succeeded, each),
-    }
-
-
-def _play_once(world: World, motion: Motion, start: Array) -> dict[str, Any]:
-    robot = world.robot
     twin = Twin(world)
-    twin.place(read_posture(robot, world.model, start))
+    twin.place(read_posture(world.robot, world.model, start))
     run, outcome = _play(twin, world, motion)
     figures = outcome.figures()
-    return {
-        "start_class": motion.start_class,
-        "end_class": motion.end_class,
-        "strategy": motion.strategy,
-        "succeeded": bool(ends_as_meant(motion, outcome)),
-        **{key: figures[key] for key in FIGURES},
-        "clips": run.clips.total,
-    }
+    rng = np.random.default_rng([seed, number])
+    succeeded = sum(_play_disturbed(world, motion, start, each, rng))
+    return MotionSummary(
+        start_class=motion.start_class,
+        end_class=motion.end_class,
+        strategy=motion.strategy,
+        succeeded=bool(ends_as_meant(motion, outcome)),
+        clips=run.clips.total,
+        lowest_torque_limit_nm=find_lowest_limit(world, motion, start),
+        disturbed_n=each,
+        disturbed_succeeded=succeeded,
+        disturbed_interval_95=wilson_interval(succeeded, each),
+        **{key: figures[key] for key in MotionSummary.__struct_fields__ if key in figures},
+    )
 
 
 def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:

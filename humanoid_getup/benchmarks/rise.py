@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from drivers import Twin
+from humanoid_getup.benchmarks.bench_result import CaseBench, MethodSummary, RiseBench
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judging.summary import summarize, summarize_records
+from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, summarize
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
@@ -28,30 +30,36 @@ Report = Callable[[dict[str, Any]], None]
 
 def bench_rise(
     strategy: PlannedRise, *, seed: int, each: int = 20, report: Report = lambda _: None
-) -> dict[str, Any]:
+) -> RiseBench:
     """Rise by plans from ``each`` settled falls of every class on the twin."""
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
     records = rise_all(strategy, falls, seed, {}, report, preflight=strategy.options.filtering)
+    return RiseBench(
+        name="rise",
+        seed=seed,
+        n=len(records),
+        robot=strategy.world.robot.name,
+        scene=strategy.world.scene.name,
+        torque_limit_nm=strategy.torque_limit.value,
+        limit_by=strategy.torque_limit.by,
+        planning=strategy.options.planning,
+        filtering=strategy.options.filtering,
+        assistance=strategy.options.assistance,
+        prefer=strategy.prefer,
+        search_budget_s=strategy.search_budget,
+        classes=summarize_classes(records, BENCH_CLASSES),
+        all=RiseSummary.of(records),
+        rises=records,
+    )
+
+
+def summarize_classes(
+    records: list[dict[str, Any]], classes: Sequence[str]
+) -> dict[str, RiseSummary]:
+    """Summarize the rises of each class."""
     return {
-        "name": "rise",
-        "seed": seed,
-        "n": len(records),
-        "robot": strategy.world.robot.name,
-        "scene": strategy.world.scene.name,
-        "torque_limit_nm": strategy.torque_limit.value,
-        "limit_by": strategy.torque_limit.by,
-        "planning": strategy.options.planning,
-        "filtering": strategy.options.filtering,
-        "assistance": strategy.options.assistance,
-        "prefer": strategy.prefer,
-        "search_budget_s": strategy.search_budget,
-        "classes": {
-            name: summarize_records([r for r in records if r["bench_class"] == name])
-            for name in BENCH_CLASSES
-        },
-        "all": summarize_records(records),
-        "rises": records,
+        name: RiseSummary.of([r for r in records if r["bench_class"] == name]) for name in classes
     }
 
 
@@ -62,7 +70,7 @@ def bench_methods(
     each: int,
     heat: bool = True,
     report: Report = lambda _: None,
-) -> dict[str, Any]:
+) -> CaseBench[MethodSummary]:
     """Get up from the same settled falls by several strategies, on the twin.
 
     Args:
@@ -74,24 +82,24 @@ def bench_methods(
     """
     first = next(iter(strategies.values()))
     falls = _sample(first.world, each, seed)
-    cases = {}
+    cases: dict[str, MethodSummary] = {}
     for name, strategy in strategies.items():
         records = rise_all(strategy, falls, seed, {"way": name}, report)
-        cases[name] = summarize_records(records)
+        hottest: Quantiles | UnsetType = UNSET
         if heat:
             rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
-            hottest = [_heat_up(strategy, row, seed) for row in rows]
-            cases[name]["hottest_after_ten_rises_c"] = summarize(hottest)
-    return {
-        "name": "methods",
-        "seed": seed,
-        "n": len(falls),
-        "robot": first.world.robot.name,
-        "scene": first.world.scene.name,
-        "torque_limit_nm": first.torque_limit.value,
-        "limit_by": first.torque_limit.by,
-        "cases": cases,
-    }
+            hottest = summarize(_heat_up(strategy, row, seed) for row in rows)
+        cases[name] = MethodSummary.of(records, hottest_after_ten_rises_c=hottest)
+    return CaseBench(
+        name="methods",
+        seed=seed,
+        n=len(falls),
+        robot=first.world.robot.name,
+        scene=first.world.scene.name,
+        torque_limit_nm=first.torque_limit.value,
+        limit_by=first.torque_limit.by,
+        cases=cases,
+    )
 
 
 def _sample(world: World, each: int, seed: int) -> list[Fall]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
 from humanoid_getup.benchmarks.rise import rise_from
-from humanoid_getup.experiments.judging.summary import summarize_records
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
 from humanoid_getup.simulation.world import World
@@ -76,7 +76,7 @@ def bench_scenes(
     each: int,
     scenes: Sequence[str] = SCENES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> CaseBench[RefusableSummary]:
     """Get up once from the same falls in every scene, by every way, on the twin.
 
     Args:
@@ -99,21 +99,15 @@ def bench_scenes(
                     records.append(rise.record() | {"refused": rise.run is None} | label)
                     report(records[-1])
                 number += 1
-    return {
-        "name": "scenes",
-        "seed": seed,
-        "n": each,
-        "robot": robot.name,
-        "cases": {
-            f"{scene}: {way}": _summarize(records, scene, way) for scene in scenes for way in ways
+    return CaseBench(
+        name="scenes",
+        seed=seed,
+        n=each,
+        robot=robot.name,
+        cases={
+            f"{scene}: {way}": RefusableSummary.select(records, scene, way)
+            for scene in scenes
+            for way in ways
         },
-        "rises": records,
-    }
-
-
-def _summarize(records: list[dict[str, Any]], scene: str, way: str) -> dict[str, Any]:
-    ours = [r for r in records if r["case"] == scene and r["way"] == way]
-    return summarize_records(ours) | {
-        "refused": sum(r["refused"] for r in ours),
-        "failures": [f"fall {r['fall']}: {r['reason']}" for r in ours if not r["stood"]],
-    }
+        rises=records,
+    )

@@ -5,18 +5,19 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from drivers import Twin
+from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.keep_stand import keep_stand
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.disturbances.distributions import draw
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
-from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
+from humanoid_getup.experiments.judging.summary import Quantiles, summarize, wilson_interval
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
@@ -40,13 +41,28 @@ class DisturbedStand:
     """[V]"""
 
 
+class SitSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """How many ways down succeeded, and how hard they were."""
+
+    n: int
+    succeeded: int
+    interval_95: tuple[float, float]
+    head_impact_m_s: Quantiles
+    head_impact_max_m_s: float | None
+    torso_impact_m_s: Quantiles
+    torso_impact_max_m_s: float | None
+    peak_torque_nm: Quantiles
+    rms_torque_nm: Quantiles
+    failures: list[str]
+
+
 def bench_sit(
     world: World,
     *,
     seed: int,
     each: int,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
+    report: Callable[[AfterStand], None] = lambda _: None,
+) -> CaseBench[SitSummary]:
     """Sit and lie down from the same stands under each torque limit, as `getup sit` does.
 
     Joints are disturbed by 3 deg (standard deviation), the heading is anywhere, friction is 0.4
@@ -60,9 +76,9 @@ def bench_sit(
         results = []
         for stand in stands:
             results.append(_sit(world, stand, limit))
-            report(results[-1].record())
+            report(results[-1])
         cases[name] = _summarize(results)
-    return {"name": "sit", "seed": seed, "n": each, "robot": world.robot.name, "cases": cases}
+    return CaseBench(name="sit", seed=seed, n=each, robot=world.robot.name, cases=cases)
 
 
 def _sample_stand(world: World, rng: np.random.Generator) -> DisturbedStand:
@@ -93,22 +109,22 @@ def _sit(world: World, stand: DisturbedStand, limit: TorqueLimit) -> AfterStand:
     return keep_stand(twin, place, torque_limit=limit, options=options)
 
 
-def _summarize(results: list[AfterStand]) -> dict[str, Any]:
+def _summarize(results: list[AfterStand]) -> SitSummary:
     succeeded = sum(result.succeeded for result in results)
     judged = [r.way_down.outcome.figures() for r in results if r.way_down and r.way_down.outcome]
-    return {
-        "n": len(results),
-        "succeeded": succeeded,
-        "interval_95": wilson_interval(succeeded, len(results)),
-        "head_impact_m_s": summarize([run["head_impact_m_s"] for run in judged]),
-        "head_impact_max_m_s": _find_most(judged, "head_impact_m_s"),
-        "torso_impact_m_s": summarize([run["torso_impact_m_s"] for run in judged]),
-        "torso_impact_max_m_s": _find_most(judged, "torso_impact_m_s"),
-        "peak_torque_nm": summarize([run["peak_torque_nm"] for run in judged]),
-        "rms_torque_nm": summarize([run["rms_torque_nm"] for run in judged]),
-        "failures": [result.reason for result in results if not result.succeeded],
-    }
-
-
-def _find_most(judged: list[dict[str, Any]], figure: str) -> float | None:
-    return max((run[figure] or 0.0 for run in judged), default=None)
+    head, torso, peak, rms = (
+        [run[figure] for run in judged]
+        for figure in ("head_impact_m_s", "torso_impact_m_s", "peak_torque_nm", "rms_torque_nm")
+    )
+    return SitSummary(
+        n=len(results),
+        succeeded=succeeded,
+        interval_95=wilson_interval(succeeded, len(results)),
+        head_impact_m_s=summarize(head),
+        head_impact_max_m_s=max((speed or 0.0 for speed in head), default=None),
+        torso_impact_m_s=summarize(torso),
+        torso_impact_max_m_s=max((speed or 0.0 for speed in torso), default=None),
+        peak_torque_nm=summarize(peak),
+        rms_torque_nm=summarize(rms),
+        failures=[result.reason for result in results if not result.succeeded],
+    )

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from drivers import Command, SafetyGuard, State, run
@@ -20,6 +20,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import wilson_interval
@@ -95,13 +96,40 @@ class SoakCounts:
     """Resident memory after each round [MiB]."""
 
 
+class SoakSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """What was counted on the bus, and how the process grew."""
+
+    n: int
+    bus_s: float
+    wall_s: float
+    faster_than_real_time: float
+    stood: int
+    stood_interval_95: tuple[float, float]
+    attempts: int
+    lay_down: int
+    failures: list[str]
+    cycles: int
+    unexplained_s: float
+    packets: int
+    unanswered: int
+    driver_lost: int
+    driver_damaged: int
+    driver_stale: int
+    oldest_value_s: float
+    holds: int
+    clips: int
+    eeprom_writes: int
+    memory_mib: tuple[float, float]
+    memory_mib_per_hour: float
+
+
 def bench_soak(
     planner: PlannedRise,
     *,
     seed: int,
     duration: float,
     report: Callable[[float], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> CaseBench[SoakSummary]:
     """Rise, hold, lie down, tumble and rise again on a virtual bus in lock-step.
 
     Args:
@@ -129,39 +157,32 @@ def bench_soak(
         line, passed = ports.main.statistics, ports.main.time - time_before
     wall = time.perf_counter() - began
     explained = driver.writes * driver.period + line.unanswered * QUIET
-    low, high = wilson_interval(counts.stood, counts.rises)
     settled = counts.memory[len(counts.memory) // 5 :]  # caches fill in the first rounds
-    return {
-        "name": "soak",
-        "seed": seed,
-        "n": counts.rises,
-        "cases": {
-            "soak": {
-                "n": counts.rises,
-                "bus_s": passed,
-                "wall_s": wall,
-                "faster_than_real_time": passed / wall,
-                "stood": counts.stood,
-                "stood_interval_95": [low, high],
-                "attempts": counts.attempts,
-                "lay_down": counts.lay_down,
-                "failures": counts.reasons,
-                "cycles": driver.writes,
-                "unexplained_s": passed - explained,
-                "packets": line.packets,
-                "unanswered": line.unanswered,
-                "driver_lost": driver.statistics["main"].lost,
-                "driver_damaged": driver.statistics["main"].damaged,
-                "driver_stale": driver.statistics["main"].stale,
-                "oldest_value_s": driver.oldest,
-                "holds": counts.holds,
-                "clips": counts.clips,
-                "eeprom_writes": driver.eeprom_writes,
-                "memory_mib": [settled[0], settled[-1]],
-                "memory_mib_per_hour": _slope(settled) * 3600.0 * len(settled) / passed,
-            }
-        },
-    }
+    soak = SoakSummary(
+        n=counts.rises,
+        bus_s=passed,
+        wall_s=wall,
+        faster_than_real_time=passed / wall,
+        stood=counts.stood,
+        stood_interval_95=wilson_interval(counts.stood, counts.rises),
+        attempts=counts.attempts,
+        lay_down=counts.lay_down,
+        failures=counts.reasons,
+        cycles=driver.writes,
+        unexplained_s=passed - explained,
+        packets=line.packets,
+        unanswered=line.unanswered,
+        driver_lost=driver.statistics["main"].lost,
+        driver_damaged=driver.statistics["main"].damaged,
+        driver_stale=driver.statistics["main"].stale,
+        oldest_value_s=driver.oldest,
+        holds=counts.holds,
+        clips=counts.clips,
+        eeprom_writes=driver.eeprom_writes,
+        memory_mib=(settled[0], settled[-1]),
+        memory_mib_per_hour=_slope(settled) * 3600.0 * len(settled) / passed,
+    )
+    return CaseBench(name="soak", seed=seed, n=counts.rises, cases={"soak": soak})
 
 
 def _go_round(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
+import msgspec
 import mujoco
 import numpy as np
 
+from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.filtering.candidate import Candidate
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
@@ -22,9 +23,16 @@ from robots.quaternion import Array
 SPEED = 3.0  # rad/s
 
 
+class FilterSpeed(msgspec.Struct, frozen=True, kw_only=True):
+    """Speed of the filter, as a share of a bare loop's."""
+
+    n: int
+    filter_over_bare_steps_per_s: float
+
+
 def bench_filter(
     world: World, database: MotionDatabase, *, seed: int, repeats: int = 5
-) -> dict[str, Any]:
+) -> CaseBench[FilterSpeed]:
     """Time the filter's simulation and a loop of ``mj_step`` over the same rises.
 
     Both step the same model through the same targets. The case ``one_thread`` compares
@@ -38,15 +46,15 @@ def bench_filter(
                 _compare(world, database.select(f.posture, 3), f.posture, threads) for f in falls
             ]
             cases[key].append(float(np.median(ratios)))
-    return {
-        "name": "filter",
-        "seed": seed,
-        "n": repeats * len(falls),
-        "cases": {
-            key: {"n": len(v), "filter_over_bare_steps_per_s": float(np.median(v))}
+    return CaseBench(
+        name="filter",
+        seed=seed,
+        n=repeats * len(falls),
+        cases={
+            key: FilterSpeed(n=len(v), filter_over_bare_steps_per_s=float(np.median(v)))
             for key, v in cases.items()
         },
-    }
+    )
 
 
 def _compare(world: World, connections: list[Connection], start: Posture, threads: int) -> float:

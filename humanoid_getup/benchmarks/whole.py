@@ -10,25 +10,29 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
+from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import bench_disturbed
-from humanoid_getup.benchmarks.motions import bench_motion
-from humanoid_getup.benchmarks.part import Part
-from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from
+from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
+from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult
+from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from, summarize_classes
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
 from humanoid_getup.benchmarks.world_change import WorldChange
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.judging.summary import COUNTED, SUMMARIZED, summarize_records
+from humanoid_getup.experiments.judging.summary import COUNTED, SUMMARIZED, RiseSummary
 from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots.servo import LimitMode
 
 CASES = (
     "nominal",
@@ -64,6 +68,43 @@ class FallsByClass:
     classes: tuple[str, ...]
     missing: dict[str, str]
     """Classes in which the robot does not come to lie, and why they were left out."""
+
+
+class CapSummary(RiseSummary, frozen=True, kw_only=True):
+    """The rises of a method under a cap, over all and by class."""
+
+    method: str
+    cap: str
+    share_of_stall: float
+    torque_limit_nm: float | None
+    limit_by: LimitMode | None
+    classes: dict[str, RiseSummary]
+
+
+class Pictures(msgspec.Struct, frozen=True, kw_only=True):
+    """Files with pictures of a benchmark."""
+
+    plot: str | None = None
+    strips: dict[str, str] = {}
+    """Film strip of a rise of each class."""
+    method: str | UnsetType = UNSET
+    """Whose rises are drawn."""
+    reason: str = ""
+    """Why there are no strips."""
+
+
+class WholeBench(CaseBench[CapSummary], frozen=True, kw_only=True):
+    """The results of all parts."""
+
+    missing_classes: dict[str, str]
+    motions: dict[str, MotionSummary]
+    disturbed: dict[str, RefusableSummary]
+    notes: list[str]
+    """What was not measured, and why."""
+    command: str
+    """Command line that repeats it."""
+    conditions: Conditions
+    pictures: Pictures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,10 +150,11 @@ class Whole:
                         torque_limit_nm=cap.limit.value,
                         limit_by=cap.limit.by,
                     ),
+                    kind=MethodRises,
                     run=partial(self._rise, method, cap),
                 )
 
-    def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> dict[str, Any]:
+    def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> MethodRises:
         falls = self.falls
         records = rise_all(
             method.make(cap.limit),
@@ -124,19 +166,20 @@ class Whole:
             preflight=method.preflight,
         )
         kept = [{key: record.get(key) for key in KEPT} for record in records]
-        return {"classes": falls.classes, "missing": falls.missing, "rises": kept}
+        return MethodRises(classes=falls.classes, missing=falls.missing, rises=kept)
 
     def _motion_parts(self) -> Iterator[Part]:
-        def play(motion: Motion, number: int, report: Report) -> dict[str, Any]:
-            record = bench_motion(self.world, motion, number, seed=self.seed, each=self.each)
-            report(record)
-            return record
+        def play(motion: Motion, number: int, report: Report) -> MotionSummary:
+            summary = bench_motion(self.world, motion, number, seed=self.seed, each=self.each)
+            report({})
+            return summary
 
         for number, motion in enumerate(self.motions):
             yield Part(
                 name=f"{PLAYED}{motion.name}",
                 count=1,
                 depends=self._depend(motion=_hash(motion.joint_target, motion.time)),
+                kind=MotionSummary,
                 run=partial(play, motion, number),
             )
 
@@ -145,7 +188,7 @@ class Whole:
             return
         planner, each = self.planner, -(-self.each // FEWER)
 
-        def rise(case: str, report: Report) -> dict[str, Any]:
+        def rise(case: str, report: Report) -> DisturbedRises:
             chosen = {case: self.disturbances[case]}
             result = bench_disturbed(
                 planner,
@@ -156,7 +199,7 @@ class Whole:
                 disturbances=chosen,
                 report=report,
             )
-            return {"cases": result["cases"]}
+            return DisturbedRises(cases=result.cases)
 
         by_name = {method.name: method.fingerprint for method in self.methods}
         for case, disturbance in self.disturbances.items():
@@ -164,10 +207,11 @@ class Whole:
                 name=f"{DISTURBED}{case}",
                 count=each * len(CLASSES) * (2 + len(self.policies)),
                 depends=self._depend(disturbance=repr(disturbance), **by_name),
+                kind=DisturbedRises,
                 run=partial(rise, case),
             )
 
-    def _depend(self, **others: Any) -> dict[str, Any]:
+    def _depend(self, **others: object) -> dict[str, object]:
         world = hashlib.sha256(self.world.content).hexdigest()
         return {"world": world, "seed": self.seed, "n": self.each, **others}
 
@@ -200,49 +244,45 @@ def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:
     return FallsByClass(falls=falls, classes=tuple(found), missing=missing)
 
 
-def summarize_parts(whole: Whole, results: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+def summarize_parts(
+    whole: Whole, results: Mapping[str, PartResult], *, notes: list[str], command: str
+) -> WholeBench:
     """Put the results of all parts together, by the names of the parts."""
-    rises = {
-        name_rises(method.name, cap): {
-            "method": method.name,
-            "cap": cap.name,
-            "share_of_stall": cap.share,
-            "torque_limit_nm": cap.limit.value,
-            "limit_by": cap.limit.by,
-        }
-        for cap in whole.caps
-        for method in whole.methods
-    }
-    return {
-        "name": "all",
-        "robot": whole.world.robot.name,
-        "scene": whole.world.scene.name,
-        "seed": whole.seed,
-        "n": whole.each,
-        "missing_classes": next((results[name]["missing"] for name in rises), {}),
-        "cases": {name: about | _summarize(results[name]) for name, about in rises.items()},
-        "motions": {
-            name.removeprefix(PLAYED): result
-            for name, result in results.items()
-            if name.startswith(PLAYED)
+    rises = {name: one for name, one in results.items() if isinstance(one, MethodRises)}
+    motions = {name: one for name, one in results.items() if isinstance(one, MotionSummary)}
+    disturbed = [one.cases for one in results.values() if isinstance(one, DisturbedRises)]
+    return WholeBench(
+        name="all",
+        robot=whole.world.robot.name,
+        scene=whole.world.scene.name,
+        seed=whole.seed,
+        n=whole.each,
+        missing_classes=next((one.missing for one in rises.values()), {}),
+        cases={
+            name: _summarize(rises[name], method, cap)
+            for cap in whole.caps
+            for method in whole.methods
+            for name in (name_rises(method.name, cap),)
         },
-        "disturbed": {
-            name: case
-            for part, result in results.items()
-            if part.startswith(DISTURBED)
-            for name, case in result["cases"].items()
-        },
-    }
+        motions={name.removeprefix(PLAYED): motion for name, motion in motions.items()},
+        disturbed={name: case for cases in disturbed for name, case in cases.items()},
+        notes=notes,
+        command=command,
+        conditions=describe_conditions(whole.world, whole.caps[0].limit),
+        pictures=Pictures(reason="there is no rise to draw"),
+    )
 
 
-def _summarize(result: dict[str, Any]) -> dict[str, Any]:
-    rises = result["rises"]
-    return summarize_records(rises) | {
-        "classes": {
-            name: summarize_records([rise for rise in rises if rise["bench_class"] == name])
-            for name in result["classes"]
-        }
-    }
+def _summarize(result: MethodRises, method: RiseMethod, cap: TorqueCap) -> CapSummary:
+    return CapSummary.of(
+        result.rises,
+        method=method.name,
+        cap=cap.name,
+        share_of_stall=cap.share,
+        torque_limit_nm=cap.limit.value,
+        limit_by=cap.limit.by,
+        classes=summarize_classes(result.rises, result.classes),
+    )
 
 
 def _hash(*arrays: np.ndarray) -> str:

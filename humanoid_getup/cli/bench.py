@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from rich.table import Table
 
+from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.cli.console import console_for, format_figure, showing
 from humanoid_getup.cli.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.output import write_json
 from humanoid_getup.cli.repeat import hinting
-from humanoid_getup.jobs.benchmark import Figures, benchmark
+from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.requests.bench import PAGE, BenchAll
 from humanoid_getup.jobs.requests.shared import JobRequest
 
@@ -82,19 +83,18 @@ def bench_all(command: BenchAll) -> int:
     return code
 
 
-def hand_over(result: Figures, command: JobRequest) -> int:
+def hand_over(result: BenchHead, command: JobRequest) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.
     """
     write_json(result, command)
-    cases = result.get("classes") or result["cases"]
-    figures = FIGURES[result["name"]]
+    figures = FIGURES[result.name]
     headings = [HEADINGS[figure] for figure in figures]
-    table = Table(result["name"], *headings, box=None, header_style="bold")
-    for name, case in cases.items():
-        table.add_row(name, *(format_figure(case.get(figure)) for figure in figures))
+    table = Table(result.name, *headings, box=None, header_style="bold")
+    for name, case in result.table.items():
+        table.add_row(name, *(format_figure(getattr(case, figure)) for figure in figures))
     console_for(command).print(table)
     harms = ("beyond_limits", "believed_wrong", "never_safe")
-    harmed = any(case.get(harm) for case in cases.values() for harm in harms)
+    harmed = any(getattr(case, harm, 0) for case in result.table.values() for harm in harms)
     return DID_NOT_STAND if harmed else DID_IT

@@ -135,10 +135,10 @@ def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:
 
 def format_figure(value: Any) -> str:
     """Write a figure, an interval, counts, or a median with its 95th percentile, for people."""
-    if isinstance(value, dict) and "median" not in value:
-        return ", ".join(f"{count} {name}" for name, count in value.items())
     if isinstance(value, dict):
-        return f"{format_figure(value['median'])} (p95 {format_figure(value['p95'])})"
+        return ", ".join(f"{count} {name}" for name, count in value.items())
+    if hasattr(value, "p95"):
+        return f"{format_figure(value.median)} (p95 {format_figure(value.p95)})"
     if isinstance(value, list | tuple):
         return " to ".join(map(format_figure, value))
     if not isinstance(value, float):

@@ -7,6 +7,7 @@ from typing import Any
 from humanoid_getup.cli.console import console_for, showing
 from humanoid_getup.cli.exit_codes import DID_IT
 from humanoid_getup.cli.output import write_json
+from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.evaluate_policy import evaluate as judge
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 
@@ -59,7 +60,7 @@ def _tabulate(figures: dict[str, Any]) -> str:
     )
 
 
-def _format_spread(spread: dict[str, float | None]) -> str:
+def _format_spread(spread: Quantiles) -> str:
     """Write a median and, in parentheses, a 95th percentile; a dash for none."""
-    median, p95 = spread["median"], spread["p95"]
+    median, p95 = spread.median, spread.p95
     return "-" if median is None or p95 is None else f"{median:.2f} ({p95:.2f})"

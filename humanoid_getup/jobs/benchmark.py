@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from msgspec.structs import replace
+
 from humanoid_getup.benchmarks import (
     disturbed,
     fault_injection,
@@ -16,6 +18,7 @@ from humanoid_getup.benchmarks import (
     soak,
     speed,
 )
+from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
 from humanoid_getup.jobs.measure_robot import measure_robot
@@ -45,13 +48,10 @@ from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Body, Robot
 
-Figures = dict[str, Any]
-"""Name, seed and n of a benchmark, and the figures of each class or case."""
-
 
 def benchmark(
     request: JobRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> Figures:
+) -> BenchHead:
     """Run the benchmark of a request of `jobs.requests.bench`.
 
     Raises:
@@ -67,11 +67,11 @@ def benchmark(
         run = next(run for kind, run in BENCHMARKS.items() if isinstance(request, kind))
         result = run(request, monitor)
     if isinstance(request, BodyOption):
-        result |= {"body": str(Body.parse(request.body))}
+        return replace(result, body=str(Body.parse(request.body)))
     return result
 
 
-def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> Figures:
+def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> BenchHead:
     """Rise from many settled falls."""
     world, database = _load(request)
     planner = PlannedRise(
@@ -90,7 +90,7 @@ def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> Figures:
     return _count(request, monitor, rise.bench_rise, planner, count=rises, of="rises")
 
 
-def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> Figures:
+def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans and policies on the same falls."""
     world, database = _load(request)
     limit = make_torque_limit(request, world.robot)
@@ -103,7 +103,7 @@ def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> Figures:
     return _count(request, monitor, rise.bench_methods, strategies, count=rises, of="rises")
 
 
-def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> Figures:
+def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans, with and without feedback, and policies in disturbed worlds."""
     world, database = _load(request)
     limit = make_torque_limit(request, world.robot)
@@ -115,13 +115,13 @@ def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> Figur
     rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
     planner = PlannedRise(world, database, torque_limit=limit)
 
-    def bench(planner: PlannedRise, **options: Any) -> Figures:
+    def bench(planner: PlannedRise, **options: Any) -> BenchHead:
         return disturbed.bench_disturbed(planner, policies, disturbances=cases, **options)
 
     return _count(request, monitor, bench, planner, count=rises, of="rises")
 
 
-def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> Figures:
+def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans, policies and stored motions in every scene."""
     with refusing():
         robot = load_robot(request)
@@ -140,20 +140,20 @@ def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> Figures:
     ways = {name: make_way(name) for name in request.ways}
     count = len(names) * len(ways) * request.n
 
-    def bench(robot: Robot, **options: Any) -> Figures:
+    def bench(robot: Robot, **options: Any) -> BenchHead:
         return scenes.bench_scenes(robot, ways, scenes=names, **options)
 
     return _count(request, monitor, bench, robot, count=count, of="rises")
 
 
-def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> Figures:
+def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> BenchHead:
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(request)
     own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
     return _count(request, monitor, motions.bench_motions, world, own, count=len(own), of="motions")
 
 
-def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> Figures:
+def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> BenchHead:
     """Sit and lie down from many disturbed stands."""
     world = load_world(request)
     with refusing():
@@ -162,14 +162,14 @@ def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> Figures:
     return _count(request, monitor, sit.bench_sit, world, count=count, of="stands")
 
 
-def _bench_filter(request: BenchFilter, monitor: ProgressMonitor) -> Figures:
+def _bench_filter(request: BenchFilter, monitor: ProgressMonitor) -> BenchHead:
     """Compare the speed of the filter's simulation with bare physics."""
     world, database = _load(request)
     monitor.begin("filtering")
     return speed.bench_filter(world, database, seed=request.seed, repeats=request.n)
 
 
-def _bench_faults(request: BenchFaults, monitor: ProgressMonitor) -> Figures:
+def _bench_faults(request: BenchFaults, monitor: ProgressMonitor) -> BenchHead:
     """Inject each kind of fault in the middle of a motion, or of a held stand."""
     world, cases = load_world(request), len(fault_injection.CASES)
     robot, is_stand = world.robot, request.motion == STANDING
@@ -179,7 +179,7 @@ def _bench_faults(request: BenchFaults, monitor: ProgressMonitor) -> Figures:
     )
 
 
-def _bench_kill(request: BenchKill, monitor: ProgressMonitor) -> Figures:
+def _bench_kill(request: BenchKill, monitor: ProgressMonitor) -> BenchHead:
     """Kill the program in the middle of a rise."""
     world = load_world(request)
     motion = find_motion(world.robot, request.motion)
@@ -188,14 +188,14 @@ def _bench_kill(request: BenchKill, monitor: ProgressMonitor) -> Figures:
     )
 
 
-def _bench_soak(request: BenchSoak, monitor: ProgressMonitor) -> Figures:
+def _bench_soak(request: BenchSoak, monitor: ProgressMonitor) -> BenchHead:
     """Rise, hold, lie down, tumble and rise again for a time on the bus."""
     planner = PlannedRise(*_load(request))
     count = monitor.count("bus time [s]", round(request.duration))
     return soak.bench_soak(planner, seed=request.seed, duration=request.duration, report=count)
 
 
-BENCHMARKS: dict[type[JobRequest], Callable[[Any, ProgressMonitor], Figures]] = {
+BENCHMARKS: dict[type[JobRequest], Callable[[Any, ProgressMonitor], BenchHead]] = {
     BenchRise: _bench_rise,
     BenchMethods: _bench_methods,
     BenchDisturbed: _bench_disturbed,
@@ -213,11 +213,11 @@ BENCHMARKS: dict[type[JobRequest], Callable[[Any, ProgressMonitor], Figures]] = 
 def _count(
     request: Any,
     monitor: ProgressMonitor,
-    bench: Callable[..., Figures],
+    bench: Callable[..., BenchHead],
     *subjects: Any,
     count: int,
     of: str,
-) -> Figures:
+) -> BenchHead:
     """Run a benchmark that reports each of a number of steps."""
     advance = monitor.count(of, count)
     return bench(*subjects, seed=request.seed, each=request.n, report=lambda _: advance(1))

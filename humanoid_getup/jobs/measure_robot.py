@@ -10,14 +10,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from msgspec import convert
+from msgspec.structs import replace
+
 from humanoid_getup.benchmarks import disturbed
-from humanoid_getup.benchmarks.part import Part
+from humanoid_getup.benchmarks.part import MethodRises, Part, PartResult
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import QUICK_SHARES, SHARES, make_caps
 from humanoid_getup.benchmarks.whole import (
     CASES,
     QUICK_CASES,
+    Pictures,
     Whole,
+    WholeBench,
     name_rises,
     summarize_parts,
 )
@@ -39,7 +44,6 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
-from humanoid_getup.reporting.conditions import describe_conditions
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cached_rise import compute_fingerprint
@@ -52,12 +56,12 @@ from robots.encoding import to_json
 
 RESULT = "result"
 """What the ledger of a part calls its result."""
-Results = dict[str, dict[str, Any]]
+Results = dict[str, PartResult]
 
 
 def measure_robot(
     request: BenchAll, report: Report | None = None, cancel: Cancel | None = None
-) -> dict[str, Any]:
+) -> WholeBench:
     """Run the whole benchmark, or go on with it; write its page; return its figures.
 
     Raises:
@@ -71,13 +75,12 @@ def measure_robot(
         world = World(load_robot(request))
         whole = _load_whole(request, world)
     results = _run_parts(request, whole, monitor)
-    result = summarize_parts(whole, results)
-    result["notes"] = _list_notes(world.robot, whole)
-    result["command"] = _write_command(request)
-    result["conditions"] = describe_conditions(world, whole.caps[0].limit)
+    notes = _list_notes(world.robot, whole)
+    result = summarize_parts(whole, results, notes=notes, command=_write_command(request))
     monitor.begin("drawing")
     with staging(request.out, WHOLE_ARTEFACTS) as folder:
-        result["pictures"] = _draw(whole, results, result, folder, monitor.begin)
+        pictures = _draw(whole, results, result, folder, monitor.begin)
+        result = replace(result, pictures=pictures)
         (folder / FIGURES).write_text(to_json(result), "utf-8")
         (folder / PAGE).write_text(write_page(result), "utf-8")
     return result
@@ -181,7 +184,12 @@ def _run_parts(request: BenchAll, whole: Whole, monitor: ProgressMonitor) -> Res
     for part in left:
         with refusing():
             run_part(part, ledgers[part.name], advance)
-    return {name: ledger.done[RESULT] for name, ledger in ledgers.items()}
+    return {part.name: read_result(part, ledgers[part.name]) for part in parts}
+
+
+def read_result(part: Part, ledger: Ledger) -> PartResult:
+    """Return the result of a finished part."""
+    return convert(ledger.done[RESULT], part.kind)
 
 
 def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> None:
@@ -212,16 +220,18 @@ def _list_notes(robot: Robot, whole: Whole) -> list[str]:
 
 
 def _draw(
-    whole: Whole, results: Results, result: dict[str, Any], folder: Path, report: Any
-) -> dict[str, Any]:
+    whole: Whole, results: Results, result: WholeBench, folder: Path, report: Callable[[str], None]
+) -> Pictures:
     """Draw the plot and a rise of each class; return the files, or why there are none."""
     if not whole.methods:
-        return {"plot": None, "strips": {}, "reason": "there is no rise to draw"}
-    save_benchmark(result, folder / PLOT)
+        return result.pictures
+    save_benchmark(list(result.cases.values()), folder / PLOT)
     method, cap = whole.methods[0], whole.caps[0]
     strips: dict[str, str] = {}
     reason = ""
-    for name, number in _choose_rises(results[name_rises(method.name, cap)]).items():
+    rises = results[name_rises(method.name, cap)]
+    chosen = _choose_rises(rises) if isinstance(rises, MethodRises) else {}
+    for name, number in chosen.items():
         report(f"drawing a {name} rise")
         try:
             file = f"strip_{name}.png"
@@ -236,14 +246,14 @@ def _draw(
         except NoRendererError as error:
             reason = str(error)
             break
-    return {"plot": PLOT, "strips": strips, "method": method.name, "reason": reason}
+    return Pictures(plot=PLOT, strips=strips, method=method.name, reason=reason)
 
 
-def _choose_rises(result: dict[str, Any]) -> dict[str, int]:
+def _choose_rises(result: MethodRises) -> dict[str, int]:
     """Choose the first rise of each class that stood, or else the first; by its number."""
-    rises = result["rises"]
+    rises = result.rises
     chosen = {}
-    for name in result["classes"]:
+    for name in result.classes:
         numbers = [k for k, rise in enumerate(rises) if rise["bench_class"] == name]
         chosen[name] = next((k for k in numbers if rises[k]["stood"]), numbers[0])
     return chosen

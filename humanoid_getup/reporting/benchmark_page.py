@@ -6,6 +6,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from humanoid_getup.benchmarks.bench_result import RefusableSummary
+from humanoid_getup.benchmarks.motions import MotionSummary
+from humanoid_getup.benchmarks.whole import CapSummary, WholeBench
+from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
+
 NONE = "–"
 DEFINITIONS = (
     "**Stood**: for 3.0 s without a break, torso tilt at most 15°, neck at least 90 % of its "
@@ -22,52 +27,53 @@ DEFINITIONS = (
 )
 
 
-def write_page(result: Mapping[str, Any]) -> str:
+def write_page(result: WholeBench) -> str:
     """Write the page of a result of `getup bench all`."""
     blocks = [
-        f"# {result['robot']}: getting up, n = {result['n']} falls of each class",
+        f"# {result.robot}: getting up, n = {result.n} falls of each class",
         *_write_notes(result),
         *_write_results(result),
-        *_write_motions(result["motions"], result["n"]),
-        *_write_disturbed(result["disturbed"]),
+        *_write_motions(result.motions, result.n),
+        *_write_disturbed(result.disturbed),
         *_write_pictures(result),
         "## Conditions",
         _write_table(("condition", "value"), _list_conditions(result)),
         "Repeat it, falls and all, with:",
-        f"```\n{result['command']}\n```",
+        f"```\n{result.command}\n```",
         "## Definitions",
         "\n".join(f"- {text}" for text in DEFINITIONS),
     ]
     return "\n\n".join(blocks) + "\n"
 
 
-def _write_notes(result: Mapping[str, Any]) -> list[str]:
-    missing = [
-        f"No fall ends {name}: {reason}." for name, reason in result["missing_classes"].items()
-    ]
-    return [f"**Not measured.** {note}" for note in (*result["notes"], *missing)]
+def _write_notes(result: WholeBench) -> list[str]:
+    missing = [f"No fall ends {name}: {reason}." for name, reason in result.missing_classes.items()]
+    return [f"**Not measured.** {note}" for note in (*result.notes, *missing)]
 
 
-def _write_results(result: Mapping[str, Any]) -> list[str]:
-    cases = result["cases"].values()
+def _write_results(result: WholeBench) -> list[str]:
+    cases = result.cases.values()
     if not cases:
         return []
     columns = ("to stand [s]", "peak [N·m]", "of limit", "RMS [N·m]", "head [m/s]")
     keys = ("stand_time_s", "peak_torque_nm", "torque_use", "rms_torque_nm", "head_impact_m_s")
-    classes = list(dict.fromkeys(name for case in cases for name in case["classes"]))
+    classes = list(dict.fromkeys(name for case in cases for name in case.classes))
     overall = [
-        (case["method"], _name_cap(case), _rate(case), *(_spread(case[key]) for key in keys))
+        (case.method, _name_cap(case), _rate(case), *(_spread(getattr(case, key)) for key in keys))
         for case in cases
     ]
     by_class = [
-        (case["method"], case["cap"], *(_rate(case["classes"].get(name)) for name in classes))
+        (case.method, case.cap, *(_rate(case.classes.get(name)) for name in classes))
         for case in cases
     ]
     times = [
         (
-            case["method"],
-            case["cap"],
-            *(_spread(case["classes"].get(name, {}).get("stand_time_s")) for name in classes),
+            case.method,
+            case.cap,
+            *(
+                _spread(case.classes[name].stand_time_s) if name in case.classes else NONE
+                for name in classes
+            ),
         )
         for case in cases
     ]
@@ -81,23 +87,23 @@ def _write_results(result: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _write_motions(motions: Mapping[str, Any], n: int) -> list[str]:
+def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
     if not motions:
         return []
     rows = [
         (
             name,
-            f"{motion['start_class']} to {motion['end_class']}",
-            "yes" if motion["succeeded"] else "no",
-            _number(motion["stand_time_s"]),
-            _number(motion["peak_torque_nm"]),
-            _number(motion["rms_torque_nm"]),
-            _number(motion["head_impact_m_s"]),
-            _number(motion["lowest_torque_limit_nm"]),
+            f"{motion.start_class} to {motion.end_class}",
+            "yes" if motion.succeeded else "no",
+            _number(motion.stand_time_s),
+            _number(motion.peak_torque_nm),
+            _number(motion.rms_torque_nm),
+            _number(motion.head_impact_m_s),
+            _number(motion.lowest_torque_limit_nm),
             _count(
-                motion["disturbed_succeeded"],
-                motion["disturbed_n"],
-                motion["disturbed_interval_95"],
+                motion.disturbed_succeeded,
+                motion.disturbed_n,
+                motion.disturbed_interval_95,
             ),
         )
         for name, motion in motions.items()
@@ -111,11 +117,11 @@ def _write_motions(motions: Mapping[str, Any], n: int) -> list[str]:
     ]
 
 
-def _write_disturbed(cases: Mapping[str, Any]) -> list[str]:
+def _write_disturbed(cases: Mapping[str, RefusableSummary]) -> list[str]:
     if not cases:
         return []
     rows = [
-        (*name.split(": ", 1), _rate(case), case["refused"], _spread(case["stand_time_s"]))
+        (*name.split(": ", 1), _rate(case), case.refused, _spread(case.stand_time_s))
         for name, case in cases.items()
     ]
     return [
@@ -125,54 +131,53 @@ def _write_disturbed(cases: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _write_pictures(result: Mapping[str, Any]) -> list[str]:
-    pictures = result["pictures"]
-    if not result["cases"]:
+def _write_pictures(result: WholeBench) -> list[str]:
+    pictures = result.pictures
+    if not result.cases:
         return []
     blocks = ["## Pictures"]
-    if pictures["plot"]:
-        blocks.append(f"![Stands and times over the torque caps]({pictures['plot']})")
+    if pictures.plot:
+        blocks.append(f"![Stands and times over the torque caps]({pictures.plot})")
     blocks += [
-        f"![A {name} fall, {pictures['method']}, stall torque]({file})"
-        for name, file in pictures["strips"].items()
+        f"![A {name} fall, {pictures.method}, stall torque]({file})"
+        for name, file in pictures.strips.items()
     ]
-    if pictures["reason"]:
-        blocks.append(f"No film strips: {pictures['reason']}.")
+    if pictures.reason:
+        blocks.append(f"No film strips: {pictures.reason}.")
     return blocks
 
 
-def _list_conditions(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    about = result["conditions"]
-    servos = ", ".join(f"{count} × {name}" for name, count in about["servos"].items())
+def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
+    about = result.conditions
+    servos = ", ".join(f"{count} × {name}" for name, count in about.servos.items())
     return [
-        ("robot", f"{result['robot']}, {about['body'] or 'original'} body"),
-        ("mass", f"{about['mass_kg']:.2f} kg"),
-        ("standing neck height", f"{about['neck_height_m']:.3f} m"),
-        ("servos", f"{servos}; {about['joints']} joints"),
-        ("stall torque of the strongest", f"{about['stall_torque_nm']:.2f} N·m"),
-        ("supply", f"{about['supply_v']:g} V"),
-        ("torque caps act on", about["limit_by"]),
-        ("control period", f"{1000.0 * about['control_period_s']:g} ms"),
-        ("ground", about["scene"]),
-        ("seed", str(result["seed"])),
-        ("falls of each class", str(result["n"])),
+        ("robot", f"{result.robot}, {about.body or 'original'} body"),
+        ("mass", f"{about.mass_kg:.2f} kg"),
+        ("standing neck height", f"{about.neck_height_m:.3f} m"),
+        ("servos", f"{servos}; {about.joints} joints"),
+        ("stall torque of the strongest", f"{about.stall_torque_nm:.2f} N·m"),
+        ("supply", f"{about.supply_v:g} V"),
+        ("torque caps act on", about.limit_by),
+        ("control period", f"{1000.0 * about.control_period_s:g} ms"),
+        ("ground", about.scene),
+        ("seed", str(result.seed)),
+        ("falls of each class", str(result.n)),
         (
             "programs",
-            f"humanoid-getup {about['humanoid_getup']}, MuJoCo {about['mujoco']}, "
-            f"Python {about['python']}",
+            f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}, Python {about.python}",
         ),
     ]
 
 
-def _name_cap(case: Mapping[str, Any]) -> str:
-    limit = case["torque_limit_nm"]
-    return case["cap"] if limit is None else f"{case['cap']}, {limit:g} N·m"
+def _name_cap(case: CapSummary) -> str:
+    limit = case.torque_limit_nm
+    return case.cap if limit is None else f"{case.cap}, {limit:g} N·m"
 
 
-def _rate(case: Mapping[str, Any] | None) -> str:
+def _rate(case: RiseSummary | None) -> str:
     if case is None:
         return NONE
-    return _count(case["stood"], case["n"], case["stood_interval_95"])
+    return _count(case.stood, case.n, case.stood_interval_95)
 
 
 def _count(stood: int, n: int, interval: Sequence[float]) -> str:
@@ -180,10 +185,10 @@ def _count(stood: int, n: int, interval: Sequence[float]) -> str:
     return f"{stood} of {n} ({low:.0%} to {high:.0%})"
 
 
-def _spread(value: Mapping[str, float | None] | None) -> str:
-    if value is None or value["median"] is None:
+def _spread(value: Quantiles) -> str:
+    if value.median is None:
         return NONE
-    return f"{_number(value['median'])} ({_number(value['p95'])})"
+    return f"{_number(value.median)} ({_number(value.p95)})"
 
 
 def _number(value: float | None) -> str:

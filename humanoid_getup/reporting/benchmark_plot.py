@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from humanoid_getup.benchmarks.whole import CapSummary
 from humanoid_getup.reporting.figure import make_figure, open_frame, save_figure
 
 if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.axes import Axes
 
-Cases = list[dict[str, Any]]
+Cases = Sequence[CapSummary]
 SPREAD = 0.08  # of the distance between two caps, between methods that would hide each other
 
 
-def save_benchmark(result: dict[str, Any], path: Path) -> None:
+def save_benchmark(cases: Cases, path: Path) -> None:
     """Plot how often each method stood, with 95 % intervals, and its times to stand, as PNG."""
-    cases: Cases = list(result["cases"].values())
-    caps = list(dict.fromkeys(case["cap"] for case in cases))
-    methods = list(dict.fromkeys(case["method"] for case in cases))
+    caps = list(dict.fromkeys(case.cap for case in cases))
+    methods = list(dict.fromkeys(case.method for case in cases))
     figure = make_figure(9.0, 3.4)
     axes: list[Axes] = list(figure.subplots(1, 2))
     for number, method in enumerate(methods):
-        ours = [case for case in cases if case["method"] == method]
+        ours = [case for case in cases if case.method == method]
         at = np.arange(len(caps)) + SPREAD * (number - 0.5 * (len(methods) - 1))
         _plot_stands(axes[0], at, ours, method)
         _plot_times(axes[1], at, ours)
@@ -39,8 +40,8 @@ def save_benchmark(result: dict[str, Any], path: Path) -> None:
 
 
 def _plot_stands(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:
-    rate = np.array([case["stood"] / case["n"] for case in cases])
-    interval = np.array([case["stood_interval_95"] for case in cases])  # (caps, 2)
+    rate = np.array([case.stood / case.n for case in cases])
+    interval = np.array([case.stood_interval_95 for case in cases])  # (caps, 2)
     error = 100.0 * np.abs(interval - rate[:, None]).T
     axis.errorbar(at, 100.0 * rate, error, marker="o", markersize=4, linewidth=1.1, label=label)
 
@@ -48,7 +49,7 @@ def _plot_stands(axis: Axes, at: np.ndarray, cases: Cases, label: str) -> None:
 def _plot_times(axis: Axes, at: np.ndarray, cases: Cases) -> None:
     """Plot times of the rises that stood; a cap under which none did has no point."""
     median, p95 = (
-        np.array([case["stand_time_s"][key] for case in cases], dtype=float)
+        np.array([getattr(case.stand_time_s, key) for case in cases], dtype=float)
         for key in ("median", "p95")
     )
     error = np.stack([np.zeros(len(at)), p95 - median])

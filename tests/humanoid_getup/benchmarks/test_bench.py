@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import convert
 
+from humanoid_getup.benchmarks.bench_result import RiseBench
 from humanoid_getup.benchmarks.motions import LIMITS, bench_motions, find_lowest_limit
 from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
 from humanoid_getup.cli.main import main
@@ -23,19 +25,19 @@ def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     seen = []
     planner = PlannedRise(world, load_database(op3), options=PlannerOptions(planning=False))
     result = bench_rise(planner, seed=4, each=1, report=seen.append)
-    assert result["n"] == 3
+    assert result.n == 3
     assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
-    assert result["all"]["stood"] == sum(r["stood"] for r in seen)
-    assert result["all"]["planned"] == 0  # nothing was planned
+    assert result.all.stood == sum(r["stood"] for r in seen)
+    assert result.all.planned == 0  # nothing was planned
     check_classes(result)
 
 
 def check_classes(result):
     """One rise of each class, and an interval for its share of stands."""
-    assert set(result["classes"]) == {"supine", "prone", "lateral"}
-    for summary in result["classes"].values():
-        assert summary["n"] == 1
-        low, high = summary["stood_interval_95"]
+    assert set(result.classes) == {"supine", "prone", "lateral"}
+    for summary in result.classes.values():
+        assert summary.n == 1
+        low, high = summary.stood_interval_95
         assert 0.0 <= low < high <= 1.0
 
 
@@ -53,11 +55,11 @@ def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
     seen = []
     ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned(world)}
     result = bench_methods(ways, seed=4, each=1, report=seen.append)
-    assert result["n"] == 3
+    assert result.n == 3
     assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
     assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]
-    assert result["cases"]["nothing"]["stood"] == 0
-    assert result["cases"]["motion"]["stood"] == sum(r["stood"] for r in seen[:3])
+    assert result.cases["nothing"].stood == 0
+    assert result.cases["motion"].stood == sum(r["stood"] for r in seen[:3])
 
 
 @pytest.fixture
@@ -67,13 +69,13 @@ def one_motion(op3):
 
 def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
     result = bench_motions(world, [one_motion], seed=0, each=2)
-    case = result["cases"][one_motion.name]
-    assert case["succeeded"]
-    assert case["disturbed_n"] == 2
-    assert case["disturbed_succeeded"] == 2  # a gentle motion bears what is drawn from this seed
-    assert case["disturbed_interval_95"] == wilson_interval(2, 2)
-    assert case["peak_torque_nm"] <= op3.max_torque.max()
-    assert case["lowest_torque_limit_nm"] <= 2.0
+    case = result.cases[one_motion.name]
+    assert case.succeeded
+    assert case.disturbed_n == 2
+    assert case.disturbed_succeeded == 2  # a gentle motion bears what is drawn from this seed
+    assert case.disturbed_interval_95 == wilson_interval(2, 2)
+    assert case.peak_torque_nm <= op3.max_torque.max()
+    assert case.lowest_torque_limit_nm <= 2.0
 
 
 def test_a_motion_of_a_robot_that_stays_down_has_no_lowest_limit(world, one_motion):
@@ -110,4 +112,4 @@ def test_the_command_writes_what_it_ran_with(tmp_path: Path):
     assert result["limit_by"] == "pwm"
     assert (result["planning"], result["filtering"]) == (False, False)
     assert result["all"]["planned"] == 0
-    check_classes(result)
+    check_classes(convert(result, RiseBench))

@@ -27,17 +27,15 @@ def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
     names = ("one answer late", "servo dead", "overload latch", "command of NaN", "unplugged")
     table = bench_faults(
         world, motion, seed=0, each=1, cases={name: CASES[name] for name in names}
-    )["cases"]
+    ).cases
     assert list(table) == list(names)
     for name, case in table.items():
-        assert (case["beyond_limits"], case["believed_wrong"], case["never_safe"]) == (0, 0, 0), (
-            name
-        )
-    assert table["one answer late"]["succeeded"] == 1
+        assert (case.beyond_limits, case.believed_wrong, case.never_safe) == (0, 0, 0), name
+    assert table["one answer late"].succeeded == 1
     for name in names[1:]:
-        assert table[name]["endings"] == {"fault": 1}, name
+        assert table[name].endings == {"fault": 1}, name
         # The slowest of them: 12 silent cycles, 96 ms, and the cycle that notices.
-        assert table[name]["safe_max_s"] <= 0.13, name
+        assert table[name].safe_max_s <= 0.13, name
 
 
 def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatch):
@@ -51,24 +49,24 @@ def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatc
         states.ticks[:] = old
 
     monkeypatch.setattr(ServoStates, "update_cyclic", pretend)
-    table = bench_faults(world, motion, seed=0, each=1, cases={"none": CASES["none"]})["cases"]
-    assert table["none"]["believed_wrong"] > 0
+    table = bench_faults(world, motion, seed=0, each=1, cases={"none": CASES["none"]}).cases
+    assert table["none"].believed_wrong > 0
 
 
 @pytest.mark.slow
 def test_servos_stop_by_themselves_when_their_client_is_killed(world: World, motion: Motion):
-    (kills,) = bench_kill(world, motion, seed=0, each=2)["cases"].values()
-    assert kills["tripped"] == 2
-    assert (kills["never_safe"], kills["beyond_limits"]) == (0, 0)
-    assert kills["safe_max_s"] < 0.2
+    (kills,) = bench_kill(world, motion, seed=0, each=2).cases.values()
+    assert kills.tripped == 2
+    assert (kills.never_safe, kills.beyond_limits) == (0, 0)
+    assert kills.safe_max_s < 0.2
 
 
 @pytest.mark.slow  # half a minute
 def test_a_soak_accounts_for_all_its_time(world: World):
-    case = bench_soak(PlannedRise(world), seed=1, duration=15.0)["cases"]["soak"]
-    assert case["stood"] == case["n"] == case["lay_down"] > 0
-    assert abs(case["unexplained_s"]) < 1e-6
-    assert (case["driver_lost"], case["driver_damaged"], case["holds"]) == (0, 0, 0)
+    case = bench_soak(PlannedRise(world), seed=1, duration=15.0).cases["soak"]
+    assert case.stood == case.n == case.lay_down > 0
+    assert abs(case.unexplained_s) < 1e-6
+    assert (case.driver_lost, case.driver_damaged, case.holds) == (0, 0, 0)
 
 
 @pytest.mark.slow

@@ -138,12 +138,12 @@ def test_plans_meet_the_same_falls_in_every_world(world: World):
     cases = select(world.robot, ["slope +5 deg"])
     planner = PlannedRise(world, options=PlannerOptions(planning=False, filtering=False))
     result = bench_disturbed(planner, {}, seed=4, each=1, disturbances=cases, report=seen.append)
-    assert result["n"] == 3
+    assert result.n == 3
     assert len(seen) == 3 * len(cases) * 2
     for case in cases:
         for way in (OPEN_LOOP, FEEDBACK):
             ours = [r for r in seen if r["case"] == case and r["way"] == way]
-            summary = result["cases"][f"{case}: {way}"]
+            summary = result.cases[f"{case}: {way}"]
             assert [r["fall"] for r in ours] == [0, 1, 2]
-            assert summary["stood"] == sum(r["stood"] for r in ours)
-            assert summary["refused"] + sum(r["attempts"] for r in ours) == 3
+            assert summary.stood == sum(r["stood"] for r in ours)
+            assert summary.refused + sum(r["attempts"] for r in ours) == 3

@@ -1,24 +1,24 @@
 """The whole benchmark: parts that depend on what they say, and add up."""
 
-import json
 from dataclasses import replace
 
 import pytest
+from msgspec import convert
 
+from humanoid_getup.benchmarks.part import MethodRises
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import make_caps
 from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.jobs.measure_robot import RESULT, open_part, run_part
+from humanoid_getup.jobs.measure_robot import open_part, read_result, run_part
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
-from humanoid_getup.reporting.conditions import describe_conditions
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
-from robots.encoding import to_json
+from robots.encoding import as_kept
 
 MOTION = "prone_push_up_gentle"
 
@@ -67,7 +67,7 @@ def results(whole):
     results = {}
     for part in whole.parts():
         seen = []
-        results[part.name] = json.loads(to_json(part.run(seen.append)))
+        results[part.name] = convert(as_kept(part.run(seen.append)), part.kind)
         steps[part.name] = (len(seen), part.count)
     assert all(done == count for done, count in steps.values()), steps
     return results
@@ -75,31 +75,31 @@ def results(whole):
 
 @pytest.fixture(scope="module")
 def summary(whole, results):
-    return summarize_parts(whole, results)
+    return summarize_parts(whole, results, notes=["This robot flies."], command="getup bench all")
 
 
 def test_every_method_gets_the_same_falls_under_every_cap(results):
-    rises = [result["rises"] for result in results.values() if "rises" in result]
+    rises = [one.rises for one in results.values() if isinstance(one, MethodRises)]
     assert len(rises) == 4
     assert {tuple(rise["start_class"] for rise in some) for some in rises} == {CLASSES}
 
 
 def test_the_summary_counts_what_the_rises_say(results, summary):
-    for name, case in summary["cases"].items():
-        stood = [rise["stood"] for rise in results[name]["rises"]]
-        assert (case["n"], case["stood"]) == (4, sum(stood)), name
-        assert case["stood_interval_95"] == list(wilson_interval(sum(stood), 4))
-        assert [c["stood"] for c in case["classes"].values()] == stood
-    assert summary["cases"]["push up, stall torque"]["classes"]["prone"]["stood"] == 1
-    assert summary["cases"]["nothing, 61%"]["stood"] == 0
-    assert summary["cases"]["nothing, 61%"]["torque_limit_nm"] == 2.5
+    for name, case in summary.cases.items():
+        stood = [rise["stood"] for rise in results[name].rises]
+        assert (case.n, case.stood) == (4, sum(stood)), name
+        assert case.stood_interval_95 == wilson_interval(sum(stood), 4)
+        assert [c.stood for c in case.classes.values()] == stood
+    assert summary.cases["push up, stall torque"].classes["prone"].stood == 1
+    assert summary.cases["nothing, 61%"].stood == 0
+    assert summary.cases["nothing, 61%"].torque_limit_nm == 2.5
 
 
 @pytest.mark.parametrize(("method", "name"), [(0, "push up"), (1, "nothing")])
 def test_a_rise_that_is_repeated_is_the_same(whole, results, method, name):
     again = whole.repeat(whole.methods[method], 1).record()
-    before = results[f"{name}, stall torque"]["rises"][1]
-    kept = json.loads(to_json({key: again.get(key) for key in before if key != "bench_class"}))
+    before = results[f"{name}, stall torque"].rises[1]
+    kept = as_kept({key: again.get(key) for key in before if key != "bench_class"})
     assert kept == {key: value for key, value in before.items() if key != "bench_class"}
 
 
@@ -123,7 +123,9 @@ def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp
     for part, ledger in zip(parts, ledgers, strict=True):
         if not ledger.done:
             run_part(part, ledger, lambda _: None)
-    resumed = [open_part(tmp_path / "parts", part, resume=True).done[RESULT] for part in parts]
+    resumed = [
+        read_result(part, open_part(tmp_path / "parts", part, resume=True)) for part in parts
+    ]
     assert len(parts) >= 3
     assert resumed == [results[part.name] for part in parts]
     assert len(list((tmp_path / "parts").iterdir())) == len(parts)
@@ -137,21 +139,15 @@ def test_classes_in_which_a_robot_never_lies_are_left_out_with_the_reason(op3):
     assert "no start supine" in falls.missing["supine"]
 
 
-def test_the_page_has_every_figure_and_how_to_repeat_it(whole, summary, tmp_path):
-    result = summary | {
-        "notes": ["This robot flies."],
-        "command": "getup bench all --robot op3",
-        "conditions": describe_conditions(whole.world, whole.caps[0].limit),
-        "pictures": {"plot": "benchmark.png", "strips": {}, "method": "", "reason": "no GL"},
-    }
-    save_benchmark(result, tmp_path / "benchmark.png")
+def test_the_page_has_every_figure_and_how_to_repeat_it(summary, tmp_path):
+    save_benchmark(list(summary.cases.values()), tmp_path / "benchmark.png")
     assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
-    page = write_page(result)
+    page = write_page(summary)
     rows = [line for line in page.splitlines() if line.startswith("| ")]
-    for case in result["cases"].values():
-        assert sum(line.startswith(f"| {case['method']} | {case['cap']}") for line in rows) == 3
+    for case in summary.cases.values():
+        assert sum(line.startswith(f"| {case.method} | {case.cap}") for line in rows) == 3
     low, high = wilson_interval(0, 4)
     assert f"| nothing | 61%, 2.5 N·m | 0 of 4 ({low:.0%} to {high:.0%}) | –" in page
-    for text in ("This robot flies.", "20 × XM430-W350", "12 V", MOTION, result["command"], "pwm"):
+    for text in ("This robot flies.", "20 × XM430-W350", "12 V", MOTION, summary.command, "pwm"):
         assert text in page
     assert all(line.count("|") == rows[0].count("|") for line in rows[:6])

@@ -10,6 +10,7 @@ from run_getup import Run
 from humanoid_getup.cli.console import format_figure
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.cli.output import find_json_problems, write_json
+from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.output_files import find_folder_problems, staging
 
@@ -102,7 +103,7 @@ def test_a_linked_file_of_an_output_folder_is_followed(tmp_path: Path):
 
 
 def test_figures_intervals_medians_and_counts_are_written_for_people():
-    assert format_figure({"median": 0.5, "p95": 1.25}) == "0.50 (p95 1.25)"
+    assert format_figure(Quantiles(median=0.5, p95=1.25)) == "0.50 (p95 1.25)"
     assert format_figure({"done": 18, "fault": 2}) == "18 done, 2 fault"
     assert format_figure([0.94, 1.0]) == "0.94 to 1.00"
     assert format_figure([3e-17, 0.0234, 0.1]) == "0.00 to 0.023 to 0.10"

@@ -2,27 +2,32 @@
 
 import math
 
+from msgspec.structs import replace
+
+from humanoid_getup.benchmarks.conditions import describe_conditions
+from humanoid_getup.benchmarks.motions import MotionSummary
+from humanoid_getup.benchmarks.whole import Pictures, WholeBench
 from humanoid_getup.reporting.benchmark_page import write_page
-from humanoid_getup.reporting.conditions import describe_conditions
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
 
-def make_result(world: World, **changes) -> dict:
-    result = {
-        "robot": "op3",
-        "n": 4,
-        "seed": 7,
-        "notes": ["It has no policies."],
-        "missing_classes": {"lateral": "it rolls on"},
-        "cases": {},
-        "motions": {},
-        "disturbed": {},
-        "pictures": {"plot": None, "strips": {}, "reason": ""},
-        "command": "getup bench all --robot op3 --seed 7",
-        "conditions": describe_conditions(world, TorqueLimit(2.5, "pwm").on(world.robot)),
-    }
-    return result | changes
+def make_result(world: World, **changes) -> WholeBench:
+    result = WholeBench(
+        name="all",
+        robot="op3",
+        n=4,
+        seed=7,
+        notes=["It has no policies."],
+        missing_classes={"lateral": "it rolls on"},
+        cases={},
+        motions={},
+        disturbed={},
+        pictures=Pictures(),
+        command="getup bench all --robot op3 --seed 7",
+        conditions=describe_conditions(world, TorqueLimit(2.5, "pwm").on(world.robot)),
+    )
+    return replace(result, **changes)
 
 
 def test_a_page_without_results_says_why_and_how_to_repeat_it(world: World):
@@ -49,19 +54,25 @@ def test_the_conditions_are_those_of_the_robot(world: World):
 
 
 def test_a_bar_in_a_name_is_no_column_and_what_is_not_known_is_a_dash(world: World):
-    motion = {
-        "start_class": "prone",
-        "end_class": "stand",
-        "succeeded": False,
-        "stand_time_s": None,
-        "peak_torque_nm": 1.5,
-        "rms_torque_nm": math.nan,
-        "head_impact_m_s": 0.0,
-        "lowest_torque_limit_nm": None,
-        "disturbed_succeeded": 3,
-        "disturbed_n": 4,
-        "disturbed_interval_95": (0.3, 0.95),
-    }
+    motion = MotionSummary(
+        start_class="prone",
+        end_class="stand",
+        strategy="push up",
+        succeeded=False,
+        stand_time_s=None,
+        head_impact_m_s=0.0,
+        torso_impact_m_s=0.0,
+        peak_torque_nm=1.5,
+        rms_torque_nm=math.nan,
+        peak_velocity_rad_s=1.0,
+        self_collisions=0,
+        limit_violations=0,
+        clips=0,
+        lowest_torque_limit_nm=None,
+        disturbed_n=4,
+        disturbed_succeeded=3,
+        disturbed_interval_95=(0.3, 0.95),
+    )
     page = write_page(make_result(world, motions={"a|b": motion}))
     (row,) = (line for line in page.splitlines() if line.startswith("| a"))
     assert row == (

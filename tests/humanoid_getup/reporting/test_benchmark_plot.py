@@ -3,15 +3,22 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.benchmarks.whole import CapSummary
 from humanoid_getup.reporting import benchmark_plot
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 
 
-def case(method: str, cap: str, stood: int, median: float | None) -> dict:
-    times = {"median": median, "p95": None if median is None else median + 1.0}
-    interval = [max(stood / 10 - 0.1, 0.0), min(stood / 10 + 0.1, 1.0)]
-    figures = {"stood": stood, "n": 10, "stood_interval_95": interval, "stand_time_s": times}
-    return {"method": method, "cap": cap} | figures
+def case(method: str, cap: str, stood: int, median: float | None) -> CapSummary:
+    rises = [{"stood": k < stood, "planned": True, "stand_time_s": median} for k in range(10)]
+    return CapSummary.of(
+        rises,
+        method=method,
+        cap=cap,
+        share_of_stall=1.0,
+        torque_limit_nm=None,
+        limit_by=None,
+        classes={},
+    )
 
 
 def test_methods_have_a_point_for_each_cap(tmp_path, monkeypatch: pytest.MonkeyPatch):
@@ -23,7 +30,7 @@ def test_methods_have_a_point_for_each_cap(tmp_path, monkeypatch: pytest.MonkeyP
         case("quick", "stall", 8, 2.0),
         case("quick", "50%", 0, None),
     ]
-    save_benchmark({"cases": {str(k): one for k, one in enumerate(cases)}}, tmp_path / "plot.png")
+    save_benchmark(cases, tmp_path / "plot.png")
     stands, times = saved[0].axes
     assert [tick.get_text() for tick in stands.get_xticklabels()] == ["stall", "50%"]
     rates = [bars.lines[0].get_ydata() for bars in stands.containers]

@@ -1,6 +1,11 @@
 import pytest
 
-from humanoid_getup.experiments.judging.summary import summarize, summarize_records, wilson_interval
+from humanoid_getup.experiments.judging.summary import (
+    Quantiles,
+    RiseSummary,
+    summarize,
+    wilson_interval,
+)
 
 
 def test_wilson_interval_is_the_textbook_one():
@@ -21,8 +26,8 @@ def test_no_trial_says_nothing():
 
 
 def test_a_summary_leaves_out_what_is_no_number():
-    assert summarize([1.0, None, 3.0, float("nan")]) == {"median": 2.0, "p95": pytest.approx(2.9)}
-    assert summarize([None]) == {"median": None, "p95": None}
+    assert summarize([1.0, None, 3.0, float("nan")]) == Quantiles(median=2.0, p95=2.9)
+    assert summarize([None]) == Quantiles()
 
 
 def test_records_are_counted():
@@ -30,7 +35,7 @@ def test_records_are_counted():
         {"stood": True, "planned": True, "stand_time_s": 2.0, "self_collisions": 2},
         {"stood": False, "planned": True, "stand_time_s": None, "self_collisions": 1},
     ]
-    summary = summarize_records(records)
-    assert (summary["n"], summary["planned"], summary["stood"]) == (2, 2, 1)
-    assert summary["stand_time_s"]["median"] == 2.0
-    assert summary["self_collisions"] == 3
+    summary = RiseSummary.of(records)
+    assert (summary.n, summary.planned, summary.stood) == (2, 2, 1)
+    assert summary.stand_time_s.median == 2.0
+    assert summary.self_collisions == 3

@@ -225,13 +225,13 @@ COMMANDS = {
     "robots import": TableEntry(
         "Make a robot folder from an MJCF or URDF file.",
         "requests.robots.ImportRequest",
-        "robots.import_robot",
+        "import_robot.import_robot",
         json=True,
     ),
     "robots check": TableEntry(
         "Check a robot's description, and what its body can do.",
         "options.robots.CheckRobot",
-        "robots.check_robot",
+        "check_robot.check_robot",
     ),
 }
 DEFAULTS = {"robots": "robots list"}

@@ -6,8 +6,8 @@ from nonempty import nonempty
 
 from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
 from humanoid_getup.experiments.disturbances.disturbance import MOST_RAISED, Disturbance
-from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts import falls
+from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import Obstacle

@@ -30,7 +30,7 @@ from robots import FULL_TORQUE, Robot
 from robots.quaternion import Array
 
 LONGEST = 3600.0  # s
-PATIENCE = 3.0  # s of silence of a servo, of the IMU or of all
+LONGEST_SILENCE = 3.0  # s of silence of a servo, of the IMU or of all
 KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 
@@ -91,15 +91,15 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
     """Keep the robot limp until the person has finished; a simulated one waits in real time."""
     limit = FULL_TORQUE.on(world.robot)
     with open_backend(replace(command, realtime=True), world, limit) as choice:
-        guard = SafetyGuard(choice.backend, _be_patient(world.robot))
+        guard = SafetyGuard(choice.backend, _tolerate_silence(world.robot))
         return run(recorder, guard, max_time=LONGEST, realtime=choice.realtime)
 
 
-def _be_patient(robot: Robot) -> GuardLimits:
+def _tolerate_silence(robot: Robot) -> GuardLimits:
     """Let a robot be silent for longer: without torque no harm comes of it."""
-    cycles = round(PATIENCE / robot.control_period)
+    cycles = round(LONGEST_SILENCE / robot.control_period)
     limits = GuardLimits.of(robot)
-    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=PATIENCE)
+    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LONGEST_SILENCE)
 
 
 def _check_name(name: str) -> None:

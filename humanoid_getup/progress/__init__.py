@@ -1,1 +1,1 @@
-"""Long work: reported, cancelled, kept so that it can go on later, spread over processes."""
+"""Support of long work: progress, cancellation, resuming, worker processes."""

@@ -1,4 +1,4 @@
-"""How long work tells how far it has come, and notices that it is no longer wanted."""
+"""Callbacks of long work: one reports progress, one says whether to cancel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done of long work, kept in a file: the work can be interrupted and go on later."""
+"""The ledger of long work: a file of finished pieces, from which interrupted work resumes."""
 
 from __future__ import annotations
 

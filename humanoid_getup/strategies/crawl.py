@@ -52,7 +52,7 @@ class Crawl:
         *,
         threads: int = 0,
     ) -> None:
-        """Prepare for a world, and for disturbances that a move has to bear."""
+        """Prepare for a world, and for disturbances that a move has to withstand."""
         self._world, self._limit, self._disturbance = world, torque_limit, disturbance
         self._experiment = Experiment(world, threads=threads)
         self.simulated = 0.0

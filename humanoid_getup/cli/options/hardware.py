@@ -78,7 +78,7 @@ class Calibrate(ServiceOptions):
     """Measure the servos' zeros and directions, torque off.
 
     The result is the robot's calibration.toml, or calibration.virtual.toml beside it if a port
-    is a pseudo-terminal, as of a virtual bus: a rehearsal leaves the robot's file alone.
+    is a pseudo-terminal, as of a virtual bus: a trial run leaves the robot's file alone.
     """
 
     at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None

@@ -192,7 +192,7 @@ USUAL = Disturbance(
     ground_friction=Uniform(0.4, 1.2),
     supply=Uniform(11.0 / 12.0, 12.6 / 12.0),
 )
-"""What a motion has to bear."""
+"""What a motion has to withstand."""
 
 
 def _rest_as(world: World, start: Array, others: Array) -> None:

@@ -62,8 +62,8 @@ class RetargetRequest(BuildRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class DiscoverRequest(RobotOption):
-    """Make motions from what a learned policy does: its rises are played without it, as smooth as
-    they bear, in disturbed worlds; the best of each strategy is kept."""
+    """Make motions from the rises of a learned policy: replay them open loop, as smooth as they
+    still stand, in disturbed worlds, and keep the best of each kind."""
 
     policy: Positional[PolicyName]
     robot: str = ""

@@ -30,7 +30,7 @@ class Feedback:
     joint_pos: Array
     """Joint angles [rad], (N, n)."""
     com: Array
-    """Center of mass of each body's subtree [m], (N, nbody, 3)."""
+    """Center of mass of each body's subtree [m], (N, nbody, 3); valid until the next step."""
     axis: Array
     """Joint axes in the world, (N, n, 3)."""
     anchor: Array
@@ -117,7 +117,7 @@ class Experiment:
         """Play what a feedback law sends until it ends."""
         sim = self._sim
         assert sim is not None
-        eye, sent = _Eye(self.world, sim, rows), []
+        eye, sent = _Eye(self.world, sim, len(rows)), []
         fields: dict[str, list[Array]] = {name: [] for name in RECORDED}
         diverged = np.zeros(len(rows), dtype=bool)
         while (target := law(eye.observe(len(sent)))) is not None:
@@ -125,7 +125,7 @@ class Experiment:
             sent.append(target)
             diverged |= sim.diverged[rows]
             for name, samples in fields.items():
-                samples.append(sim.read(name)[rows])
+                samples.append(sim.read(name)[: len(rows)].copy())
         data = {name: np.stack(samples, axis=1) for name, samples in fields.items()}
         return self._read(rows, data, np.stack(sent, axis=1), diverged)
 
@@ -164,26 +164,31 @@ def play(
 class _Eye:
     """Looks at robots for a feedback law."""
 
-    def __init__(self, world: World, sim: VecSim, rows: Ids) -> None:
+    def __init__(self, world: World, sim: VecSim, count: int) -> None:
         model, robot = world.model, world.robot
-        self._sim, self._rows = sim, rows
+        self._sim, self._count = sim, count
         self._joints = robot.layout(model).qpos
-        self._hinges = [model.joint(name).id for name in robot.joint_names]
-        self._limbs = [int(model.sensor(f"limb_{limb}").adr[0]) for limb in world.limbs]
+        self._hinges = np.array([model.joint(name).id for name in robot.joint_names])
+        sensors = [int(model.sensor(f"limb_{limb}").adr[0]) for limb in world.limbs]
+        self._touches = np.array(sensors, dtype=int)
+        self._points = self._touches[:, np.newaxis] + np.arange(1, 4)
 
     def observe(self, step: int) -> Feedback:
         """Observe the robots at the start of a control period."""
-        sim, rows = self._sim, self._rows
-        contact = sim.read("sensordata")[rows]
+        contact = self._read("sensordata")
         return Feedback(
             step=step,
-            joint_pos=sim.read("qpos")[rows][:, self._joints],
-            com=sim.read("subtree_com")[rows],
-            axis=sim.read("xaxis")[rows][:, self._hinges],
-            anchor=sim.read("xanchor")[rows][:, self._hinges],
-            limb_touch=contact[:, self._limbs] > 0,
-            limb_point=np.stack([contact[:, a + 1 : a + 4] for a in self._limbs], axis=1),
+            joint_pos=self._read("qpos")[:, self._joints],
+            com=self._read("subtree_com"),
+            axis=self._read("xaxis")[:, self._hinges],
+            anchor=self._read("xanchor")[:, self._hinges],
+            limb_touch=contact[:, self._touches] > 0,
+            limb_point=contact[:, self._points],
         )
+
+    def _read(self, name: str) -> Array:
+        """Return a field of all robots, which holds until the next step."""
+        return self._sim.read(name)[: self._count]
 
 
 def _hold_all(targets: Array | Sequence[Array]) -> Array:

@@ -16,8 +16,8 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from sim2real.motion_discovery.policy_rise import PolicyRise, collect_rises
 from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
+from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
 from sim2real.motion_discovery.shaping import SMOOTHINGS
-from sim2real.motion_discovery.strategies import group_rises, name_strategy
 
 SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """From which rises are sought; those from the right mirror those from the left."""
@@ -37,14 +37,14 @@ class Discovery:
     best_share: float
     """Largest share of disturbed worlds in which one of them stands."""
     motions: tuple[Motion, ...]
-    """The best of each strategy, the most robust first."""
+    """The best of each kind, the most robust first."""
 
 
 class MotionDiscovery:
     """Finds motions in the rises of a policy.
 
     Every rise that stands is replayed open loop, as smooth as it still stands, in disturbed worlds;
-    the best of each strategy becomes a motion.
+    the best of each kind becomes a motion.
     """
 
     def __init__(self, world: World, policy: OnnxPolicy, *, policy_name: str, seed: int) -> None:
@@ -90,7 +90,7 @@ class MotionDiscovery:
         return []
 
     def _judge(self, replayed: Sequence[Replay], most: int) -> list[Replay]:
-        """Play the best of each strategy in all disturbed worlds; return the best first."""
+        """Play the best of each kind in all disturbed worlds; return the best first."""
         groups = [sorted(group, key=_rank) for group in group_rises(self._world, replayed)]
         turns = max((len(group) for group in groups), default=0)
         in_turn = [group[k] for k in range(turns) for group in groups if k < len(group)]
@@ -98,7 +98,7 @@ class MotionDiscovery:
         return sorted((self._replayer.repeat(each, ALL) for each in finalists), key=_rank)
 
     def _record(self, judged: Sequence[Replay], side: LyingSide, most: int) -> list[Motion]:
-        """Record the best of each strategy that is sound and that a preflight passes."""
+        """Record the best of each kind that is sound and that a preflight passes."""
         motions: list[Motion] = []
         sound = [each for each in judged if each.share >= SOUND]
         for group in sorted(group_rises(self._world, sound), key=lambda g: _rank(g[0])):
@@ -121,7 +121,7 @@ class MotionDiscovery:
             name=name,
             robot=world.robot.name,
             start_class=replay.rise.start_class,
-            strategy=name_strategy(world, replay),
+            strategy=name_kind(world, replay),
             provenance={
                 "program": "getup motions discover",
                 "policy": self._policy_name,

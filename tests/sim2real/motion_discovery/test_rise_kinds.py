@@ -1,4 +1,4 @@
-"""Strategies of learned rises: by the sides passed, and by the joint angles."""
+"""Kinds of learned rises: by the sides passed, and by the joint angles."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from robots import Posture, quaternion
 from robots.kinematics import place
 from sim2real.motion_discovery.policy_rise import PolicyRise
 from sim2real.motion_discovery.replay import Replay
-from sim2real.motion_discovery.strategies import group_rises, name_strategy
+from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
 
 
 def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
@@ -40,11 +40,11 @@ def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
     )
 
 
-def test_a_strategy_names_the_sides_passed_but_for_the_first(op3):
+def test_a_kind_names_the_sides_passed_but_for_the_first(op3):
     world = World(op3)
-    assert name_strategy(world, make_replay(world, ["supine", "standing"])) == "learned"
+    assert name_kind(world, make_replay(world, ["supine", "standing"])) == "learned"
     over = make_replay(world, ["supine", "left", "prone", "squat"])
-    assert name_strategy(world, over) == "learned, over left and prone"
+    assert name_kind(world, over) == "learned, over left and prone"
 
 
 def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):

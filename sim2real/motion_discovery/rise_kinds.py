@@ -1,4 +1,4 @@
-"""Strategies: which of many rises take the same way from lying to a stand."""
+"""Kinds of rises: which of many take the same way from lying to a stand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim2real.motion_discovery.replay import Replay
 
 SAMPLES = 24  # of each rise, from lying to the stand
 SAME_WAY = 0.35  # rad RMS between the joint angles of rises that take the same way
-SEEN_TIME = 0.15  # s for which a robot must lie on a side that its strategy is named after
+SEEN_TIME = 0.15  # s for which a robot must lie on a side that its kind is named after
 UPRIGHT = "upright"
 
 
@@ -23,11 +23,11 @@ def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
     groups: dict[tuple[str, int], list[Replay]] = {}
     ways = [_sample_angles(world, each).ravel() for each in rises]
     for each, label in zip(rises, _cluster(ways), strict=True):
-        groups.setdefault((name_strategy(world, each), label), []).append(each)
+        groups.setdefault((name_kind(world, each), label), []).append(each)
     return list(groups.values())
 
 
-def name_strategy(world: World, rise: Replay) -> str:
+def name_kind(world: World, rise: Replay) -> str:
     """Name the sides on which a robot lies in turn on its way up."""
     layout, period = world.robot.layout(world.model), world.robot.control_period
     sides = [classify(q) or UPRIGHT for q in _until_stand(world, rise)[:, layout.root_orientation]]

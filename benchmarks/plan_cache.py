@@ -31,9 +31,9 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls, settle_posture
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cached_rise import CachedRise, KeptPlan
+from humanoid_getup.strategies.cache.cached_rise import CachedRise, KeptPlan
+from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot, quaternion
 from robots.encoding import to_json

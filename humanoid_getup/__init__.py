@@ -75,9 +75,9 @@ if TYPE_CHECKING:
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
     from humanoid_getup.progress.callback import CancelledError, Progress
     from humanoid_getup.simulation.world import World
-    from humanoid_getup.strategies.cached_rise import CachedRise
+    from humanoid_getup.strategies.cache.cached_rise import CachedRise
+    from humanoid_getup.strategies.cache.plan_cache import PlanCache
     from humanoid_getup.strategies.learned_rise import LearnedRise
-    from humanoid_getup.strategies.plan_cache import PlanCache
     from humanoid_getup.strategies.planned_rise import PlannedRise
     from humanoid_getup.strategies.stored_motion import StoredMotion
     from humanoid_getup.strategies.styled_rise import StyledRise
@@ -102,7 +102,7 @@ _HOMES = {
     "BenchSoak": "humanoid_getup.jobs.requests.bench",
     "Body": "robots.proportions",
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
-    "CachedRise": "humanoid_getup.strategies.cached_rise",
+    "CachedRise": "humanoid_getup.strategies.cache.cached_rise",
     "CancelledError": "humanoid_getup.progress.callback",
     "CheckRequest": "humanoid_getup.jobs.requests.robots",
     "ClipRequest": "humanoid_getup.jobs.requests.motions",
@@ -116,7 +116,7 @@ _HOMES = {
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
-    "PlanCache": "humanoid_getup.strategies.plan_cache",
+    "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",

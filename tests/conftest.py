@@ -15,7 +15,7 @@ with contextlib.suppress(ImportError):
 
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan_cache import FOLDER_VARIABLE
+from humanoid_getup.strategies.cache.plan_cache import FOLDER_VARIABLE
 from robots import Robot, load_robot
 from robots.transmission import Coupling
 

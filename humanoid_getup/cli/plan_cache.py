@@ -14,9 +14,9 @@ from humanoid_getup.cli.options.motions import ListPlanCache
 from humanoid_getup.cli.options.rise import Rise
 from humanoid_getup.cli.output import write_json
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.strategies.cached_rise import CachedRise
+from humanoid_getup.strategies.cache.cached_rise import CachedRise
+from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache, now
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache, now
 from humanoid_getup.strategies.planned_rise import PlannedRise
 
 REMEDY = "getup plan-cache --clear"

@@ -46,7 +46,7 @@ from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cached_rise import compute_fingerprint
+from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, make_strategy
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise

@@ -15,14 +15,14 @@ from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.approach import Approach
-from humanoid_getup.strategies.crawl import Crawl
-from humanoid_getup.strategies.free_rise import FreeRise
 from humanoid_getup.strategies.key_postures.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
-from humanoid_getup.strategies.rise_search import FoundRise, SearchTools
-from humanoid_getup.strategies.search_record import SearchRecord
+from humanoid_getup.strategies.search.approach import Approach
+from humanoid_getup.strategies.search.crawl import Crawl
+from humanoid_getup.strategies.search.free_rise import FreeRise
+from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
+from humanoid_getup.strategies.search.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
 

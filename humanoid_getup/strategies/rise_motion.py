@@ -11,7 +11,7 @@ from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.crawl import Move
+from humanoid_getup.strategies.search.crawl import Move
 from robots import Posture, quaternion
 from robots.kinematics import read_posture
 

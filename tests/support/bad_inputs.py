@@ -28,8 +28,8 @@ from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.strategies.plan_cache import CacheEntry, PlanCache
-from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
+from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache
+from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
 from robots.posture_file import format_posture
 

@@ -5,10 +5,10 @@ import numpy as np
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cached_rise import fit
+from humanoid_getup.strategies.cache.cached_rise import fit
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.search_record import SearchRecord
+from humanoid_getup.strategies.search.search_record import SearchRecord
 from robots import Posture
 from robots.kinematics import read_posture
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.strategies.plan_cache import PlanCache
+from humanoid_getup.strategies.cache.plan_cache import PlanCache
 
 TIMES = {"plan_s", "filter_s", "busy_p99_s", "late_p99_s", "overruns"}
 HOW = {"plan_cache", "rollouts", "rounds", "searched_s", "rollout"}

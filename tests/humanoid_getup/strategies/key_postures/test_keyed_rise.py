@@ -13,11 +13,11 @@ from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cached_rise import CachedRise
+from humanoid_getup.strategies.cache.cached_rise import CachedRise
+from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.key_postures.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.key_postures.key_route import Route, find_stretches
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, place_postures

@@ -17,16 +17,16 @@ from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import best_yaw, measure_tilt
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.plan_cache import (
+from humanoid_getup.strategies.cache.plan_cache import (
     CacheEntry,
     PlanCache,
     PlanCacheError,
     now,
 )
+from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.search_record import SearchRecord
-from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
+from humanoid_getup.strategies.search.search_record import SearchRecord
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step

@@ -8,7 +8,7 @@ import numpy as np
 from humanoid_getup.scenes.start_region import lying
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.continuation import MOST_ENDS, REST, Continuation
+from humanoid_getup.strategies.search.continuation import MOST_ENDS, REST, Continuation
 from robots import Posture, Robot
 from robots.kinematics import place
 

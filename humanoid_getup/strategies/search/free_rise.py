@@ -10,9 +10,14 @@ import numpy as np
 from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.standing_places import StandingPlaces
-from humanoid_getup.strategies.continuation import Continuation
-from humanoid_getup.strategies.crawl import Move
-from humanoid_getup.strategies.rise_search import FINALISTS, FoundRise, RiseSearch, SearchTools
+from humanoid_getup.strategies.search.continuation import Continuation
+from humanoid_getup.strategies.search.crawl import Move
+from humanoid_getup.strategies.search.rise_search import (
+    FINALISTS,
+    FoundRise,
+    RiseSearch,
+    SearchTools,
+)
 from robots import Posture
 from robots.body.lengths import leg_length
 

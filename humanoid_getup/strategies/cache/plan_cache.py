@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.strategies.solved_rise import SolvedRise, read_solved_rise
+from humanoid_getup.strategies.cache.solved_rise import SolvedRise, read_solved_rise
 from robots.encoding import to_json
 from robots.files import read_bounded, write_atomically
 from robots.validation import parse_file

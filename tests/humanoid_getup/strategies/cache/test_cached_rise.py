@@ -20,7 +20,7 @@ from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.scenes.surface import Surface
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cached_rise import (
+from humanoid_getup.strategies.cache.cached_rise import (
     MOST_DISTANCE,
     NEAR_CHECKS,
     CachedRise,
@@ -28,8 +28,8 @@ from humanoid_getup.strategies.cached_rise import (
     compute_fingerprint,
     fit,
 )
+from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.plan_cache import PlanCache
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Body, Posture, TorqueLimit, quaternion, reshape
 

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.strategies.plan_cache import (
+from humanoid_getup.strategies.cache.plan_cache import (
     FOLDER_VARIABLE,
     PlanCache,
     PlanCacheError,
     default_folder,
 )
-from humanoid_getup.strategies.solved_rise import PlanContext, SolvedRise
+from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from robots import TorqueLimit
 
 CONTEXT = PlanContext(robot="box", scene="flat", fingerprint="f0", limit_by="current")

@@ -12,14 +12,14 @@ from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies import crawl
-from humanoid_getup.strategies.crawl import (
+from humanoid_getup.strategies.rise_motion import make_move
+from humanoid_getup.strategies.search.crawl import (
     MOST_SATURATION,
     MOVE,
     REST,
     Crawl,
     Move,
 )
-from humanoid_getup.strategies.rise_motion import make_move
 from robots import FULL_TORQUE, Posture, Robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array

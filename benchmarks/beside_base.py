@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import tyro
 
-from robots.encoding import to_json
-from robots.files import write_atomically
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 HERE = Path(__file__).parents[1]
 

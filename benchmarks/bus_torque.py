@@ -31,9 +31,9 @@ from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.servo import LimitMode
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)

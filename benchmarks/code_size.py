@@ -29,8 +29,8 @@ import numpy as np
 import tyro
 
 import humanoid_getup
-from robots.encoding import to_json
-from robots.files import write_atomically
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")

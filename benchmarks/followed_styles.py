@@ -32,10 +32,10 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import list_styles, load_any_style, load_style
 from robots import Posture, Robot, load_robot
 from robots.body.lengths import leg_length
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 from sim2real.environment.styled.curve_library import LEAST_DURATION, LONGEST, is_held_out
 from sim2real.perturbations import PolicyTrial
 from sim2real.policy_evaluation import PolicyDriver

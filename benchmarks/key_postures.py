@@ -30,8 +30,8 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, load_robot, quaternion
-from robots.encoding import to_json
-from robots.files import write_atomically
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 SPREAD = 0.1  # rad, standard deviation of a perturbed key's joints
 MOST_DRAWS = 100

@@ -32,10 +32,10 @@ from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot, quaternion
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 SETTLING = 1.5  # s in the stance before the page begins
 DROP = 0.02  # m

@@ -83,8 +83,8 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/humanoid_getup/playback/test_supervisor.py",
         "-k=not stored_motion",  # whole rises
     ),
-    "robots/arrays.py": ("tests/robots/test_arrays.py", "-k=not bomb"),
-    "robots/files.py": ("tests/robots/test_files.py", "-k=not standard_output"),
+    "robots/storage/arrays.py": ("tests/robots/storage/test_arrays.py", "-k=not bomb"),
+    "robots/storage/files.py": ("tests/robots/storage/test_files.py", "-k=not standard_output"),
 }
 """Modules to mutate, each with the arguments for pytest: the tests that must notice."""
 

@@ -48,11 +48,11 @@ from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, TorqueLimit, load_robot
-from robots.encoding import to_json, to_plain
-from robots.files import write_atomically
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 from robots.servo import LimitMode
+from robots.storage.encoding import to_json, to_plain
+from robots.storage.files import write_atomically
 
 PAGES_FILE = "op3-getup-pages.json"
 PAGES: dict[StartClass, int] = {"prone": 122, "supine": 123}

@@ -36,10 +36,10 @@ from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot, quaternion
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.servo import LimitMode
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 
 @dataclass

@@ -33,11 +33,11 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import load_robot
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.ground import GROUND
 from robots.kinematics import place_postures
 from robots.quaternion import Array
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 HANDS = ("l_el_link", "r_el_link")
 DEEP = 0.001  # m of self-penetration

@@ -28,10 +28,10 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, Robot, load_robot
-from robots.encoding import to_json, to_plain
-from robots.files import write_atomically
 from robots.kinematics import read_posture
 from robots.quaternion import Array
+from robots.storage.encoding import to_json, to_plain
+from robots.storage.files import write_atomically
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.perturbations import Perturbation, PolicyTrial, summarize_rollouts

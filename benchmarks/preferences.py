@@ -39,10 +39,10 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import TorqueLimit, load_robot
-from robots.encoding import to_json, to_plain
-from robots.files import write_atomically
 from robots.kinematics import place
 from robots.servo import LimitMode
+from robots.storage.encoding import to_json, to_plain
+from robots.storage.files import write_atomically
 
 NO_SEARCH = "no search"
 NO_BUDGET = 1e-6  # s

@@ -36,9 +36,9 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, TorqueLimit, load_robot
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.servo import LimitMode
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 OWN, MESHES = "own shapes", "mesh shapes"
 

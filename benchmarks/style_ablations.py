@@ -36,8 +36,8 @@ import tyro
 
 from humanoid_getup.style.features import COUNT
 from robots import Robot, load_robot
-from robots.files import write_atomically
 from robots.quaternion import Array
+from robots.storage.files import write_atomically
 from sim2real.environment.starts import terrain
 from sim2real.environment.styled import ankle_balance
 from sim2real.pose_prior.pose_prior import Network, PosePrior

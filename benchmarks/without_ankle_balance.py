@@ -19,7 +19,7 @@ from onnx import numpy_helper
 from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, read_model, seal_model
 from humanoid_getup.policy.onnx_policy import find_policy
 from robots import load_robot
-from robots.files import write_atomically
+from robots.storage.files import write_atomically
 
 ANKLES = "ankles"
 """Name of the array in the graph, a buffer of `StyledNetwork`."""

@@ -84,7 +84,7 @@ if TYPE_CHECKING:
     from humanoid_getup.style.curves import StyleCurves
     from humanoid_getup.style.style import Style
     from humanoid_getup.style.style_file import load_style
-    from robots.loading import load_robot
+    from robots.description.loading import load_robot
     from robots.proportions import Body
     from robots.torque_limit import TorqueLimit
 
@@ -144,7 +144,7 @@ _HOMES = {
     "import_keys": "humanoid_getup.jobs.import_keys",
     "import_robot": "humanoid_getup.jobs.import_robot",
     "keep_stand": "humanoid_getup.execution.keep_stand",
-    "load_robot": "robots.loading",
+    "load_robot": "robots.description.loading",
     "load_style": "humanoid_getup.style.style_file",
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",

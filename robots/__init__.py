@@ -2,10 +2,10 @@
 
 from robots import mujoco_log
 from robots.bus_settings import BoardSettings, BusSettings
+from robots.description.loading import load_robot, reshape
+from robots.description.posture_file import load_posture
 from robots.imu import ImuSettings
-from robots.loading import load_robot, reshape
 from robots.posture import Posture
-from robots.posture_file import load_posture
 from robots.proportions import ORIGINAL, Body, BodyError
 from robots.robot import Joint, Robot, RobotError, list_robots
 from robots.servo import Servo, ServoModel

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from msgspec import Meta
 
 from robots.imu import AxesSetting
-from robots.validation import Names, positive, whole
+from robots.storage.validation import Names, positive, whole
 
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
 

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from robots.quaternion import Array
-from robots.validation import whole
+from robots.storage.validation import whole
 
 ImuKind = Literal["board", "bno055", "bno08x", "serial_line"]
 if TYPE_CHECKING:

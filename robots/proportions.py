@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from robots.validation import shown
+from robots.storage.validation import shown
 
 MIN_FACTOR, MAX_FACTOR = 0.25, 4.0
 

@@ -113,7 +113,7 @@ class Robot:
     limit_by: LimitMode = "pwm"
     """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL
-    """Factors on the lengths of its model; see `robots.loading.reshape`."""
+    """Factors on the lengths of its model; see `robots.description.loading.reshape`."""
 
     @property
     def n(self) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 
 from robots.quaternion import Array
-from robots.validation import Sign, positive, whole, within
+from robots.storage.validation import Sign, positive, whole, within
 
 TICKS_PER_TURN = 4096
 MAX_TICKS = 1_048_575  # either way, the servos' extended position range (e-manual)

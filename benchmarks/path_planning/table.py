@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 
 from humanoid_getup.cli.console import format_figure, make_table
-from robots.encoding import to_json
-from robots.files import write_atomically
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 SEARCH_FIGURES = ("n", "found", "found_interval_95", "time_s", "checks_median")
 """Figures of every search."""

@@ -16,8 +16,8 @@ from drivers.flight_log.content import DAMAGE, Content, Event, Track, explain
 from drivers.flight_log.writer import FORMAT, TOPICS
 from drivers.state import Command, State
 from robots import Posture, Robot
-from robots.files import read_bounded
 from robots.quaternion import Array
+from robots.storage.files import read_bounded
 
 MOST_BYTES = 1 << 29  # of a file
 NEEDED = ("state", "asked", "sent")

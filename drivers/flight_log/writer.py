@@ -18,7 +18,7 @@ from mcap.writer import Writer
 
 from drivers.control_loop import Cycle
 from robots import Posture, Robot
-from robots.posture_file import format_posture
+from robots.description.posture_file import format_posture
 
 FORMAT = "1"
 METADATA = "flight"

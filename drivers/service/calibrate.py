@@ -20,11 +20,11 @@ from drivers.errors import DriverError, SetupError
 from drivers.service.session import RobotBus
 from drivers.servo_units import fits_one_turn, tick_range
 from robots import Joint, Robot
-from robots.calibration import Calibration, JointCalibration
+from robots.description.calibration import Calibration, JointCalibration
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN
-from robots.validation import Sign
+from robots.storage.validation import Sign
 
 READS = 20  # per joint; the median counts
 PAUSE = 0.02  # s between two reads: a moving hand shows within 0.4 s

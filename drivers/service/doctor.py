@@ -30,7 +30,7 @@ from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.serial_port import read_latency_timer
 from drivers.service.session import BusPort, RobotBus
 from robots import Joint, Robot
-from robots.calibration import CALIBRATION_FILE
+from robots.description.calibration import CALIBRATION_FILE
 from robots.servo import LimitMode
 
 ROUNDS = 50  # reads that are timed

@@ -34,7 +34,7 @@ from humanoid_getup.cli.output import write_json
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import name_ports
 from robots import Joint, Robot, load_posture, load_robot
-from robots.calibration import CALIBRATION_FILE, CalibrationError
+from robots.description.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
 
 ZERO, STANDING = "zero", "standing"

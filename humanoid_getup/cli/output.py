@@ -34,12 +34,12 @@ def write_json(result: object, command: JobRequest) -> None:
     json = find_json_target(command)
     if json is None:
         return
-    from robots.encoding import to_json  # loads NumPy, which --help does without
+    from robots.storage.encoding import to_json  # loads NumPy, which --help does without
 
     if json == STANDARD_OUTPUT:
         sys.stdout.write(to_json(result))
         return
-    from robots.files import write_atomically
+    from robots.storage.files import write_atomically
 
     try:
         Path(json).parent.mkdir(parents=True, exist_ok=True)

@@ -21,8 +21,8 @@ from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supp
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
-from robots.encoding import to_json
 from robots.servo import LIMIT_MODES, LimitMode
+from robots.storage.encoding import to_json
 
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
 

@@ -28,7 +28,7 @@ from humanoid_getup.reporting.report import make_report, print_summary
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_postures.key_record import find_passes
-from robots.encoding import to_json
+from robots.storage.encoding import to_json
 
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.files import describe, read_bounded
 from robots.quaternion import Array
+from robots.storage.files import describe, read_bounded
 
 # What capture systems and editors call the joints that the features need.
 LEFT_HIPS = ("lfemur", "LeftUpLeg", "LeftHip", "LeftThigh", "lThigh", "LHipJoint", "L_Hip")

@@ -52,7 +52,7 @@ from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot, TorqueLimit
-from robots.encoding import to_json
+from robots.storage.encoding import to_json
 
 RESULT = "result"
 """What the ledger of a part calls its result."""

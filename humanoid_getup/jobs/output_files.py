@@ -56,7 +56,7 @@ def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
 
     A file of ``names`` that was not written is removed: it was an earlier run's.
     """
-    from robots.files import atomic_path
+    from robots.storage.files import atomic_path
 
     try:
         with tempfile.TemporaryDirectory(dir=_find_existing(folder), prefix=SCRATCH) as scratch:

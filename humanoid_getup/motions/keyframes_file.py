@@ -16,7 +16,7 @@ from humanoid_getup.motions.motion import NAME, STANDING, EndClass, StartClass
 from robots import Robot
 from robots.body.sides import JointSides
 from robots.quaternion import Array
-from robots.validation import (
+from robots.storage.validation import (
     find_unknown_keys,
     load_toml,
     name_unknown_joints,

@@ -15,10 +15,10 @@ from humanoid_getup.motions.keyframes_file import TABLES, KeyframesError, load_k
 from humanoid_getup.motions.motion import STANDING
 from robots import Robot
 from robots.body.sides import JointSides
-from robots.files import atomic_path, read_bounded
 from robots.quaternion import Array
-from robots.toml_document import Value, one_a_line, plain, rounded, table_of, tables_of
-from robots.validation import MAX_TEXT
+from robots.storage.files import atomic_path, read_bounded
+from robots.storage.toml_document import Value, one_a_line, plain, rounded, table_of, tables_of
+from robots.storage.validation import MAX_TEXT
 
 SYMMETRIC = math.radians(0.05)
 """How far left and right may differ in a posture that is written as symmetric [rad]."""

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
-from robots.arrays import NUMBERS, load_arrays, save_arrays, to_text
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
+from robots.storage.arrays import NUMBERS, load_arrays, save_arrays, to_text
 
 Bools = NDArray[np.bool_]
 StartClass = Literal["supine", "prone", "left", "right", "squat", "standing"]

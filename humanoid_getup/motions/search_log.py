@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from humanoid_getup.progress.ledger import STARTS_OVER, Ledger
 from robots.quaternion import Array
-from robots.validation import on_axes, read_table
+from robots.storage.validation import on_axes, read_table
 
 POPULATION = 14
 """Candidates of a generation."""

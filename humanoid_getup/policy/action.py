@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robots import Robot
 from robots.quaternion import Array
-from robots.validation import Names, on_axes, positive, whole
+from robots.storage.validation import Names, on_axes, positive, whole
 
 STEP_TIME = 0.048  # s of a policy step, about; a slower rate explores, a faster one shakes
 CYCLES = 6  # control cycles of that time at a period of 8 ms

@@ -14,7 +14,7 @@ from humanoid_getup.policy.action import ActionMode, ActionSpec, Vector
 from humanoid_getup.policy.observation import StyleInput, Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
-from robots.validation import Names, positive, read_table, shown
+from robots.storage.validation import Names, positive, read_table, shown
 
 FORMAT = 5
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"

@@ -18,7 +18,7 @@ from humanoid_getup.style.features import COUNT as FEATURE_COUNT
 from humanoid_getup.style.height_map import GRID
 from robots import Robot
 from robots.quaternion import Array
-from robots.validation import whole
+from robots.storage.validation import whole
 
 Floats = NDArray[np.float32]
 """Type of a network's input."""

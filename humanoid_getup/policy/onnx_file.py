@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from humanoid_getup.policy.onnx_content import find_content_problems
-from robots.files import read_bounded, write_atomically
+from robots.storage.files import read_bounded, write_atomically
 
 CONTRACT_KEY = "policy_contract"  # of the contract in the model's metadata
 CHECKSUM_KEY = "policy_sha256"  # of the checksum there

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.encoding import as_kept, to_json
-from robots.files import write_atomically
-from robots.validation import parse_file
+from robots.storage.encoding import as_kept, to_json
+from robots.storage.files import write_atomically
+from robots.storage.validation import parse_file
 
 STARTS_OVER = "without --resume it starts over"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from humanoid_getup.library_environment import keep_matplotlib_out_of_home
-from robots.files import atomic_path
+from robots.storage.files import atomic_path
 
 if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.axes import Axes

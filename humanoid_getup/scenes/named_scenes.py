@@ -16,7 +16,7 @@ from humanoid_getup.scenes.scene_file import (
     read_scene_table,
 )
 from robots import Robot
-from robots.validation import shown
+from robots.storage.validation import shown
 
 FOLDER = Path(__file__).parent / "named"
 STEEPEST = 30.0  # degrees

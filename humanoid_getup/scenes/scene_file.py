@@ -17,10 +17,10 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.scenes.surface import Surface
 from robots import Robot, quaternion
 from robots.body.lengths import leg_length
-from robots.files import readable
 from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
-from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
+from robots.storage.files import readable
+from robots.storage.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 
 FARTHEST = 100.0  # legs or m
 Number = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST, description="a number from -100 to 100")]

@@ -31,7 +31,7 @@ from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
 from robots import Robot, TorqueLimit
 from robots.servo import LimitMode
-from robots.validation import load_toml, positive, read_table, whole
+from robots.storage.validation import load_toml, positive, read_table, whole
 
 PLAN, POLICY = "plan", "policy"
 RECORDS = Path("policies", "records.toml")

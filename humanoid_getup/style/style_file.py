@@ -15,10 +15,10 @@ from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.style import Style
 from robots import Robot
 from robots.body.lengths import leg_length
-from robots.files import readable, write_atomically
 from robots.quaternion import Array
-from robots.toml_document import Value, commented, plain, rounded, tables_of
-from robots.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
+from robots.storage.files import readable, write_atomically
+from robots.storage.toml_document import Value, commented, plain, rounded, tables_of
+from robots.storage.validation import find_unknown_keys, load_toml, on_axes, positive, read_table
 
 FOLDER = Path(__file__).parent / "named"
 SUFFIX = ".toml"

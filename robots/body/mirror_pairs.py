@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robots.body.side_names import swap_side
 from robots.quaternion import Array
-from robots.side_names import swap_side
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 """What a reflection in the plane y = 0 makes of a point's coordinates."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from robots.body.joint_view import JointView
+from robots.body.side_names import LEFT, find_side, remove_side
 from robots.quaternion import Array
 from robots.robot import Robot
-from robots.side_names import LEFT, find_side, remove_side
 
 SAME_PLACE = 0.001  # m; joints closer than this to the plane between them are on neither side
 

@@ -11,11 +11,11 @@ import numpy as np
 from robots.body.links import Link
 from robots.body.mirror_pairs import MirrorPairs, find_mirror
 from robots.body.parts import BodyParts, sort_parts
+from robots.body.side_names import side_of
 from robots.model_import.source import ModelImportError
 from robots.model_import.tree import KinematicTree
 from robots.quaternion import Array
-from robots.side_names import side_of
-from robots.validation import shown
+from robots.storage.validation import shown
 
 LEVEL = 0.1  # share of the height by which the lowest ends of two legs may differ
 PARALLEL = 0.02  # share of the heaviest end's mass below which a limb is a rod beside a leg

@@ -24,7 +24,7 @@ from robots.model_import.stance_search import find_stance
 from robots.model_import.tie_reduction import reduce_ties
 from robots.model_import.tree import KinematicTree, find_tree
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.storage.validation import shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robots.files import read_bounded
-from robots.model_files import MAX_ASSET
 from robots.quaternion import Array
+from robots.storage.files import read_bounded
+from robots.storage.model_files import MAX_ASSET
 
 READ_BY_MUJOCO = (".stl", ".obj", ".msh")
 MESH_KINDS = (*READ_BY_MUJOCO, ".dae")

@@ -8,12 +8,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.files import describe
-from robots.model_checks import find_number_problems
-from robots.model_files import MODEL_ERRORS, find_file_problems
+from robots.description.model_checks import find_number_problems
 from robots.model_import.folding import Fold, find_folds, fold
 from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
+from robots.storage.files import describe
+from robots.storage.model_files import MODEL_ERRORS, find_file_problems
 
 
 def read_mjcf(path: Path) -> ModelSource:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from robots.files import describe, read_bounded
-from robots.model_files import MAX_MODEL
 from robots.model_import.mjcf import read_mjcf
 from robots.model_import.source import ModelImportError, ModelSource
 from robots.model_import.urdf import read_urdf
+from robots.storage.files import describe, read_bounded
+from robots.storage.model_files import MAX_MODEL
 
 
 def read_model(path: Path) -> ModelSource:

@@ -10,12 +10,12 @@ import numpy as np
 
 from robots.body.body_plan import BodyPlan
 from robots.body.mirror_pairs import MirrorPairs
-from robots.files import describe
-from robots.model_files import MODEL_ERRORS
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.source import ModelImportError
 from robots.quaternion import Array
+from robots.storage.files import describe
+from robots.storage.model_files import MODEL_ERRORS
 
 
 class RebuiltModel:

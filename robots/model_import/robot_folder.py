@@ -9,15 +9,15 @@ from pathlib import Path
 
 import tomlkit
 
-from robots.files import describe
-from robots.loading import load_robot
+from robots.description.loading import load_robot
 from robots.model_import.folding import Fold
 from robots.model_import.importer import ImportedRobot
 from robots.model_import.sites import IMU, NECK, SOLES
 from robots.model_import.source import ModelImportError
 from robots.robot import RobotError
 from robots.servo import TICKS_PER_TURN
-from robots.toml_document import Value, commented, one_a_line, rounded, table_of, tables_of
+from robots.storage.files import describe
+from robots.storage.toml_document import Value, commented, one_a_line, rounded, table_of, tables_of
 
 CONTROL_PERIOD = 0.008  # s
 MOST_SERVOS = 24  # that one bus of 2 Mbit/s reads and writes in that time

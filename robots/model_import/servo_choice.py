@@ -8,10 +8,10 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from robots.description.servo_catalog import servo_models
 from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.servo import ServoModel
-from robots.servo_catalog import servo_models
-from robots.validation import shown
+from robots.storage.validation import shown
 
 SUPPLIES = (12.0, 14.8, 11.1)  # V, of the batteries with three and four cells
 CLOSE = np.log(1.25)  # ratio of torques up to which a known type is taken for what a model states

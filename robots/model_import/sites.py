@@ -13,7 +13,7 @@ from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
 from robots.model_import.source import ModelImportError
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.storage.validation import shown
 
 SOLES = ("l_sole", "r_sole")
 NECK, IMU = "neck", "imu"

@@ -12,7 +12,7 @@ import numpy as np
 from robots.body.links import gather_links
 from robots.model_import.source import ModelImportError, ModelSource
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.storage.validation import shown
 
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}

@@ -9,13 +9,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.files import describe
-from robots.model_files import MODEL_ERRORS
 from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS
 from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
 from robots.model_import.urdf_values import INERTIA, find_value_problems, read_number
+from robots.storage.files import describe
+from robots.storage.model_files import MODEL_ERRORS
 
 LEAST_MOMENT = 1e-12  # kg·m², of what MuJoCo takes for positive
 WATER = 1000.0  # kg/m³

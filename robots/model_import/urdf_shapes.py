@@ -6,10 +6,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from robots.files import check_file, describe
-from robots.model_files import MAX_ASSET, MAX_ASSETS
 from robots.model_import.mesh_files import MESH_KINDS, is_readable, read_hull
-from robots.validation import shown
+from robots.storage.files import check_file, describe
+from robots.storage.model_files import MAX_ASSET, MAX_ASSETS
+from robots.storage.validation import shown
 
 SIZES = ("radius", "length", "size")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robots.validation import shown
+from robots.storage.validation import shown
 
 MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

@@ -15,9 +15,16 @@ import numpy as np
 
 from humanoid_getup.style.features import COUNT, mirror_features
 from robots import Robot
-from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers, to_text
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.storage.arrays import (
+    ArchiveError,
+    check_robot,
+    load_arrays,
+    save_arrays,
+    to_numbers,
+    to_text,
+)
+from robots.storage.validation import shown
 
 LAYERS = 3
 VECTORS = (

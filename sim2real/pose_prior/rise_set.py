@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.extraction import extract_curves, measure_features
 from robots import Robot
-from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers, to_text
 from robots.quaternion import Array
+from robots.storage.arrays import (
+    ArchiveError,
+    check_robot,
+    load_arrays,
+    save_arrays,
+    to_numbers,
+    to_text,
+)
 
 POLICY_SOURCE = "policy: "  # begins the source of a rise by a policy, before its name
 PERIOD = 0.048  # s between two frames of a rise

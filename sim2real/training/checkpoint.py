@@ -13,8 +13,8 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
-from robots.files import atomic_path, read_bounded
-from robots.validation import shown
+from robots.storage.files import atomic_path, read_bounded
+from robots.storage.validation import shown
 from sim2real.training.ppo import AVERAGE, UPDATES
 
 CHECKPOINT = "checkpoint.pt"

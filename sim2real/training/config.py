@@ -13,9 +13,9 @@ from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_
 from humanoid_getup.policy.contract import Fact
 from humanoid_getup.progress.ledger import check_recipe as compare_recipes
 from robots import Robot
-from robots.encoding import as_kept
-from robots.files import read_bounded
-from robots.validation import MAX_TEXT, shown
+from robots.storage.encoding import as_kept
+from robots.storage.files import read_bounded
+from robots.storage.validation import MAX_TEXT, shown
 
 STEPS = 20  # policy steps of every robot between two updates
 

@@ -23,7 +23,7 @@ from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot
-from robots.files import atomic_path
+from robots.storage.files import atomic_path
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import TrainingRecord
 from sim2real.training.networks.styled_network import StyledNetwork

@@ -15,7 +15,7 @@ from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.style_file import list_styles, load_style
 from robots import Robot
 from robots.body.lengths import leg_length
-from robots.files import atomic_path
+from robots.storage.files import atomic_path
 from sim2real.environment.starts.terrain import Terrain, build_terrain
 from sim2real.environment.styled.curve_library import build_library
 from sim2real.environment.styled.prior_head import PriorHead

@@ -17,9 +17,9 @@ import torch
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot
-from robots.encoding import to_json
-from robots.files import write_atomically
 from robots.quaternion import Array
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.physics.randomization import RANDOMIZATIONS

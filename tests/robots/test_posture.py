@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import Posture
-from robots.posture_file import format_posture, load_posture
+from robots.description.posture_file import format_posture, load_posture
 
 
 def record(**changes):

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots import Servo
+from robots.description.servo_catalog import servo_models
 from robots.drive import Drive, limit_servos
 from robots.servo import CURRENT, PWM, RAD_PER_TICK, count_pwm, round_pwm
-from robots.servo_catalog import servo_models
 
 XM430 = servo_models()["XM430-W350"]
 servos = st.builds(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robots import FULL_TORQUE, Robot, TorqueLimit
-from robots.servo_catalog import servo_models
+from robots.description.servo_catalog import servo_models
 from robots.torque_limit import check_torque_limit
 
 

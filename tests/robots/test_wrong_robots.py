@@ -6,7 +6,7 @@ import pytest
 from spoiling import complaint, spoil
 
 from humanoid_getup.motions.posture_metric import SEGMENT_WEIGHT
-from robots.schema import Segment
+from robots.description.schema import Segment
 
 L_HIP = 'name = "l_hip", id = 1, servo = "XM430-W350", sign = 1'
 LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'

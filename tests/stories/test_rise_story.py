@@ -24,8 +24,8 @@ from humanoid_getup.reporting.report import KEYS
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Robot
+from robots.description.posture_file import format_posture
 from robots.kinematics import place
-from robots.posture_file import format_posture
 
 MOTION, SQUAT = "supine_sit_up_fast", "squat_to_stand"
 LIMIT = 3.0  # N·m

@@ -31,7 +31,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache
 from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from robots import Robot, load_robot
-from robots.posture_file import format_posture
+from robots.description.posture_file import format_posture
 
 MOTION = "squat_to_stand"
 BVH = """HIERARCHY

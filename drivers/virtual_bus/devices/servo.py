@@ -23,8 +23,8 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured, Sensors
 from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
+from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
-from robots.servo_catalog import servo_models
 
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 WATCHDOG_UNIT = 0.02  # s

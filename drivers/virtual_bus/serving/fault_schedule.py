@@ -14,7 +14,7 @@ from drivers.errors import SetupError
 from drivers.state import HardwareError
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.wire_faults import LineFault
-from robots.validation import load_toml, read_table, shown, whole
+from robots.storage.validation import load_toml, read_table, shown, whole
 
 LONGEST_TIME = 1e6  # s
 

@@ -18,11 +18,11 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
-from robots.arrays import load_arrays, save_arrays, to_numbers, to_text
 from robots.kinematics import lowest_point, place, read_posture
 from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
-from robots.validation import outside, shown
+from robots.storage.arrays import load_arrays, save_arrays, to_numbers, to_text
+from robots.storage.validation import outside, shown
 
 LyingSide = Literal["supine", "prone", "left", "right"]
 CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from robots import Robot
-from robots.files import read_bounded
 from robots.servo import TICKS_PER_TURN
+from robots.storage.files import read_bounded
 
 PAGES, PAGE_SIZE, HEADER_SIZE, STEP_SIZE, MOST_STEPS = 256, 512, 64, 64, 7
 IDS = 31

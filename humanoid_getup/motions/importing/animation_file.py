@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from robots import Robot
-from robots.validation import name_unknown_joints, parse_file, read_table
+from robots.storage.validation import name_unknown_joints, parse_file, read_table
 
 Seconds = Annotated[float, Meta(ge=0.0, description="0 s or more")]
 Goals = dict[str, Annotated[float, Meta(description="a finite angle in degrees")]]

@@ -24,7 +24,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.body.sides import JointSides
 from robots.quaternion import Array
-from robots.validation import shown
+from robots.storage.validation import shown
 
 TRAVEL_SPEED = 1.5  # rad/s of the joint that moves farthest, where no time is given
 LEAST_TRAVEL = 0.2  # s

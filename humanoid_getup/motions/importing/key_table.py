@@ -12,7 +12,7 @@ import numpy as np
 from humanoid_getup.motions.importing.key_sequence import MOST_KEYS, KeyCollector, KeySequence
 from robots import Robot
 from robots.quaternion import Array
-from robots.validation import name_unknown_joints, parse_file, shown
+from robots.storage.validation import name_unknown_joints, parse_file, shown
 
 TIME = "time"
 DEGREES = "_deg"

@@ -21,9 +21,9 @@ import numpy as np
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.strategies.cache.solved_rise import SolvedRise, read_solved_rise
-from robots.encoding import to_json
-from robots.files import read_bounded, write_atomically
-from robots.validation import parse_file
+from robots.storage.encoding import to_json
+from robots.storage.files import read_bounded, write_atomically
+from robots.storage.validation import parse_file
 
 FOLDER_VARIABLE = "HUMANOID_GETUP_PLAN_CACHE"
 """Environment variable that names the folder of the cache."""

@@ -15,7 +15,7 @@ from robots import Posture, TorqueLimit
 from robots.posture import UNIT_TOLERANCE
 from robots.quaternion import Array
 from robots.servo import LimitMode
-from robots.validation import on_axes, positive, read_table, whole
+from robots.storage.validation import on_axes, positive, read_table, whole
 
 MOST_TORQUE, MOST_FRAMES = 1000.0, 10**6
 MOST_TIME = 1e11  # s since 1970

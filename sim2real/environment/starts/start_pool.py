@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Robot
-from robots.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers
 from robots.quaternion import Array
+from robots.storage.arrays import ArchiveError, check_robot, load_arrays, save_arrays, to_numbers
 
 # Weight of the last episode in the success rate of an initial state: the last three episodes
 # dominate, since older ones are of an earlier policy.

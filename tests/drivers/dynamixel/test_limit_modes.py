@@ -12,8 +12,8 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import SetupError
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import Robot
+from robots.description.servo_catalog import servo_models
 from robots.servo import TICKS_PER_TURN
-from robots.servo_catalog import servo_models
 
 TORQUE_PER_AMPERE = 4.1 / 2.3
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from drivers.dynamixel.protocol2 import ALERT, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
-from robots.servo_catalog import servo_models
+from robots.description.servo_catalog import servo_models
 
 RPM = 2.0 * np.pi / 60.0
 COUNTS = st.integers(-300, 300)

@@ -22,7 +22,7 @@ from drivers.service.calibrate import (
 )
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import Joint, Robot
-from robots.calibration import Calibration
+from robots.description.calibration import Calibration
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from robots import Robot
-from robots.servo_catalog import servo_models
+from robots.description.servo_catalog import servo_models
 
 
 def fit(robot: Robot, *names: str) -> Robot:

@@ -18,7 +18,7 @@ from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion
-from robots.encoding import as_kept
+from robots.storage.encoding import as_kept
 
 MOTION = "prone_push_up_gentle"
 

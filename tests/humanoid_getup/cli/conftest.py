@@ -9,7 +9,7 @@ from stored_plans import lie_at_start, plan_stored
 from humanoid_getup.cli.main import main
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots.posture_file import format_posture
+from robots.description.posture_file import format_posture
 
 
 @pytest.fixture

@@ -27,8 +27,8 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.cli import calibrate as command
 from humanoid_getup.cli.main import main
 from robots import Robot, load_robot
-from robots.calibration import Calibration, JointCalibration
-from robots.posture_file import format_posture
+from robots.description.calibration import Calibration, JointCalibration
+from robots.description.posture_file import format_posture
 
 L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
 """The robot as it is: the description has zeros 2048 and 1000."""

@@ -13,7 +13,7 @@ from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.posture_file import format_posture
+from robots.description.posture_file import format_posture
 
 KEY = "motions:supine_sit_up_gentle@1.2"
 

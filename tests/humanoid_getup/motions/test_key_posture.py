@@ -9,7 +9,7 @@ from mirror_images import mirror_posture
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion_database import find_motion
 from robots import Robot
-from robots.posture_file import format_posture
+from robots.description.posture_file import format_posture
 
 
 @pytest.mark.parametrize(("time", "frame"), [(0.0, 0), (0.099, 12), (0.103, 13)])

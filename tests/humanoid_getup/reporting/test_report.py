@@ -11,7 +11,7 @@ from humanoid_getup.execution.result import Attempt, AttemptStatus, RiseResult
 from humanoid_getup.reporting.report import KEYS, make_report, print_summary
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from robots import load_robot
-from robots.encoding import to_json
+from robots.storage.encoding import to_json
 
 SETTINGS = {
     "seed": 4,

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robots.description.servo_catalog import servo_models
 from robots.model_import.servo_choice import choose_servos, describe_motor
 from robots.model_import.source import ActuatorFigures, ModelImportError
-from robots.servo_catalog import servo_models
 
 JOINTS = ("l_knee", "r_knee", "l_elbow", "r_elbow")
 SMALL = {"weight": 3.0, "leg_length": 0.25}  # kg, m

@@ -7,8 +7,8 @@ import mujoco
 import pytest
 from small_humanoid import small_humanoid
 
+from robots.description.servo_catalog import servo_models
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
-from robots.servo_catalog import servo_models
 
 GEAR = 2.5  # turns of the motor to one of the knee
 TORQUE = 1.6  # N·m of the motor

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from text_meshes import write_text_stl
 
-from robots.model_files import MAX_ASSET
 from robots.model_import import urdf_shapes
 from robots.model_import.urdf_shapes import UrdfShapes, find_mesh
+from robots.storage.model_files import MAX_ASSET
 
 
 @pytest.fixture

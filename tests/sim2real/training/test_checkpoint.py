@@ -16,7 +16,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.cli.main import main
 from robots import Robot
-from robots.validation import MAX_TEXT
+from robots.storage.validation import MAX_TEXT
 from sim2real.training.checkpoint import (
     CHECKPOINT,
     CheckpointError,

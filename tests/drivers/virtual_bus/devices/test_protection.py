@@ -8,7 +8,7 @@ from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.virtual_bus.devices.protection import OverloadModel
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
-from robots.servo_catalog import servo_models
+from robots.description.servo_catalog import servo_models
 
 DEFAULT_SHUTDOWN = HardwareError.OVERHEATING | HardwareError.SHOCK | HardwareError.OVERLOAD
 STALL = servo_models()["XM430-W350"].stall_current

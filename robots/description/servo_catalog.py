@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.servo import ServoModel
-from robots.validation import load_toml, read_table, shown
+from robots.storage.validation import load_toml, read_table, shown
 
 SERVOS_FILE = "servos.toml"
 FIGURES = tuple(field.name for field in fields(ServoModel) if field.name != "name")

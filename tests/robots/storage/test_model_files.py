@@ -9,8 +9,8 @@ import pytest
 from paths import TINY
 
 from robots import RobotError, load_robot
-from robots.model_files import MAX_ASSET, find_file_problems
 from robots.robot import ROBOTS_FOLDER
+from robots.storage.model_files import MAX_ASSET, find_file_problems
 
 
 def problems_of(folder: Path, content: str) -> str:

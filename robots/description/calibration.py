@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import tomlkit
 from msgspec import Meta
 
-from robots.files import write_atomically
 from robots.servo import MAX_TICKS
-from robots.toml_document import table_of
-from robots.validation import Sign, load_toml, name_unknown_joints, read_table, shown, whole
+from robots.storage.files import write_atomically
+from robots.storage.toml_document import table_of
+from robots.storage.validation import Sign, load_toml, name_unknown_joints, read_table, shown, whole
 
 if TYPE_CHECKING:
     from robots.robot import Robot

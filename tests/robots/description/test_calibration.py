@@ -3,7 +3,7 @@
 import pytest
 
 from robots import RobotError, load_robot
-from robots.calibration import CALIBRATION_FILE, Calibration, JointCalibration
+from robots.description.calibration import CALIBRATION_FILE, Calibration, JointCalibration
 
 
 def save(folder, robot: str = "tiny", **joints) -> None:

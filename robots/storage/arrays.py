@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.files import atomic_path, read_bounded
-from robots.validation import shown
+from robots.storage.files import atomic_path, read_bounded
+from robots.storage.validation import shown
 
 MAX_BYTES = 64 * 2**20  # unpacked; far above what the product writes
 MAX_HEADER = 4096  # characters; np.save writes about 120

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from robots.files import atomic_path, describe, read_bounded, readable, write_atomically
+from robots.storage.files import atomic_path, describe, read_bounded, readable, write_atomically
 
 NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
@@ -124,7 +124,7 @@ def test_standard_output_is_written_through(tmp_path: Path, through: str, into: 
     link.symlink_to("/dev/stdout")
     path = link if through == "link" else Path(through)
     program = (
-        "import sys; from pathlib import Path; from robots.files import write_atomically; "
+        "import sys; from pathlib import Path; from robots.storage.files import write_atomically; "
         f"write_atomically(Path({str(path)!r}), 'content'); "
     )
     command = [sys.executable, "-c", program]

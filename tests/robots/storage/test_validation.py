@@ -10,7 +10,7 @@ import pytest
 from msgspec import Meta
 
 from robots.quaternion import Array
-from robots.validation import (
+from robots.storage.validation import (
     MAX_TOML,
     MOST_ROWS,
     MOST_UNKNOWN,

@@ -11,7 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robots.arrays import MAX_BYTES, ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from robots.storage.arrays import (
+    MAX_BYTES,
+    ArchiveError,
+    load_arrays,
+    save_arrays,
+    to_numbers,
+    to_text,
+)
 
 ARRAYS = {
     "text": np.array("sit-up"),
@@ -90,7 +97,7 @@ def test_a_bomb_that_lies_about_its_size_is_not_unpacked(gigabyte: Path, tmp_pat
     content[entry + 24 : entry + 28] = struct.pack("<I", len(header_of((100,))) + 800)
     file.write_bytes(bytes(content))
     program = (
-        "import sys; from pathlib import Path; import robots.arrays as arrays\n"
+        "import sys; from pathlib import Path; import robots.storage.arrays as arrays\n"
         "try: arrays.load_arrays(Path(sys.argv[1]), ('a',))\n"
         "except arrays.ArchiveError as error: print(error)\n"
         "print(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0])"

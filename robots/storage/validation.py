@@ -34,7 +34,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from robots.files import describe, read_bounded
+from robots.storage.files import describe, read_bounded
 
 MAX_TEXT = 4 * 2**20  # bytes; far above what such a file needs
 MAX_TOML = 2**20  # bytes

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from robots.schema import RobotTable
-from robots.validation import outside, shown
+from robots.description.schema import RobotTable
+from robots.storage.validation import outside, shown
 
 FREE, HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 OBJECT = mujoco.mjtObj

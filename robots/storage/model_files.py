@@ -14,8 +14,8 @@ from pathlib import Path
 
 import mujoco
 
-from robots.files import check_file, describe, read_bounded
-from robots.validation import shown
+from robots.storage.files import check_file, describe, read_bounded
+from robots.storage.validation import shown
 
 MAX_MODEL = 32 * 2**20  # bytes of an XML file, and of all that it includes together
 MAX_ASSET = 64 * 2**20  # bytes of a mesh or another file that a model names

@@ -7,7 +7,7 @@ import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.toml_document import (
+from robots.storage.toml_document import (
     commented,
     in_line,
     one_a_line,

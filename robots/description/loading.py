@@ -8,20 +8,20 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robots.calibration import CALIBRATION_FILE, Calibration, CalibrationError
-from robots.files import describe
-from robots.model_checks import find_model_problems
-from robots.model_files import MODEL_ERRORS, find_file_problems
+from robots.description.calibration import CALIBRATION_FILE, Calibration, CalibrationError
+from robots.description.model_checks import find_model_problems
+from robots.description.schema import JointRow, RobotTable, read_description
+from robots.description.servo_catalog import read_servo_models
 from robots.passive_joints import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
 from robots.reshaping.reshaped_robot import ReshapedRobot
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
-from robots.schema import JointRow, RobotTable, read_description
 from robots.servo import LimitMode, Servo, ServoModel
-from robots.servo_catalog import read_servo_models
+from robots.storage.files import describe
+from robots.storage.model_files import MODEL_ERRORS, find_file_problems
+from robots.storage.validation import load_toml, shown
 from robots.transmission import Coupling
-from robots.validation import load_toml, shown
 
 
 def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:

@@ -6,7 +6,7 @@ from spoiling import complaint, spoil
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
 from robots import load_robot
-from robots.servo_catalog import read_servo_models, servo_models
+from robots.description.servo_catalog import read_servo_models, servo_models
 
 OWN = """
 ["XM430-W350"]

@@ -13,7 +13,7 @@ from msgspec import Meta
 from robots.bus_settings import BoardSettings, BusSettings
 from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
 from robots.servo import MAX_TICKS, PGain, ServoModel
-from robots.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
+from robots.storage.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
 
 MAIN_PORT = "main"  # name of the port when all joints share one
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")

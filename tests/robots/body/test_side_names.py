@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.side_names import find_side, remove_side, side_of, swap_side
+from robots.body.side_names import find_side, remove_side, side_of, swap_side
 
 PAIRS = [
     ("l_knee", "r_knee", "knee"),

@@ -15,7 +15,7 @@ from msgspec import Meta
 from robots import quaternion
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE, Posture
 from robots.robot import Robot
-from robots.validation import (
+from robots.storage.validation import (
     Angle,
     name_missing_joints,
     name_unknown_joints,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-import threading
+import multiprocessing
+import signal
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +14,12 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
 from robots.quaternion import Array
 
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
 QUIET = 4  # onnxruntime's log level: fatal errors only
 LONGEST_INFERENCE = 5.0  # s; hundreds of microseconds are usual
+FORK = multiprocessing.get_context("fork")  # takes milliseconds, a fresh process tenths of a second
 
 
 class OnnxNetwork:
@@ -21,26 +28,18 @@ class OnnxNetwork:
     A second output, if the graph has one, is its memory: a part of its next input.
     """
 
-    def __init__(self, file: Path) -> None:
-        """Load a file.
+    def __init__(self, file: Path, limit: float = LONGEST_INFERENCE) -> None:
+        """Load a file, after a child process has, and has run it once, within a limit [s].
 
         Raises:
             OSError: if it cannot be read.
-            NetworkError: if it is damaged, has no contract, or does not map one vector to one.
+            NetworkError: if it is damaged, has no contract, does not map one vector to one, or
+                takes longer.
         """
-        import onnxruntime  # which takes time, and not every rise needs it
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = QUIET
         model = read_model(file)
-        try:
-            self._session = onnxruntime.InferenceSession(
-                model, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime's errors have no base of their own
-            reason = " ".join(str(error).split())
-            raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
+        self.faults = _try_in_child(model, limit)
+        """What is wrong with what it returns for zeros."""
+        self._session = _create_session(model)
         self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         problems = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
@@ -72,33 +71,6 @@ class OnnxNetwork:
                 problems.append(f"network {name}: shape {shape}, expected (N, {size})")
         return problems
 
-    def try_out(self, observation_size: int, limit: float = LONGEST_INFERENCE) -> list[str]:
-        """Run the network once, on zeros; list what is wrong with what it returns.
-
-        Args:
-            observation_size: Of its input.
-            limit: Time [s] after which the inference is stopped.
-        """
-        import onnxruntime
-
-        options = onnxruntime.RunOptions()
-        options.log_severity_level = QUIET
-        timer = threading.Timer(limit, setattr, (options, "terminate", True))
-        timer.daemon = True
-        timer.start()
-        try:
-            blank = np.zeros((1, observation_size), dtype=np.float32)
-            found = self._session.run(None, {self._input.name: blank}, options)
-        except Exception as error:  # onnxruntime's errors have no base of their own
-            if options.terminate:
-                return [f"an inference takes more than {limit:g} s"]
-            return [f"the network cannot be run: {' '.join(str(error).split())}"]
-        finally:
-            timer.cancel()
-        # A weight that is not finite makes every action not finite.
-        finite = all(np.isfinite(np.asarray(values, dtype=float)).all() for values in found)
-        return [] if finite else ["the network returns NaN or infinity"]
-
     def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
         """Map observations (N, size) to actions (N, k) and to the memory of them (N, m).
 
@@ -107,3 +79,65 @@ class OnnxNetwork:
         found = self._session.run(None, {self._input.name: observations})
         actions, *memory = (np.asarray(values, dtype=float) for values in found)
         return actions, memory[0] if memory else np.clip(actions, -1.0, 1.0)
+
+
+def _create_session(model: bytes) -> InferenceSession:
+    import onnxruntime  # which takes time, and not every rise needs it
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = QUIET
+    try:
+        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors have no base of their own
+        reason = " ".join(str(error).split())
+        raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
+
+
+def _try_in_child(model: bytes, limit: float) -> list[str]:
+    """List what is wrong with a model's first inference, which may end its process.
+
+    Nothing else can stop onnxruntime within an operator, or while it computes constants.
+    """
+    import onnxruntime  # noqa: F401  (the child is to have it)
+
+    ours, theirs = FORK.Pipe(duplex=False)
+    child = FORK.Process(target=_try, args=(model, limit, theirs))
+    child.start()
+    theirs.close()
+    try:
+        return ours.recv()
+    except EOFError:
+        child.join()
+        if child.exitcode == -signal.SIGALRM:
+            raise NetworkError(f"an inference takes more than {limit:g} s") from None
+        raise NetworkError(f"an inference ends its process ({child.exitcode})") from None
+    finally:
+        child.kill()
+        child.join()
+        ours.close()
+
+
+def _try(model: bytes, limit: float, found: Connection) -> None:
+    """Send what is wrong with a first inference; the system ends this process at the limit [s]."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, signal.SIG_DFL)  # Python's own handlers wait for the operator
+    signal.setitimer(signal.ITIMER_REAL, limit)
+    found.send(_find_faults(model))
+
+
+def _find_faults(model: bytes) -> list[str]:
+    import onnxruntime
+
+    options = onnxruntime.RunOptions()
+    options.log_severity_level = QUIET
+    try:
+        session = _create_session(model)
+        entry = session.get_inputs()[0]
+        blank = np.zeros((1, entry.shape[1]), dtype=np.float32)
+        outputs = session.run(None, {entry.name: blank}, options)
+    except Exception as error:  # what forbids a session is reported when the file is loaded
+        return [f"the network cannot be run: {' '.join(str(error).split())}"]
+    # A weight that is not finite makes every action not finite.
+    finite = all(np.isfinite(np.asarray(values, dtype=float)).all() for values in outputs)
+    return [] if finite else ["the network returns NaN or infinity"]

@@ -122,7 +122,7 @@ class OnnxPolicy:
         )
         if style is not None and contract.style is None:
             problems.append(f"it follows no style curves, expected no style '{style.name}' with it")
-        if problems := problems or network.try_out(contract.observation_size):
+        if problems := problems or network.faults:
             raise PolicyError(file, problems)
         if contract.style is not None and style is None:
             style = load_any_style(robot)

@@ -1,5 +1,8 @@
 """A policy is one network in one file: no loops, no functions, no weights elsewhere."""
 
+import multiprocessing
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +15,9 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 from tiny_policies import save_policy, weights_of
 
+from humanoid_getup.policy import onnx_network
 from humanoid_getup.policy.onnx_content import find_content_problems
-from humanoid_getup.policy.onnx_file import add_checksum
+from humanoid_getup.policy.onnx_file import NetworkError, add_checksum
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot
@@ -97,27 +101,70 @@ def test_an_ordinary_policy_has_no_problems(tiny: Robot, tmp_path: Path):
     assert find_content_problems(file.read_bytes()) == []
 
 
-def test_an_inference_without_end_in_sight_is_stopped(tiny: Robot, tmp_path: Path):
-    """Each of 2,000 products of 500 x 500 takes milliseconds; 0.1 s are granted."""
+def add_square(model: onnx.ModelProto, side: int, *, is_constant: bool) -> None:
+    """Add the product of two matrices of a side's length, of the output or of a constant."""
+    graph, last = model.graph, model.graph.output[0].name
+    seed = numpy_helper.from_array(np.ones((1, 1), dtype=np.float32), "seed")
+    shape = numpy_helper.from_array(np.array([side, side]), "shape")
+    graph.initializer.extend([seed, shape])
+    if not is_constant:
+        graph.node.append(helper.make_node("ReduceMax", [last], ["one"], keepdims=1))
+    wide = "seed" if is_constant else "one"
+    graph.node.extend(
+        [
+            helper.make_node("Expand", [wide, "shape"], ["wide"]),
+            helper.make_node("MatMul", ["wide", "wide"], ["square"]),
+            helper.make_node("ReduceMax", ["square"], ["largest"], keepdims=1),
+            helper.make_node("Add", [last, "largest"], ["end"]),
+        ]
+    )
+    graph.output[0].name = "end"
 
-    def slow_down(model: onnx.ModelProto) -> None:
-        graph, last = model.graph, model.graph.output[0].name
-        size = graph.output[0].type.tensor_type.shape.dim[1].dim_value
-        ones = numpy_helper.from_array(np.ones((size, 500), dtype=np.float32), "widen")
-        square = numpy_helper.from_array(np.eye(500, dtype=np.float32), "square")
-        graph.initializer.extend([ones, square])
-        graph.node.append(helper.make_node("MatMul", [last, "widen"], ["row"]))
-        shape = numpy_helper.from_array(np.array([500, 500]), "shape")
-        graph.initializer.append(shape)
-        graph.node.append(helper.make_node("Expand", ["row", "shape"], ["m0"]))
-        for k in range(2000):
-            graph.node.append(helper.make_node("MatMul", [f"m{k}", "square"], [f"m{k + 1}"]))
-        graph.node.append(helper.make_node("MatMul", ["m2000", "narrow"], ["end"]))
-        narrow = numpy_helper.from_array(np.ones((500, size), dtype=np.float32), "narrow")
-        graph.initializer.append(narrow)
-        graph.output[0].name = "end"
 
-    file = save_changed(tmp_path / "p.onnx", tiny, slow_down)
-    network = OnnxNetwork(file)
-    size = len(weights_of(tiny))
-    assert network.try_out(size, limit=0.1) == ["an inference takes more than 0.1 s"]
+@pytest.mark.parametrize("is_constant", [True, False])
+def test_an_operator_without_end_in_sight_is_stopped(
+    tiny: Robot, tmp_path: Path, is_constant: bool
+):
+    """A product of 20,000 x 20,000 takes minutes; 0.1 s are granted."""
+    file = save_changed(
+        tmp_path / "p.onnx", tiny, lambda model: add_square(model, 20_000, is_constant=is_constant)
+    )
+    with pytest.raises(NetworkError, match=r"^an inference takes more than 0\.1 s$"):
+        OnnxNetwork(file, limit=0.1)
+
+
+@pytest.mark.parametrize("is_constant", [True, False])
+def test_a_small_product_is_run(tiny: Robot, tmp_path: Path, is_constant: bool):
+    file = save_changed(
+        tmp_path / "p.onnx", tiny, lambda model: add_square(model, 4, is_constant=is_constant)
+    )
+    assert OnnxNetwork(file).faults == []
+
+
+def test_an_inference_that_ends_its_process_is_a_fault_of_the_file(
+    tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """As when the system is out of memory, or in onnxruntime itself."""
+    monkeypatch.setattr(onnx_network, "_find_faults", lambda _: signal.raise_signal(signal.SIGKILL))
+    with pytest.raises(NetworkError, match=r"^an inference ends its process \(-9\)$"):
+        OnnxNetwork(save_policy(tmp_path / "p.onnx", tiny))
+
+
+def test_a_signal_ends_the_wait_for_an_inference(
+    tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def interrupt_parent(_: bytes) -> None:
+        os.kill(os.getppid(), signal.SIGUSR1)
+        signal.pause()
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(onnx_network, "_find_faults", interrupt_parent)
+    before = signal.signal(signal.SIGUSR1, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            OnnxNetwork(save_policy(tmp_path / "p.onnx", tiny))
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert multiprocessing.active_children() == []

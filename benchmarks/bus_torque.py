@@ -24,7 +24,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.console import counting
+from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls

@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from humanoid_getup.cli.console import counting, format_figure, make_table
+from humanoid_getup.cli.shared.console import counting, format_figure, make_table
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.motions.key_posture import KeyPosture

@@ -15,7 +15,7 @@ from path_planning.limited_checker import Budget
 from path_planning.plot import save_planner_cost
 from path_planning.table import SEARCH_FIGURES, write_results
 
-from humanoid_getup.cli.console import counting
+from humanoid_getup.cli.shared.console import counting
 
 
 def main(

@@ -37,7 +37,7 @@ from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_methods
-from humanoid_getup.cli.console import counting
+from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.motions.motion_database import load_database

@@ -24,7 +24,7 @@ import tyro
 from rich.console import Console
 
 from drivers import Twin
-from humanoid_getup.cli.console import counting, format_figure, make_table
+from humanoid_getup.cli.shared.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions

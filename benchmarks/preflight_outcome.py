@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers import State, Twin
-from humanoid_getup.cli.console import counting
+from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls

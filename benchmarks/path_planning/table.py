@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from humanoid_getup.cli.console import format_figure, make_table
+from humanoid_getup.cli.shared.console import format_figure, make_table
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 

@@ -1,1 +1,1 @@
-"""The command line, `getup`: one command a file."""
+"""The command line, `getup`: a folder for each section of `getup --help`."""

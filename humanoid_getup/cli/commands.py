@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
@@ -13,10 +13,10 @@ from typing import Annotated, Any, NamedTuple, Union
 import tyro
 from tyro.conf import subcommand
 
-from humanoid_getup.cli.console import phase
 from humanoid_getup.cli.old_spellings import modernize
 from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.cli.parsing import registry
+from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.requests.values import find_value_problems
@@ -30,7 +30,7 @@ SECTIONS = {
     "robot": ("robots", "scan", "doctor", "calibrate", "bus"),
     "look": ("replay", "bench"),
 }
-"""Commands in the order of `getup --help`."""
+"""Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
 
 
 class TableEntry(NamedTuple):
@@ -40,7 +40,7 @@ class TableEntry(NamedTuple):
     options: str = ""
     """Where its options are: below ``cli.options``, or below ``jobs.requests``."""
     work: str = ""
-    """Where the function is that runs it, below ``cli``."""
+    """Where the function is that runs it, below the folder of its section."""
     json: bool = False
     """Whether results of a request can be written as JSON, too."""
 
@@ -63,12 +63,12 @@ COMMANDS = {
     "prior": TableEntry(
         "Make the pose prior of styled policies.",
         "requests.learning.PriorRequest",
-        "learning.make_prior",
+        "training.make_prior",
     ),
     "train": TableEntry(
         "Train a policy, or continue a training.",
         "requests.learning.TrainRequest",
-        "learning.train",
+        "training.train",
     ),
     "eval": TableEntry(
         "Evaluate a policy on settled falls.",
@@ -77,7 +77,7 @@ COMMANDS = {
         json=True,
     ),
     "export": TableEntry(
-        "Export the policy of a training.", "requests.learning.ExportRequest", "learning.export"
+        "Export the policy of a training.", "requests.learning.ExportRequest", "training.export"
     ),
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview or show motions."
@@ -220,7 +220,7 @@ COMMANDS = {
     ),
     "robots": TableEntry("List the robots, import one from a model file, check one."),
     "robots list": TableEntry(
-        "List the installed robots.", "options.robots.ListRobots", "robots.list_robots"
+        "List the installed robots.", "options.robots.ListRobots", "list_robots.list_robots"
     ),
     "robots import": TableEntry(
         "Make a robot folder from an MJCF or URDF file.",
@@ -249,7 +249,7 @@ class Invocation:
     def run(self) -> int:
         """Import the function of the command, call it, and return the exit code."""
         with phase("loading"):
-            work = _load(f"cli.{COMMANDS[self.name].work}")
+            work = load_work(self.name)
         return work(self.options)
 
 
@@ -327,6 +327,13 @@ def load_options(name: str) -> type[JobRequest]:
     package = "cli" if command.options.startswith("options.") else "jobs"
     options = _load(f"{package}.{command.options}")
     return with_json(options) if command.json else options
+
+
+def load_work(name: str) -> Callable[[JobRequest], int]:
+    """Import the function that runs a command."""
+    group = name.split()[0]
+    section = next(heading for heading, names in SECTIONS.items() if group in names)
+    return _load(f"cli.{section.replace(' ', '_')}.{COMMANDS[name].work}")
 
 
 def _load(target: str) -> Any:

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from humanoid_getup.cli.commands import parse
-from humanoid_getup.cli.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.cli.shared.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
 from humanoid_getup.jobs.errors import BadInputError
 
 SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))

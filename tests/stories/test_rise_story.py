@@ -9,9 +9,9 @@ import pytest
 from stored_plans import lie_at_start
 
 from drivers import Twin
+from humanoid_getup.cli.get_up.results import hand_over
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.rise import Play
-from humanoid_getup.cli.results import hand_over
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions

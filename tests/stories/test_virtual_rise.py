@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.exit_codes import HARDWARE_FAULT
 from humanoid_getup.cli.main import main
+from humanoid_getup.cli.shared.exit_codes import HARDWARE_FAULT
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.output import ARTEFACTS, find_json_problems
+from humanoid_getup.cli.shared.output import ARTEFACTS, find_json_problems
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.shared import (
     NO_ORIGIN,

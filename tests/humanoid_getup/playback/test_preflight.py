@@ -13,8 +13,8 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.cli import preflight as command
 from humanoid_getup.cli.options.motions import Preflight
+from humanoid_getup.cli.plan_and_check import preflight as command
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
 from humanoid_getup.playback.estimation import estimate_posture, settle

@@ -1,0 +1,43 @@
+"""`getup sit` and `getup hold`: what a robot that stands does next."""
+
+from __future__ import annotations
+
+from humanoid_getup.cli.backends import open_backend
+from humanoid_getup.cli.get_up.recording import make_log, recording
+from humanoid_getup.cli.get_up.results import hand_over_stand, reporting_hand_over
+from humanoid_getup.cli.get_up.session_hooks import SessionHooks
+from humanoid_getup.cli.options.rise import Hold, Sit
+from humanoid_getup.cli.shared.console import phase
+from humanoid_getup.execution.session import Session, SessionOptions
+from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.jobs.inputs import load_world, make_torque_limit
+from robots.kinematics import read_posture
+
+
+def sit(command: Sit) -> int:
+    """Sit and lie down; return the exit code."""
+    return _keep_stand(command)
+
+
+def hold(command: Hold) -> int:
+    """Hold a stand, and end it; return the exit code."""
+    return _keep_stand(command)
+
+
+def _keep_stand(command: Sit | Hold) -> int:
+    world = load_world(command)
+    at_rest = read_posture(world.robot, world.model, settle_posture(world, world.robot.standing))
+    limit = make_torque_limit(command, world.robot)
+    opened = open_backend(command, world, limit)
+    with phase("opening the backend") as report, opened as choice:
+        with recording(make_log(command, world.robot)) as recorder:
+            hooks, place = SessionHooks(choice, recorder, report), choice.place
+            options = SessionOptions(
+                then=command.ending, place=place and (lambda: place(at_rest)), **hooks.fields()
+            )
+            session = Session.on(choice.backend, world, limit, options)
+            result = hooks.work(session.guard, lambda: StandKeeper(session).start)
+        report("drawing")
+        with reporting_hand_over(result):
+            return hand_over_stand(result, world, command)

@@ -1,0 +1,1 @@
+"""Commands of policies: `train`, `eval`, `export` and `prior`."""

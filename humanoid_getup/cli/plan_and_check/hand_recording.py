@@ -1,0 +1,107 @@
+"""`getup motions record`: a person moves a limp robot from key to key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from rich.markup import escape
+
+from drivers import SafetyGuard
+from drivers.control_loop import Ending, RunReport, run
+from drivers.safety_limits import GuardLimits
+from humanoid_getup.cli.backends import open_backend
+from humanoid_getup.cli.options.motions import RecordMotion
+from humanoid_getup.cli.plan_and_check.make_motions import print_added
+from humanoid_getup.cli.shared.console import console_for, showing
+from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.import_keys import add_keys, find_target
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
+from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
+from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.motion import NAME
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, Robot
+from robots.quaternion import Array
+
+LONGEST = 3600.0  # s
+LONGEST_SILENCE = 3.0  # s of silence of a servo, of the IMU or of all
+KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
+
+
+def record(command: RecordMotion) -> int:
+    """Record keys and add them to the keyframes; 1 if there are none to add."""
+    world, console = load_world(command), console_for()
+    robot = world.robot
+    path = find_target(command, robot)
+    with refusing():
+        _check_name(command.name)
+        if path.exists() and command.name in [k.name for k in load_keyframes(path, robot)]:
+            raise ValueError(f"{path}: motion '{command.name}' is there already, expected another")
+    with open_presses() as presses:
+        console.print(f"the robot is limp: support it. {KEYS}")
+        recorder = HandRecorder(robot, presses, lambda count: console.print(f"{count} keys"))
+        report = _run(recorder, command, world)
+    if report.ending is Ending.INTERRUPTED:
+        raise KeyboardInterrupt("nothing is saved")
+    is_fault = report.ending is Ending.FAULT  # what was taken until then is as good as ever
+    if is_fault:
+        console.print(f"[red]{escape(report.reason)}")
+    if not recorder.keys or not (is_fault or (recorder.done and recorder.is_kept)):
+        console.print("no keys: nothing is saved")
+        return HARDWARE_FAULT if is_fault else DID_NOT_STAND
+    with refusing():
+        found = make_keyframes(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
+    with showing() as report:
+        added = add_keys([found], robot, command, path, ProgressMonitor(report))
+    print_added(added, command)
+    return HARDWARE_FAULT if is_fault else DID_IT
+
+
+@contextmanager
+def open_presses() -> Iterator[PressSource]:
+    """Watch the person's keys.
+
+    Raises:
+        BadInputError: if there is no terminal.
+    """
+    with TerminalPresses() as presses:
+        if not presses.has_terminal:
+            raise BadInputError("standard input is not a terminal: recording needs its keys")
+        yield presses
+
+
+def make_sequence(name: str, keys: list[Array], robot: Robot) -> KeySequence:
+    """Make a sequence of joint angles [rad], (n,) each; the time between them is their distance's.
+
+    A person's own time says nothing: each posture is held until a key is pressed.
+    """
+    collector = KeyCollector(robot=robot)
+    for before, key in zip([keys[0], *keys], keys, strict=False):
+        collector.add(find_travel_time(before, key), dict(enumerate(key.tolist())))
+    return collector.finish(name, "a recording by hand")
+
+
+def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunReport:
+    """Keep the robot limp until the person has finished; a simulated one waits in real time."""
+    limit = FULL_TORQUE.on(world.robot)
+    with open_backend(replace(command, realtime=True), world, limit) as choice:
+        guard = SafetyGuard(choice.backend, _tolerate_silence(world.robot))
+        return run(recorder, guard, max_time=LONGEST, realtime=choice.realtime)
+
+
+def _tolerate_silence(robot: Robot) -> GuardLimits:
+    """Let a robot be silent for longer: without torque no harm comes of it."""
+    cycles = round(LONGEST_SILENCE / robot.control_period)
+    limits = GuardLimits.of(robot)
+    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LONGEST_SILENCE)
+
+
+def _check_name(name: str) -> None:
+    if not NAME.fullmatch(name):
+        raise ValueError(f"name '{name}': expected up to 100 letters, digits, '_', '-', '.'")

@@ -1,0 +1,197 @@
+"""`getup motions build`, `retarget`, `discover`, `import`, `preview`, and `getup mocap import`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+from rich.markup import escape
+
+from humanoid_getup.cli.options.motions import PreviewMotion
+from humanoid_getup.cli.shared.console import console_for, phase, showing
+from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.cli.shared.repeat import hinting, write_command
+from humanoid_getup.jobs.build_motions import BuiltMotions
+from humanoid_getup.jobs.build_motions import build_motions as build_all
+from humanoid_getup.jobs.discover_motions import discover as search_all
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.import_clip import import_clip as make_motion
+from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
+from humanoid_getup.jobs.inputs import find_keyframes, load_robot
+from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.motions import (
+    BuildRequest,
+    ClipRequest,
+    DiscoverRequest,
+    ImportKeysRequest,
+    NewKeysOptions,
+    RetargetRequest,
+)
+from humanoid_getup.jobs.requests.shared import RobotOption
+from humanoid_getup.jobs.retarget_motions import retarget as transfer_all
+from humanoid_getup.motions.build import try_out
+from humanoid_getup.motions.mocap.retarget_clip import RetargetedClip
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.reporting.motion_strip import draw_trial
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.world import World
+
+SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
+
+
+def preview(command: PreviewMotion) -> int:
+    """Play the keys once and draw them; 0 if that ends as it should."""
+    robot = load_robot(command)
+    (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
+    path = command.picture or Path(f"{keyframes.name}.png")
+    if problems := find_file_problems(path):
+        raise BadInputError("; ".join(problems))
+    console = console_for()
+    with phase("playing the keys"):
+        trial = try_out(World(robot, FLAT_SCENE), keyframes)
+    console.print(f"{keyframes.name}, as it is: {escape(trial.describe())}")
+    try:
+        with phase("drawing"):
+            draw_trial(trial, path)
+        console.print(f"film strip in {path}", markup=False)
+    except film_strip.NoRendererError as error:
+        console.print(f"no film strip: {error}", markup=False)
+    return DID_IT if trial.succeeded else DID_NOT_STAND
+
+
+def build(command: BuildRequest) -> int:
+    """Build the motions; report those that do not end as they should."""
+    with hinting("motions build", command), showing() as report:
+        return _print_built(build_all(command, report))
+
+
+def retarget(command: RetargetRequest) -> int:
+    """Take another robot's keys; 0 if every motion stands."""
+    with hinting("motions retarget", command), showing() as report:
+        found = transfer_all(command, report)
+    if found.improved is not None:
+        _print_built(found.improved)
+    return DID_IT if found.is_complete else DID_NOT_STAND
+
+
+def _print_built(found: BuiltMotions) -> int:
+    console, count = console_for(), len(found.built) + len(found.failures)
+    console.print(f"built {len(found.built)} of {count} into {found.folder}", soft_wrap=True)
+    for failure in found.failures:
+        console.print(f"[red]not built:[/] {escape(failure)}", soft_wrap=True)
+    return DID_NOT_STAND if found.failures else DID_IT
+
+
+def discover(command: DiscoverRequest) -> int:
+    """Search from each side; 1 if there is no motion from one of them."""
+    with showing() as report:
+        found = search_all(command, report)
+    return DID_IT if all(each.motions for each in found) else DID_NOT_STAND
+
+
+def import_motion(command: ImportKeysRequest) -> int:
+    """Add the keys of a file, and say what they are."""
+    with showing() as report:
+        added = import_keys(command, report)
+    print_added(added, command)
+    return DID_IT
+
+
+def print_added(added: AddedKeys, command: NewKeysOptions) -> None:
+    """Print what keyframes were added, how they end, and what to do next."""
+    console = console_for()
+    for found, trial in zip(added.imported, added.trials, strict=True):
+        keyframes = trial.keyframes
+        guessed = "given" if command.start else "guessed: --start says otherwise"
+        console.print(
+            f"[bold]{keyframes.name}[/]: {len(keyframes.keys)} keys, "
+            f"{keyframes.duration.sum():.2f} s, from {keyframes.start_class} ({guessed})"
+        )
+        for note in found.notes:
+            console.print(f" [yellow]![/] {escape(note)}")
+        console.print(f" as they are, undisturbed at full torque: {escape(trial.describe())}")
+    names = tuple(trial.keyframes.name for trial in added.trials)
+    robot = command.robot if isinstance(command, RobotOption) else BuildRequest.robot
+    following = write_command("motions build", BuildRequest(names=names, robot=robot))
+    console.print(f"added to {added.file}; next: {following}", markup=False)
+
+
+def import_clip(command: ClipRequest) -> int:
+    """Retarget a clip, and say how far the motion is from it."""
+    with showing(command) as report:
+        found = make_motion(command, report)
+    write_json(DescribedClip.of(found), command)
+    console = console_for(command)
+    for line in _tell(found):
+        console.print(escape(line), soft_wrap=True)
+    robot_option = "" if command.robot == "op3" else f" --robot {command.robot}"
+    console.print(
+        f"written to {command.target}; next: getup play {command.target}{robot_option}",
+        markup=False,
+        soft_wrap=True,
+    )
+    return DID_IT
+
+
+class Spread(msgspec.Struct, frozen=True, kw_only=True):
+    """Mean and maximum."""
+
+    mean: float
+    max: float
+
+
+class DescribedClip(msgspec.Struct, frozen=True, kw_only=True):
+    """A motion made of a clip, and how far its limbs point off the clip's."""
+
+    name: str
+    robot: str
+    start_class: str
+    end_class: str
+    duration: float = msgspec.field(name="duration_s")
+    slowdown: float
+    mean: float = msgspec.field(name="deviation_mean_deg")
+    max: float = msgspec.field(name="deviation_max_deg")
+    max_limb: str = msgspec.field(name="deviation_max_limb")
+    limbs: dict[str, Spread] = msgspec.field(name="deviation_deg")
+    bound_joints: dict[str, float]
+
+    @classmethod
+    def of(cls, found: RetargetedClip) -> DescribedClip:
+        """Describe a motion."""
+        motion, deviation = found.motion, found.deviation
+        limb, largest = deviation.largest
+        return cls(
+            name=motion.name,
+            robot=motion.robot,
+            start_class=motion.start_class,
+            end_class=motion.end_class,
+            duration=motion.duration,
+            slowdown=found.slowdown,
+            mean=math.degrees(deviation.mean),
+            max=math.degrees(largest),
+            max_limb=limb,
+            limbs={
+                name: Spread(mean=math.degrees(rows.mean()), max=math.degrees(rows.max()))
+                for name, rows in deviation.angle.items()
+            },
+            bound_joints=deviation.bound,
+        )
+
+
+def _tell(found: RetargetedClip) -> list[str]:
+    motion, deviation = found.motion, found.deviation
+    limb, largest = deviation.largest
+    lines = [
+        f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
+        f"limbs point {math.degrees(deviation.mean):.1f}° off the clip's on average, at most "
+        f"{math.degrees(largest):.0f}° (the {limb.replace('_', ' ')})",
+    ]
+    if found.slowdown > SLOWED:
+        lines.append(f"slowed down to {found.slowdown:.2f} times its duration: servos' speed")
+    if deviation.bound:
+        bound = sorted(deviation.bound.items(), key=lambda pair: -pair[1])
+        listed = ", ".join(f"{joint} {share:.0%}" for joint, share in bound)
+        lines.append(f"joints at an end of their range, share of the frames: {listed}")
+    return lines

@@ -1,0 +1,104 @@
+"""`getup motions list` and `show`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from humanoid_getup.cli.options.motions import ListMotions, ShowMotion
+from humanoid_getup.cli.shared.console import console_for, make_table, phase
+from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_motion, load_robot
+from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.reporting.motion_strip import draw_motion
+
+
+class ListedMotion(msgspec.Struct, frozen=True, kw_only=True):
+    """A motion of the list."""
+
+    name: str
+    start_class: str
+    end_class: str
+    strategy: str
+    duration: float = msgspec.field(name="duration_s")
+    stand_time: float | None = msgspec.field(name="stand_time_s")
+    robust: str | float | None
+    torque_limit: str | float | None = msgspec.field(name="torque_limit_nm")
+    mirrored: bool
+
+    @classmethod
+    def of(cls, motion: Motion, *, mirrored: bool) -> ListedMotion:
+        """Describe a motion."""
+        return cls(
+            name=motion.name,
+            start_class=motion.start_class,
+            end_class=motion.end_class,
+            strategy=motion.strategy,
+            duration=motion.duration,
+            stand_time=motion.stand_time,
+            robust=motion.provenance.get("disturbed_success"),
+            torque_limit=motion.provenance.get("torque_limit"),
+            mirrored=mirrored,
+        )
+
+
+def list_motions(command: ListMotions) -> int:
+    """Print a table, or JSON."""
+    robot = load_robot(command)
+    with refusing():
+        names = {motion.name: motion for motion in load_database(robot).motions}
+    rows = [
+        ListedMotion.of(motion, mirrored=name + MIRRORED_SUFFIX in names)
+        for name, motion in names.items()
+        if not name.endswith(MIRRORED_SUFFIX)
+    ]
+    write_json({"robot": robot.name, "motions": rows}, command)
+    if command.json is None:
+        _print(rows)
+    return DID_IT
+
+
+def _print(rows: list[ListedMotion]) -> None:
+    texts = ("motion", "start", "strategy")
+    figures = ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored")
+    table = make_table((*texts, *figures), left=texts)
+    for column in table.columns[:3]:
+        column.no_wrap = True
+    for row in rows:
+        table.add_row(
+            row.name,
+            row.start_class,
+            row.strategy,
+            f"{row.duration:.2f}",
+            _format(row.stand_time, ".2f") if row.end_class == STANDING else "",
+            _format(row.robust, ".0%"),
+            _format(row.torque_limit, ".1f"),
+            "yes" if row.mirrored else "",
+        )
+    console_for().print(table)
+
+
+def _format(value: object, form: str) -> str:
+    return format(value, form) if isinstance(value, int | float) else "?"
+
+
+def show(command: ShowMotion) -> int:
+    """Draw the postures of a motion, as rolled out when it was built."""
+    robot = load_robot(command)
+    motion = find_motion(robot, command.motion)
+    path = command.picture or Path(f"{motion.name}.png")
+    if problems := find_file_problems(path):
+        raise BadInputError("; ".join(problems))
+    with phase("drawing"):
+        try:
+            draw_motion(robot, motion, path)
+        except film_strip.NoRendererError as error:
+            raise BadInputError(f"no film strip: {error}") from error
+    console_for().print(f"film strip in {path}", markup=False)
+    return DID_IT

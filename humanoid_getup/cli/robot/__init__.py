@@ -1,0 +1,1 @@
+"""Commands of robots: their folders, their buses and their servos."""

@@ -1,0 +1,257 @@
+"""`getup calibrate`: measures zeros and signs of a robot's servos, with a person at the robot."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from drivers.dynamixel.diagnostics import name_all
+from drivers.serial_port import is_pseudo_terminal
+from drivers.service.calibrate import (
+    TRIES,
+    Calibrator,
+    JointMeasurement,
+    MovingError,
+    Prompt,
+    check_ranges,
+    is_yes,
+    save,
+)
+from drivers.service.session import RobotBus, open_robot_bus
+from humanoid_getup.cli.options.hardware import Calibrate
+from humanoid_getup.cli.shared.console import console_for, make_table
+from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import name_ports
+from robots import Joint, Robot, load_posture, load_robot
+from robots.description.calibration import CALIBRATION_FILE, CalibrationError
+from robots.quaternion import Array
+
+ZERO, STANDING = "zero", "standing"
+NOT_SAVED = "nothing is saved"
+HEADINGS = ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is")
+REHEARSAL_FILE = "calibration.virtual.toml"
+
+
+def calibrate(command: Calibrate) -> int:
+    """Measure, ask, save; 0 if saved, 1 if the person declined."""
+    robot = _load_robot(command)
+    joints, joint_pos = _choose_joints(command, robot), _choose_posture(command, robot)
+    ports = name_ports(robot, command.port)
+    is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
+    path = command.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
+    check_folder(path.parent)
+    console = console_for(command)
+    prompt = open_prompt(console)
+    if prompt is None and (command.signs or not command.yes):
+        needed = "--signs needs a person" if command.signs else "it cannot ask (or use --yes)"
+        raise BadInputError(f"standard input is not a terminal: {needed}")
+    asker = None if command.yes else prompt
+    with open_robot_bus(robot, ports) as bus:
+        calibrator = Calibrator(bus, joints)
+        calibrator.check()
+        if not _release(bus, asker):
+            return _leave(console)
+        if command.signs and prompt is not None:
+            calibrator.check_signs(prompt)
+        if joint_pos is not None:
+            _measure_zeros(calibrator, robot, joints, joint_pos, asker)
+    measured = calibrator.measured
+    console.print(_tabulate(measured))
+    _print_warnings(measured, console, has_zeros=joint_pos is not None)
+    check_ranges(measured)
+    saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
+    if saved:
+        _save(robot, measured, path)
+    write_json(_record(robot, measured, path if saved else None), command)
+    if not saved:
+        return _leave(console)
+    console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
+    if is_rehearsal and command.out is None:
+        console.print("rehearsed on a virtual bus: the robot's own calibration is unchanged")
+    return DID_IT
+
+
+def _load_robot(command: Calibrate) -> Robot:
+    """Load the robot with its present calibration."""
+    with refusing():
+        try:
+            return load_robot(command.robot)
+        except ValueError as error:
+            if isinstance(error.__cause__, CalibrationError):
+                raise BadInputError(f"{error}; move that file away first") from error
+            raise
+
+
+def _choose_joints(command: Calibrate, robot: Robot) -> tuple[Joint, ...]:
+    unknown = [name for name in command.joint if name not in robot.joint_names]
+    if unknown:
+        names = ", ".join(f"'{name}'" for name in unknown)
+        raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
+    return tuple(j for j in robot.actuators if not command.joint or j.name in command.joint)
+
+
+def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
+    """Return the angles of the posture to hold [rad], (n,); ``None`` to measure no zeros."""
+    at = command.at
+    if at is None:
+        if command.signs:
+            return None
+        at = ZERO
+    if at == STANDING:
+        return robot.standing.joint_pos
+    if at != ZERO:
+        if not Path(at).exists():
+            raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
+        with refusing():
+            return load_posture(Path(at), robot).joint_pos
+    chosen = [joint.name for joint in _choose_joints(command, robot)]
+    beyond = [j for j in robot.joints if j.name in chosen and not j.lower <= 0.0 <= j.upper]
+    if beyond:
+        names = ", ".join(f"'{joint.name}'" for joint in beyond)
+        raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
+    return np.zeros(robot.n)
+
+
+class TerminalPrompt:
+    """A person at the terminal."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def tell(self, text: str) -> None:
+        """Print a line."""
+        self._console.print(escape(text))
+
+    def ask(self, question: str) -> str:
+        """Print a question and read a line."""
+        self._console.print(f"[bold]{escape(question)}[/]", end=" ")
+        line = sys.stdin.readline()
+        if not line:
+            raise BadInputError(f"the input ended before the calibration did: {NOT_SAVED}")
+        return line.rstrip("\n")
+
+
+def open_prompt(console: Console) -> Prompt | None:
+    """Return the person at the terminal, ``None`` if there is none."""
+    is_terminal = sys.stdin is not None and sys.stdin.isatty()
+    return TerminalPrompt(console) if is_terminal else None
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder in which nothing can be saved, before a person does the work."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise _no_folder(folder, "permission denied or read-only")
+
+
+def _no_folder(folder: Path, why: str) -> BadInputError:
+    return BadInputError(
+        f"folder {folder} cannot be written ({why}): name a file with --out, or copy the robot's "
+        "folder and name the copy with --robot FOLDER"
+    )
+
+
+def _release(bus: RobotBus, asker: Prompt | None) -> bool:
+    """Switch torque off; return whether the person agreed."""
+    held = bus.find_torque()
+    if held and asker is not None:
+        question = f"{name_all(held)} hold the robot up and lose torque now: support it, then yes:"
+        if not is_yes(asker.ask(question)):
+            return False
+    bus.release()
+    return True
+
+
+def _measure_zeros(
+    calibrator: Calibrator,
+    robot: Robot,
+    joints: Sequence[Joint],
+    joint_pos: Array,
+    asker: Prompt | None,
+) -> None:
+    """Measure the zeros; let a person try again if the robot moved."""
+    if asker is None:
+        calibrator.measure_zeros(joint_pos)
+        return
+    angles = {j.name: math.degrees(joint_pos[robot.joint_names.index(j.name)]) for j in joints}
+    turned = ", ".join(f"{name} {angle:+.1f}°" for name, angle in angles.items() if round(angle, 1))
+    asker.tell(f"bring the robot into the posture: {turned or 'every joint at 0'}")
+    for left in reversed(range(TRIES)):
+        asker.ask("hold it still, then Enter:")
+        try:
+            calibrator.measure_zeros(joint_pos)
+            return
+        except MovingError as error:
+            if not left:
+                raise
+            asker.tell(str(error))
+
+
+def _save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> None:
+    try:
+        save(robot, measured, path)
+    except CalibrationError as error:
+        raise BadInputError(str(error)) from error
+    except OSError as error:
+        raise _no_folder(path.parent, error.strerror or str(error)) from error
+
+
+def _leave(console: Console) -> int:
+    console.print(NOT_SAVED)
+    return DID_NOT_STAND
+
+
+def _tabulate(measured: Sequence[JointMeasurement]) -> Table:
+    table = make_table(HEADINGS, left=["joint"])
+    for row in measured:
+        servo = row.joint.servo
+        table.add_row(
+            row.joint.name,
+            str(servo.id),
+            str(servo.zero_ticks),
+            str(row.zero_ticks),
+            f"{row.shift:+.1f}",
+            f"{servo.sign:+d}",
+            f"{row.sign:+d}",
+        )
+    return table
+
+
+def _print_warnings(
+    measured: Sequence[JointMeasurement], console: Console, *, has_zeros: bool
+) -> None:
+    for row in measured:
+        for warning in row.warnings:
+            console.print(f" [yellow]![/] joint '{escape(row.joint.name)}': {escape(warning)}")
+    if not has_zeros and any(row.is_reversed for row in measured):
+        console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
+
+
+def _record(
+    robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
+) -> dict[str, Any]:
+    return {
+        "robot": robot.name,
+        "saved": None if path is None else str(path),
+        "joints": {
+            row.joint.name: {
+                "old_zero_ticks": row.joint.servo.zero_ticks,
+                "zero_ticks": row.zero_ticks,
+                "difference_deg": row.shift,
+                "old_sign": row.joint.servo.sign,
+                "sign": row.sign,
+                "warnings": row.warnings,
+            }
+            for row in measured
+        },
+    }

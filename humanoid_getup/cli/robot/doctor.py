@@ -1,0 +1,170 @@
+"""`getup doctor`: checks a robot on its bus before first torque."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from drivers.dynamixel.backend import READ_SHARE
+from drivers.dynamixel.configuration import OPERATING_MODES
+from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.diagnostics import ServoFacts, Severity
+from drivers.service.doctor import HealthCheck, PortReport, examine
+from drivers.service.session import open_robot_bus
+from humanoid_getup.cli.options.hardware import Doctor
+from humanoid_getup.cli.shared.console import console_for, make_table, phase
+from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.inputs import load_robot, name_ports
+
+NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
+MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
+HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
+
+
+def doctor(command: Doctor) -> int:
+    """Check and report; 0 if the robot is healthy, 3 if it must not move."""
+    robot = load_robot(command)
+    ports = name_ports(robot, command.port)
+    with phase("checking"), open_robot_bus(robot, ports) as bus:
+        health = examine(bus)
+    write_json(to_record(health), command)
+    print_health(health, console_for(command))
+    return HARDWARE_FAULT if health.errors else DID_IT
+
+
+def to_record(health: HealthCheck) -> dict[str, Any]:
+    """Convert a health check to plain values, for JSON."""
+    return {
+        "robot": health.robot.name,
+        "healthy": not health.errors,
+        "findings": [
+            {
+                "severity": finding.severity.value,
+                "device": finding.device,
+                "text": finding.text,
+                "remedy": finding.remedy,
+            }
+            for finding in health.findings
+        ],
+        "written": health.written,
+        "calibrated": health.is_calibrated,
+        "torque_on": [joint.name for joint in health.torque],
+        "limit_by": health.robot.limit_by,
+        "period_s": health.robot.control_period,
+        "reading_allowed_s": READ_SHARE * health.robot.control_period,
+        "ports": [asdict(port) for port in health.ports],
+        "accelerometer_m_s2": health.imu and health.imu.accelerometer,
+        "gyro_rad_s": health.imu and health.imu.gyro,
+        "imu": health.imu_name,
+        "imu_rate_hz": health.imu_rate,
+        "joints": {servo.joint.name: _record_servo(servo) for servo in health.servos},
+    }
+
+
+def _record_servo(servo: ServoFacts) -> dict[str, Any]:
+    registers = servo.registers
+    return {
+        "id": servo.id,
+        "model": servo.table.model,
+        "firmware": servo.firmware,
+        "temperature_c": servo.temperature,
+        "voltage_v": servo.voltage,
+        "angle_rad": servo.angle,
+        "ticks": registers["present_position"],
+        "lower_rad": servo.joint.lower,
+        "upper_rad": servo.joint.upper,
+        "return_delay_s": registers["return_delay_time"] * servo.table["return_delay_time"].scale,
+        "operating_mode": registers["operating_mode"],
+        "torque_on": bool(registers["torque_enable"]),
+        "hardware_error": registers["hardware_error_status"],
+    }
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def print_health(health: HealthCheck, console: Console) -> None:
+    """Print findings, remedies and all figures."""
+    name, errors, warnings = health.robot.name, len(health.errors), len(health.warnings)
+    state = _count(errors, "error") if errors else "healthy"
+    found = f"{name}: {state}, {_count(warnings, 'warning')}"
+    console.print(f"[bold {'red' if errors else 'green'}]{found}")
+    for finding in health.findings:
+        mark = "[yellow]![/]" if finding.severity is Severity.WARNING else "[red]✗[/]"
+        console.print(f" {mark} {escape(str(finding))}")
+    if health.servos:
+        console.print(_tabulate(health))
+    for port in health.ports:
+        _print_port(port, health, console)
+    if health.imu is not None:
+        x, y, z = health.imu.accelerometer
+        rate = "" if health.imu_rate is None else f", {health.imu_rate:.0f} samples a second"
+        note = f", {health.imu_note}" if health.imu_note else ""
+        console.print(
+            f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes, "
+            f"{escape(health.imu_name)}{rate}{note}"
+        )
+    mode = _name_mode(OPERATING_MODES[health.robot.limit_by])
+    console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
+    calibrated = "present" if health.is_calibrated else "none: getup calibrate"
+    console.print(f"[bold]calibration[/]: {calibrated}")
+    console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
+
+
+def _tabulate(health: HealthCheck) -> Table:
+    table = make_table(HEADINGS, left=("joint", "model"))
+    for servo in health.servos:
+        joint, registers = servo.joint, servo.registers
+        lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))
+        error = HardwareError(registers["hardware_error_status"])
+        table.add_row(
+            joint.name,
+            str(servo.id),
+            servo.table.model,
+            str(servo.firmware),
+            f"{servo.temperature:.0f}",
+            f"{servo.voltage:.1f}",
+            f"{math.degrees(servo.angle):+.1f}",
+            f"{lower:+d} to {upper:+d}",
+            f"{registers['return_delay_time'] * 2}",
+            _name_mode(registers["operating_mode"]),
+            "on" if registers["torque_enable"] else "off",
+            " ".join(str(bit.name).lower() for bit in error) or "-",
+        )
+    return table
+
+
+def _print_port(port: PortReport, health: HealthCheck, console: Console) -> None:
+    period = health.robot.control_period
+    limit = f"{1.0 / period:.0f} Hz needs at most {READ_SHARE * period * 1e3:.1f} ms"
+    timer = "" if port.latency_timer is None else f", latency timer {port.latency_timer} ms"
+    console.print(f"[bold]port {port.name}[/]: {port.path}, {port.baud} bit/s{timer}")
+    latency = port.latency
+    if latency is None:
+        return
+    console.print(
+        f"  {latency.kind}: median {latency.group_median * 1e3:.2f} ms, "
+        f"p99 {latency.group_p99 * 1e3:.2f} ms, {latency.rounds} times"
+    )
+    console.print(
+        f"  all reads of a cycle: median {latency.reading_median * 1e3:.2f} ms, "
+        f"p99 {latency.reading_p99 * 1e3:.2f} ms; {limit}"
+    )
+    console.print(
+        f"  one cycle: {port.cycle_bytes} bytes, {port.cycle_time * 1e3:.2f} ms on the wire "
+        f"of {period * 1e3:.1f} ms"
+    )
+
+
+def _name_mode(mode: int) -> str:
+    try:
+        return OperatingMode(mode).name.lower().replace("_", " ")
+    except ValueError:
+        return str(mode)

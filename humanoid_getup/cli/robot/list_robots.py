@@ -1,0 +1,50 @@
+"""`getup robots list`: the robots that come with the program."""
+
+from __future__ import annotations
+
+import msgspec
+
+from humanoid_getup.cli.options.robots import ListRobots
+from humanoid_getup.cli.shared.console import console_for, make_table
+from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.errors import refusing
+from robots import Robot, load_robot
+from robots import list_robots as list_names
+
+
+class ListedRobot(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot of the list."""
+
+    name: str
+    dof: int
+    mass: float = msgspec.field(name="mass_kg")
+    neck_height: float = msgspec.field(name="neck_height_m")
+    motions: int
+
+    @classmethod
+    def of(cls, robot: Robot) -> ListedRobot:
+        """Describe a robot."""
+        model = robot.spec().compile()
+        return cls(
+            name=robot.name,
+            dof=robot.n,
+            mass=float(model.body_subtreemass[robot.layout(model).torso]),
+            neck_height=robot.standing_neck_height,
+            motions=len(list((robot.folder / "motions").glob("*.npz"))),
+        )
+
+
+def list_robots(command: ListRobots) -> int:
+    """Print a table, or JSON."""
+    with refusing():
+        rows = [ListedRobot.of(load_robot(name)) for name in list_names()]
+    write_json({"robots": rows}, command)
+    if command.json is None:
+        headings = ("robot", "joints", "mass [kg]", "neck height [m]", "motions")
+        table = make_table(headings, left=("robot",))
+        for row in rows:
+            figures = (row.dof, f"{row.mass:.2f}", f"{row.neck_height:.3f}", row.motions)
+            table.add_row(row.name, *map(str, figures))
+        console_for(command).print(table)
+    return DID_IT

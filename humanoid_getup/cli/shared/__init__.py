@@ -1,0 +1,1 @@
+"""What all commands share: console, exit codes, and where results go."""

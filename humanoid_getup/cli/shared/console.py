@@ -1,0 +1,147 @@
+"""What people see: lines and tables on standard output, progress on standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress as Bars
+from rich.progress import TaskID
+from rich.status import Status
+from rich.table import Table
+
+from humanoid_getup.cli.shared.output import STANDARD_OUTPUT, find_json_target
+from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.progress.callback import Progress, Report
+
+SMALL_FIGURE = 0.1  # below which two decimals are too few
+ROUNDING = 1e-9  # below which a figure is 0
+WIDTH = 120  # characters of a line that goes to no terminal
+
+
+class PipeConsole(Console):
+    """A console that leaves a closed pipe to `main`; rich would exit with code 1."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the `BrokenPipeError` again."""
+        raise
+
+
+def console_for(command: JobRequest | None = None) -> Console:
+    """Return the console for people: standard error where JSON takes standard output."""
+    is_json = find_json_target(command) == STANDARD_OUTPUT
+    console = PipeConsole(stderr=is_json, highlight=False)
+    if not console.is_terminal:
+        console.width = WIDTH
+    return console
+
+
+@contextmanager
+def phase(text: str) -> Iterator[Callable[[str], None]]:
+    """Show what a command is doing on standard error; yield what changes the text."""
+    with Console(stderr=True).status(text) as status:
+        yield status.update
+
+
+@contextmanager
+def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar on standard error; yield what advances it."""
+    with _make_bars() as bars:
+        bar = bars.add_task(what, total=total, note="")
+        yield lambda done: bars.advance(bar, done)
+
+
+@contextmanager
+def showing(command: JobRequest | None = None) -> Iterator[Report]:
+    """Show progress on standard error, and findings to people; yield what shows them."""
+    display = ProgressDisplay(console_for(command))
+    try:
+        yield display.show
+    finally:
+        display.stop()
+
+
+class ProgressDisplay:
+    """A text for what is not counted, a bar for every phase that is, and lines for findings."""
+
+    def __init__(self, findings: Console) -> None:
+        """Show progress on standard error, and findings on a console."""
+        self._findings = findings
+        self._status: Status | None = None
+        self._bars: Bars | None = None
+        self._tasks: dict[str, TaskID] = {}
+
+    def show(self, progress: Progress) -> None:
+        """Show how far the work has come."""
+        if progress.message:
+            self.stop()
+            self._findings.print(progress.message, markup=False, soft_wrap=True)
+        elif progress.total is None:
+            self._show_text(progress.phase)
+        else:
+            self._show_bar(progress)
+
+    def stop(self) -> None:
+        """Leave the terminal to lines; progress that follows is shown again."""
+        if self._status is not None:
+            self._status.stop()
+        if self._bars is not None:
+            self._bars.stop()
+        self._status = self._bars = None
+
+    def _show_text(self, text: str) -> None:
+        if self._status is None:
+            self.stop()
+            self._status = Console(stderr=True).status(text)
+            self._status.start()
+        self._status.update(text)
+
+    def _show_bar(self, progress: Progress) -> None:
+        if self._bars is None:
+            self.stop()
+            self._bars, self._tasks = _make_bars(), {}
+            self._bars.start()
+        bars, name = self._bars, progress.phase
+        if name not in self._tasks:
+            self._tasks[name] = bars.add_task(name, total=progress.total, note="")
+        bars.update(self._tasks[name], completed=progress.done, note=progress.note)
+
+
+def _make_bars() -> Bars:
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    name = TextColumn("{task.description}", markup=False)  # it may hold the name of a file
+    times = (TimeElapsedColumn(), TimeRemainingColumn())
+    note = TextColumn("{task.fields[note]}", style="dim", markup=False)
+    columns = (name, BarColumn(), MofNCompleteColumn(), *times, note)
+    return Bars(*columns, console=Console(stderr=True))
+
+
+def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:
+    """Make a table of numbers, to the right, and of the texts under the headings in ``left``."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in left else "right")
+    return table
+
+
+def format_figure(value: Any) -> str:
+    """Write a figure, an interval, counts, or a median with its 95th percentile, for people."""
+    if isinstance(value, dict):
+        return ", ".join(f"{count} {name}" for name, count in value.items())
+    if hasattr(value, "p95"):
+        return f"{format_figure(value.median)} (p95 {format_figure(value.p95)})"
+    if isinstance(value, list | tuple):
+        return " to ".join(map(format_figure, value))
+    if not isinstance(value, float):
+        return str(value)
+    is_small = ROUNDING < abs(value) < SMALL_FIGURE
+    return f"{value:.2g}" if is_small else f"{value:.2f}"

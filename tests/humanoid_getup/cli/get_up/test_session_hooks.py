@@ -1,0 +1,73 @@
+"""Hooks of a session: each phase reaches the terminal, the flight log and the operator's key."""
+
+import os
+import pty
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from drivers import Command, SafetyGuard, Twin
+from drivers.control_loop import Ending, run
+from drivers.flight_log.reader import FlightRecord
+from drivers.flight_log.writer import FlightLog
+from humanoid_getup.cli.backends import BackendChoice
+from humanoid_getup.cli.get_up.recording import recording
+from humanoid_getup.cli.get_up.session_hooks import SessionHooks
+from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.jobs.errors import BadInputError
+from robots import Robot
+
+
+class Patience:
+    """Keeps torque off until the robot is released; presses the key in its first cycle."""
+
+    def __init__(self, robot: Robot, terminal: int, is_released: Callable[[], bool]) -> None:
+        self._limp, self._terminal, self._is_released = Command.limp(robot.n), terminal, is_released
+        self._is_pressed = False
+
+    def reset(self, state) -> None:
+        del state
+
+    def step(self, state) -> Command:
+        del state
+        if not self._is_pressed:
+            self._is_pressed = os.write(self._terminal, b" ") == 1
+        return self._limp
+
+    @property
+    def done(self) -> bool:
+        return self._is_released()
+
+
+def test_a_phase_reaches_terminal_log_and_key(op3: Robot, tmp_path: Path):
+    master, slave = pty.openpty()
+    path, shown, guard = tmp_path / "flight.mcap", [], SafetyGuard(Twin(op3))
+    choice = BackendChoice(backend=guard, realtime=True)
+    with recording(FlightLog(path, op3)) as recorder:
+        hooks = SessionHooks(choice, recorder, shown.append, terminal=slave)
+        fields = hooks.fields()
+
+        def hold():
+            fields["on_phase"](PhaseChange(Phase.HOLDING, 1, "until a key is pressed"))
+            assert not fields["is_released"]()
+            patience = Patience(op3, master, fields["is_released"])
+            return run(patience, guard, max_time=5.0, realtime=True, on_cycle=fields["on_cycle"])
+
+        report = hooks.work(guard, lambda: hold)
+    os.close(master)
+    os.close(slave)
+    assert report.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
+    assert shown == [Phase.HOLDING.value]
+    assert [event.kind for event in FlightRecord.load(path, op3).events] == ["holding"]
+
+
+def test_work_that_is_refused_is_bad_input(op3: Robot):
+    guard = SafetyGuard(Twin(op3))
+
+    def refuse():
+        raise ValueError("no such motion")
+
+    with recording(None) as recorder, pytest.raises(BadInputError, match="no such motion"):
+        hooks = SessionHooks(BackendChoice(backend=guard, realtime=False), recorder, print)
+        hooks.work(guard, refuse)

@@ -1,0 +1,109 @@
+"""`getup sit`, `getup hold` and `--then`: a robot that stands does not drop, and a key ends it."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import time
+from pathlib import Path
+
+import pytest
+
+from drivers import Command, FaultKind, SafetyGuard, Twin
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.cli.get_up.operator_key import OperatorKey
+from humanoid_getup.cli.main import main
+from humanoid_getup.cli.options.rise import Play
+from humanoid_getup.cli.options.shared import RunOptions
+from humanoid_getup.execution.phase import Phase, PhaseChange
+from robots import Robot
+
+SQUAT = "squat_to_stand"
+
+
+def run(*arguments: str, out: Path) -> tuple[int, dict]:
+    figures = out / "figures.json"
+    code = main([*arguments, "--json", str(figures)])
+    return code, json.loads(figures.read_text())
+
+
+@pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("no_film")
+def test_a_robot_sits_and_lies_down(backend: str, tmp_path: Path, op3: Robot):
+    arguments = ("sit", "--backend", backend, "--torque-limit", "2.5", "--out", str(tmp_path))
+    code, report = run(*arguments, out=tmp_path)
+    assert (code, report["succeeded"], report["then"]) == (0, True, "sit")
+    assert report["reason"] == "sat and lay down, torque off"
+    assert report["head_impact_m_s"] < 0.3
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {"report.json", "flight.mcap", "torque.png"} <= written
+    flight = FlightRecord.load(tmp_path / "flight.mcap", op3)
+    assert len(flight.state["joint_pos"]) * op3.control_period > 8.0
+
+
+def test_a_held_robot_is_judged_and_handed_over(tmp_path: Path):
+    code, report = run("hold", "--then", "hand-over", out=tmp_path)
+    assert (code, report["reason"][-24:]) == (0, "handed over under torque")
+    assert report["held_s"] > 3.0
+    assert len(report["hand_over"]["joints"]) == 20
+    assert report["hand_over"]["watchdog"] == "off"
+
+
+def test_a_robot_is_held_before_it_sits(tmp_path: Path):
+    code, report = run("hold", out=tmp_path)
+    assert (code, report["succeeded"], report["then"]) == (0, True, "sit")
+    assert report["held_s"] == pytest.approx(4.5, abs=0.1)
+    assert report["way_down_s"] > 1.0
+
+
+def test_a_rise_says_what_followed_its_stand(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    code, report = run("play", SQUAT, "--then", "sit", out=tmp_path)
+    assert (code, report["stood"], report["then"]) == (0, True, "sit")
+    assert report["after"]["succeeded"]
+    assert "sat and lay down, torque off" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("realtime", "released"), [(True, True), (False, True)])
+def test_without_a_terminal_or_the_clock_of_the_wall_nothing_waits_for_a_key(realtime, released):
+    reader, writer = os.pipe()
+    assert OperatorKey(realtime=realtime, terminal=reader).is_released() is released
+    os.close(reader)
+    os.close(writer)
+
+
+@pytest.mark.parametrize(
+    ("options", "ending"),
+    [
+        (RunOptions(), "limp"),
+        (RunOptions(backend="virtual"), "hold"),
+        (RunOptions(backend="dynamixel", port=("/dev/ttyUSB0",)), "hold"),
+        (Play(motion=SQUAT, backend="virtual", then="limp"), "limp"),
+    ],
+)
+def test_a_robot_on_servos_is_held_by_default(options: RunOptions, ending: str):
+    assert options.ending == ending
+
+
+def test_a_key_releases_a_robot_that_is_held_and_stops_one_that_moves(op3: Robot):
+    master, slave = pty.openpty()
+    guard = SafetyGuard(Twin(op3))
+    key = OperatorKey(realtime=True, terminal=slave)
+    with key.watch(guard), guard:
+        key.note(PhaseChange(Phase.HOLDING, 1, ""))
+        assert not key.is_released()
+        os.write(master, b" ")
+        until = time.monotonic() + 5.0
+        while not key.is_released() and time.monotonic() < until:
+            time.sleep(0.005)
+        assert key.is_released()
+        assert guard.fault is None
+        key.note(PhaseChange(Phase.LYING_DOWN, 1, ""))
+        while guard.fault is None and time.monotonic() < until:
+            os.write(master, b" ")
+            guard.read()
+            guard.write(Command.limp(op3.n))
+        assert guard.fault is not None
+        assert guard.fault.kind is FaultKind.STOPPED
+    os.close(master)
+    os.close(slave)

@@ -1,0 +1,118 @@
+"""`getup train`: a story of its own, and what it refuses in one line."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+# Before any film strip: triton crashes if it is loaded after Mesa's LLVM.
+pytest.importorskip("tensordict")
+pytest.importorskip("gymnasium")
+pytest.importorskip("tensorboard")
+
+from run_getup import Run
+
+from humanoid_getup.jobs.requests.learning import TrainRequest
+from humanoid_getup.jobs.train_policy import format_time
+from sim2real.training.config import RECIPES
+
+pytestmark = pytest.mark.train
+
+TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
+
+
+@pytest.fixture
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run `getup` in an empty folder, with a `quick` recipe that is over in a moment."""
+    tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
+    monkeypatch.setitem(RECIPES, "quick", tiny)
+    return run
+
+
+def refuse(run: Run, *arguments: str) -> str:
+    """Run what must be refused; return the one line."""
+    before = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    code, out, error = run(*arguments)
+    told = [line for line in error.splitlines() if line.startswith("getup: ")]
+    assert (code, out, len(told)) == (2, "", 1)
+    after = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    assert after == before
+    return told[0]
+
+
+def test_a_training_goes_on_where_it_stopped(run: Run):
+    code, out, _ = run(*TINY)
+    assert code == 0
+    assert out.startswith("mine: 2 iterations, 0.00 million steps in ")
+    assert {"checkpoint.pt", "falls.npz", "progress.csv", "recipe.json"} <= {
+        file.name for file in Path("mine").iterdir()
+    }
+    assert "trained already" in run(*TINY)[1]
+    code, out, _ = run(*TINY, "--iterations", "3")
+    assert code == 0
+    assert out.startswith("mine: 3 iterations")
+    assert json.loads(Path("mine/recipe.json").read_text())["recipe"]["iterations"] == 3
+
+
+def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
+    assert run(*TINY)[0] == 0
+    line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
+    assert "mine/recipe.json: made with another" in line
+    assert "recipe.robots (4, now 5)" in line
+    assert "seed (0, now 7)" in line
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
+        ("recipe.json", b"{", "recipe.json is not a recipe of a training"),
+        ("recipe.json", b"[1]", "recipe.json is not a recipe of a training"),
+        ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
+    ],
+)
+def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, told: str):
+    assert run(*TINY)[0] == 0
+    Path("mine", name).write_bytes(content)
+    code, out, error = run(*TINY, "--iterations", "3")
+    assert (code, out) == (2, "")
+    assert told in error
+    assert Path("mine", name).read_bytes() == content
+
+
+def test_the_recipes_are_the_choices_of_the_option():
+    assert get_args(get_type_hints(TrainRequest)["recipe"]) == tuple(RECIPES)
+
+
+def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("sim2real")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    line = refuse(run, "train", "--out", "mine")
+    assert "pip install 'humanoid-getup[train]'" in line
+
+
+def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    assert run(*TINY)[0] == 0
+    before = Path("mine/checkpoint.pt").read_bytes()
+    monkeypatch.setattr("humanoid_getup.cli.shared.console.ProgressDisplay._show_bar", interrupt)
+    code, _, error = run(*TINY, "--iterations", "4")
+    assert code == 130
+    assert "the same command continues from it" in error
+    assert Path("mine/checkpoint.pt").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(42.0, "42 s"), (420.0, "7 min"), (3900.0, "65 min"), (7500.0, "2 h 05 min")],
+)
+def test_a_duration_is_written_for_people(seconds: float, words: str):
+    assert format_time(seconds) == words

@@ -1,0 +1,530 @@
+"""`getup calibrate`: a person holds and turns the robot, and its zeros and signs are found."""
+
+import io
+import json
+import os
+import tomllib
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from bus_stories import TINY, Served, copy_tiny, serving
+from spoiling import spoil
+
+from drivers.dynamixel.control_table import HardwareError
+from drivers.service import calibrate as service
+from drivers.service.calibrate import (
+    DIRECTIONS,
+    JointMeasurement,
+    PositionRangeError,
+    describe_direction,
+)
+from drivers.virtual_bus.devices.servo import VirtualServo
+from humanoid_getup.cli.main import main
+from humanoid_getup.cli.robot import calibrate as command
+from robots import Robot, load_robot
+from robots.description.calibration import Calibration, JointCalibration
+from robots.description.posture_file import format_posture
+
+L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
+"""The robot as it is: the description has zeros 2048 and 1000."""
+
+
+class Person:
+    """Answers what it is asked; each answer may do something to the robot first."""
+
+    def __init__(self, *answers: str | Callable[[], str]) -> None:
+        self.answers, self.heard, self.asked = list(answers), [], []
+
+    def tell(self, text: str) -> None:
+        self.heard.append(text)
+
+    def ask(self, question: str) -> str:
+        self.asked.append(question)
+        answer = self.answers.pop(0)
+        return answer if isinstance(answer, str) else answer()
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    return copy_tiny(tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def no_pauses(monkeypatch):
+    monkeypatch.setattr(service, "PAUSE", 0.0)
+
+
+@contextmanager
+def real_robot(**joints: JointCalibration):
+    """Serve the smallest robot with servos that sit otherwise than described."""
+    found = {"l_hip": L_HIP, "r_hip": R_HIP} | joints
+    robot = Calibration(robot="tiny", joints=found).apply(load_robot(TINY))
+    with serving(robot) as served:
+        served.place()
+        yield served
+
+
+@pytest.fixture
+def calibrate(folder, capsys, monkeypatch):
+    """Calibrate the user's own robot; return exit code and figures."""
+
+    def calibrate(served: Served, person: Person | None, *options: str) -> tuple[int, dict]:
+        monkeypatch.setattr(command, "open_prompt", lambda _: person)
+        arguments = ("calibrate", "--robot", str(folder), "--port", served.path, "--json", "-")
+        # Named, because a virtual bus does not write the robot's own file by itself.
+        out = ("--out", str(folder / "calibration.toml"))
+        code = main((*arguments, *(() if "--out" in options else out), *options))
+        return code, json.loads(capsys.readouterr().out or "{}")
+
+    return calibrate
+
+
+def read_saved(folder: Path) -> dict:
+    return tomllib.loads((folder / "calibration.toml").read_text())
+
+
+# Zeros ---------------------------------------------------------------------------------------
+
+
+def test_a_shifted_zero_is_found_shown_and_saved(folder, calibrate):
+    with real_robot() as served:
+        code, told = calibrate(served, Person("", "yes"))
+    assert code == 0
+    left = told["joints"]["l_hip"]
+    assert (left["old_zero_ticks"], left["zero_ticks"]) == (2048, 2100)
+    assert left["difference_deg"] == pytest.approx(52 * 360 / 4096)
+    assert left["warnings"] == []
+    assert told["joints"]["r_hip"]["difference_deg"] == 0.0
+    assert told["saved"] == str(folder / "calibration.toml")
+    assert read_saved(folder) == {
+        "robot": "tiny",
+        "joints": {
+            "l_hip": {"zero_ticks": 2100, "sign": 1},
+            "r_hip": {"zero_ticks": 1000, "sign": -1},
+        },
+    }
+
+
+def test_the_calibrated_robot_measures_true_angles_afterwards(folder, calibrate, capsys):
+    with real_robot(r_hip=JointCalibration(1100, -1)) as served:
+        calibrate(served, None, "--yes")
+        served.place(l_hip=-30.0, r_hip=20.0)
+        main(("doctor", "--robot", str(folder), "--port", served.path, "--json", "-"))
+    told = json.loads(capsys.readouterr().out)
+    angles = [np.degrees(told["joints"][name]["angle_rad"]) for name in ("l_hip", "r_hip")]
+    assert angles == pytest.approx([-30.0, 20.0], abs=0.1)
+
+
+def test_any_known_posture_will_do(calibrate, tmp_path):
+    posture = load_robot(TINY).standing
+    held = replace(posture, joint_pos=np.radians([-45.0, 30.0]))
+    (tmp_path / "held.json").write_text(format_posture(held, load_robot(TINY)))
+    with real_robot() as served:
+        served.place(l_hip=-45.0, r_hip=30.0)
+        person = Person("", "yes")
+        code, told = calibrate(served, person, "--at", str(tmp_path / "held.json"))
+    assert code == 0
+    assert "l_hip -45.0°, r_hip +30.0°" in person.heard[0]
+    # Both angles are rounded to ticks, of 0.09 degrees.
+    assert told["joints"]["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
+    assert told["joints"]["r_hip"]["zero_ticks"] == pytest.approx(1000, abs=1)
+
+
+COUPLING = "\n[[couplings]]\njoints = ['l_hip', 'r_hip']\nmatrix = [[0.9, -0.5], [0.6, -0.7]]\n"
+
+
+@contextmanager
+def coupled_robot(folder: Path):
+    """Serve a robot whose hips hang on a differential, with a servo that sits otherwise."""
+    spoil(folder, "zero_ticks = 1000", "zero_ticks = 2000")  # for ranges within one turn
+    spoil(folder, "[bus]", COUPLING + "\n[bus]")
+    robot = Calibration(robot="tiny", joints={"l_hip": L_HIP}).apply(load_robot(folder))
+    with serving(robot) as served:
+        served.place()
+        yield served
+
+
+def test_zeros_of_coupled_servos_are_found_in_a_posture_of_both_joints(folder, calibrate, tmp_path):
+    held = tmp_path / "held.json"
+    with coupled_robot(folder) as served:
+        standing = replace(served.robot.standing, joint_pos=np.radians([20.0, -30.0]))
+        held.write_text(format_posture(standing, served.robot))
+        served.place(l_hip=20.0, r_hip=-30.0)
+        code, _ = calibrate(served, Person("", "yes"), "--at", str(held))
+    assert code == 0
+    saved = read_saved(folder)["joints"]
+    assert saved["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
+    assert saved["r_hip"]["zero_ticks"] == pytest.approx(2000, abs=1)
+
+
+def test_signs_of_coupled_servos_are_found_by_turning_their_own_joints(folder, calibrate):
+    with coupled_robot(folder) as served:
+
+        def turn(**angles: float) -> Callable[[], str]:
+            return lambda: served.place(**angles) or ""
+
+        person = Person(turn(l_hip=20.0), turn(l_hip=20.0, r_hip=20.0), "yes")
+        code, _ = calibrate(served, person, "--signs")
+    assert code == 0
+    saved = read_saved(folder)["joints"]
+    assert (saved["l_hip"]["sign"], saved["r_hip"]["sign"]) == (1, -1)
+
+
+def test_op3_is_calibrated_in_its_stance(monkeypatch, capsys):
+    op3 = load_robot("op3")
+    rng = np.random.default_rng(3)
+    zeros = 2048 + rng.integers(-60, 61, op3.n)
+    found = {j.name: JointCalibration(int(z), 1) for j, z in zip(op3.joints, zeros, strict=True)}
+    saved: list[Path] = []
+    monkeypatch.setattr(Calibration, "save", lambda _, path: saved.append(path))
+    with serving(Calibration(robot="op3", joints=found).apply(op3)) as served:
+        served.hold(op3.standing.joint_pos)
+        code = main(
+            ("calibrate", "--port", served.path, "--at", "standing", "--yes", "--json", "-")
+        )
+    told = json.loads(capsys.readouterr().out)["joints"]
+    assert code == 0 and len(saved) == 1
+    assert [told[name]["zero_ticks"] for name in op3.joint_names] == pytest.approx(zeros, abs=1)
+
+
+def test_only_the_chosen_joints_change_and_the_file_keeps_the_others(folder, calibrate):
+    (folder / "calibration.toml").write_text(
+        'robot = "tiny"\n[joints.r_hip]\nzero_ticks = 1010\nsign = -1\n'
+    )
+    with real_robot() as served:
+        code, told = calibrate(served, None, "--yes", "--joint", "l_hip")
+    assert code == 0
+    assert list(told["joints"]) == ["l_hip"]
+    assert read_saved(folder)["joints"] == {
+        "l_hip": {"zero_ticks": 2100, "sign": 1},
+        "r_hip": {"zero_ticks": 1010, "sign": -1},
+    }
+
+
+def test_a_zero_far_off_is_warned_of(calibrate):
+    with real_robot(l_hip=JointCalibration(2048 + 300, 1)) as served:
+        _, told = calibrate(served, None, "--yes")
+    (warning,) = told["joints"]["l_hip"]["warnings"]
+    assert "moves by +26.4°, more than 10°" in warning
+
+
+@pytest.mark.parametrize("options", [("--yes",), ()])
+def test_a_zero_whose_range_leaves_the_servos_turn_is_refused(folder, capsys, options, monkeypatch):
+    person = Person("", "yes")
+    monkeypatch.setattr(command, "open_prompt", lambda _: None if options else person)
+    out = folder / "calibration.toml"
+    with real_robot(l_hip=JointCalibration(900, 1)) as served:
+        mine = ("--robot", str(folder), "--port", served.path, "--json", "-", "--out", str(out))
+        told = refuse(capsys, *mine, *options, code=3, table=True)
+    # The range of the hip is -90 to +60 degrees: 1024 ticks below its zero, 683 above.
+    assert "joint 'l_hip' (id 1): zero 900 needs ticks -124 to 1583, expected 0 to 4095" in told
+    assert "r_hip" not in told
+    assert not out.exists()
+    assert not any("save" in question for question in person.asked)
+
+
+def test_no_zero_beyond_the_servos_turn_reaches_a_file(tmp_path):
+    robot = load_robot(TINY)
+    measured = JointMeasurement(robot.joints[0], zero_ticks=4095 - 682, sign=1)
+    with pytest.raises(PositionRangeError, match="needs ticks 2389 to 4096"):
+        service.save(robot, [measured], tmp_path / "calibration.toml")
+    assert not list(tmp_path.iterdir())
+    service.save(robot, [replace(measured, zero_ticks=4095 - 683)], tmp_path / "calibration.toml")
+    assert Calibration.load(tmp_path / "calibration.toml", robot).joints["l_hip"].zero_ticks == 3412
+
+
+# Rehearsals ----------------------------------------------------------------------------------
+
+
+def test_a_rehearsal_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder, capsys):
+    own = 'robot = "tiny"\n[joints.r_hip]\nzero_ticks = 1010\nsign = -1\n'
+    (folder / "calibration.toml").write_text(own)
+    with real_robot() as served:
+        code = main(("calibrate", "--robot", str(folder), "--port", served.path, "--yes"))
+    told = " ".join(capsys.readouterr().out.split())
+    assert code == 0
+    assert (folder / "calibration.toml").read_text() == own
+    rehearsed = tomllib.loads((folder / "calibration.virtual.toml").read_text())
+    assert rehearsed["joints"]["l_hip"] == {"zero_ticks": 2100, "sign": 1}
+    assert "virtual bus" in told and "calibration.virtual.toml" in told
+    assert load_robot(folder).joints[1].servo.zero_ticks == 1010
+
+
+def test_a_calibration_goes_where_it_is_asked_to(folder, calibrate, tmp_path):
+    with real_robot() as served:
+        code, told = calibrate(served, None, "--yes", "--out", str(tmp_path / "mine.toml"))
+    assert code == 0 and told["saved"] == str(tmp_path / "mine.toml")
+    assert Calibration.load(tmp_path / "mine.toml", load_robot(TINY)).joints["l_hip"] == L_HIP
+    assert not list(folder.glob("calibration*"))
+
+
+def test_nothing_is_saved_without_a_yes(folder, calibrate):
+    with real_robot() as served:
+        code, told = calibrate(served, Person("", "no"))
+    assert code == 1
+    assert told["saved"] is None
+    assert not list(folder.glob("calibration*"))
+
+
+# Limpness and stillness ------------------------------------------------------------------------
+
+
+def test_a_robot_that_holds_itself_up_goes_limp_only_after_a_yes(calibrate):
+    with real_robot() as served:
+        served.poke("r_hip", "torque_enable", 1)
+        code, _ = calibrate(served, Person("wait"))
+        assert code == 1 and served.peek("torque_enable") == [0, 1]
+        person = Person("yes", "", "yes")
+        code, _ = calibrate(served, person)
+        assert code == 0 and served.peek("torque_enable") == [0, 0]
+    assert "'r_hip' (id 2) hold the robot up" in person.asked[0]
+
+
+def test_calibrating_sets_nothing_that_a_servo_keeps(calibrate):
+    with real_robot() as served:
+        names = [i.name for i in served.virtual.servos[0].table if i.writable and i.eeprom]
+        before = {name: served.peek(name) for name in names}
+        calibrate(served, None, "--yes")
+        assert {name: served.peek(name) for name in names} == before
+
+
+def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, monkeypatch):
+    with real_robot() as served:
+        wobble = iter([0, 3, 9] * 100)
+        locate = service.read_ticks
+        moves = [True]
+
+        def look(bus, joints, *more):
+            told = locate(bus, joints, *more)
+            return {name: t + next(wobble) * moves[0] for name, t in told.items()}
+
+        def stop() -> str:
+            moves[0] = False
+            return ""
+
+        monkeypatch.setattr(service, "read_ticks", look)
+        person = Person("", stop, "yes")
+        code, told = calibrate(served, person)
+    assert code == 0
+    assert "moves while it is measured: joint 'l_hip' by 0.8°" in person.heard[1]
+    assert told["joints"]["l_hip"]["zero_ticks"] == 2100
+
+
+def test_a_robot_that_is_being_turned_is_refused_where_nobody_can_be_asked(
+    folder, calibrate, monkeypatch
+):
+    with real_robot() as served:
+        angles, locate = iter(np.linspace(0.0, 5.0, service.READS)), service.read_ticks
+
+        def turn_and_look(bus, joints):
+            served.place(r_hip=next(angles))
+            return locate(bus, joints)
+
+        monkeypatch.setattr(service, "read_ticks", turn_and_look)
+        code, _ = calibrate(served, None, "--yes")
+    assert code == 2
+    assert not list(folder.glob("calibration*"))
+
+
+# Signs ---------------------------------------------------------------------------------------
+
+
+def test_signs_are_found_by_turning_each_joint(folder, calibrate):
+    with real_robot(l_hip=JointCalibration(2100, -1)) as served:
+
+        def turn(**angles: float) -> Callable[[], str]:
+            return lambda: served.place(**angles) or ""
+
+        person = Person(turn(l_hip=20.0), "yes", turn(l_hip=20.0, r_hip=15.0), "yes")
+        code, told = calibrate(served, person, "--signs")
+    assert code == 0
+    assert person.asked[0].startswith("turn l_hip in its positive direction (the far end of")
+    assert "sign -1 contradicts the known +1" in person.asked[1]
+    assert person.asked[2].startswith("turn r_hip")
+    assert read_saved(folder)["joints"]["l_hip"] == {"zero_ticks": 2048, "sign": -1}
+    assert read_saved(folder)["joints"]["r_hip"] == {"zero_ticks": 1000, "sign": -1}
+    assert any("other way" in w for w in told["joints"]["l_hip"]["warnings"])
+
+
+def test_a_small_turn_is_asked_for_again_and_another_joints_turn_is_named(calibrate):
+    with real_robot() as served:
+        person = Person(
+            lambda: served.place(l_hip=3.0) or "",
+            lambda: served.place(l_hip=3.0, r_hip=25.0) or "",
+            lambda: served.place(l_hip=25.0, r_hip=25.0) or "",
+            "no",
+        )
+        code, told = calibrate(served, person, "--signs", "--joint", "l_hip")
+    assert code == 1
+    heard = " ".join(person.heard)
+    assert "l_hip turned by +3.0° only, expected 5°" in heard
+    assert "r_hip turned by -25.0°: are their ids swapped" in heard
+    assert told["joints"]["l_hip"]["sign"] == 1
+
+
+def test_a_contradiction_that_is_not_confirmed_is_turned_again(folder, calibrate):
+    with real_robot() as served:
+        person = Person(
+            lambda: served.place(l_hip=-20.0) or "",  # the wrong way
+            "oh",
+            lambda: served.place(l_hip=5.0) or "",
+            "yes",
+        )
+        code, _ = calibrate(served, person, "--signs", "--joint", "l_hip")
+    assert code == 0
+    assert read_saved(folder)["joints"]["l_hip"]["sign"] == 1
+
+
+def test_signs_before_zeros_in_one_go_and_a_joint_may_be_left(folder, calibrate):
+    with real_robot(l_hip=JointCalibration(2100, -1)) as served:
+        person = Person(
+            lambda: served.place(l_hip=20.0) or "",
+            "yes",
+            "s",
+            lambda: served.place(l_hip=-30.0) or "",
+            "yes",
+        )
+        standing = replace(load_robot(TINY).standing, joint_pos=np.radians([-30.0, 0.0]))
+        (folder / "held.json").write_text(format_posture(standing, load_robot(TINY)))
+        code, _ = calibrate(served, person, "--signs", "--at", str(folder / "held.json"))
+    assert code == 0
+    saved = read_saved(folder)["joints"]
+    assert saved["l_hip"]["sign"] == -1
+    assert saved["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
+    assert saved["r_hip"] == {"zero_ticks": 1000, "sign": -1}
+
+
+def move_by_hand(robot: Robot, name: str) -> np.ndarray:
+    """Return how a joint's farthest geometry moves in the world when it turns by 1 mrad."""
+    model = robot.spec().compile()
+    layout, places = robot.layout(model), []
+    for angle in (0.0, 1e-3):
+        data = mujoco.MjData(model)
+        data.qpos[layout.root_qpos : layout.root_qpos + 3] = robot.standing.position
+        data.qpos[layout.root_qpos + 3 : layout.root_qpos + 7] = robot.standing.orientation
+        data.qpos[layout.qpos] = robot.standing.joint_pos
+        data.joint(name).qpos[0] += angle
+        mujoco.mj_kinematics(model, data)
+        places.append(data.geom_xpos.copy())
+        anchor = data.joint(name).xanchor.copy()
+    moved = places[1] - places[0]
+    far = np.linalg.norm(places[0] - anchor, axis=1) * (np.linalg.norm(moved, axis=1) > 1e-9)
+    return moved[int(far.argmax())]
+
+
+def test_directions_in_words_are_those_of_the_model():
+    op3 = load_robot("op3")
+    checked = 0
+    for joint in op3.joints:
+        told = describe_direction(op3, joint)
+        if "seen from above" in told:
+            continue
+        moved = move_by_hand(op3, joint.name)
+        largest = int(np.abs(moved).argmax())
+        assert told.endswith(DIRECTIONS[largest][int(moved[largest] > 0.0)]), joint.name
+        checked += 1
+    assert checked > 10
+    by_name = {joint.name: joint for joint in op3.joints}
+    assert describe_direction(op3, by_name["head_pan"]).endswith("turns counter-clockwise")
+    assert describe_direction(op3, by_name["r_knee"]).endswith("forward")
+
+
+# Refusals ------------------------------------------------------------------------------------
+
+
+def refuse(capsys, *arguments: str, code: int = 2, table: bool = False) -> str:
+    """Return the one line of a refusal; a table of what was measured may come before it."""
+    assert main(("calibrate", *arguments)) == code
+    out, error = capsys.readouterr()
+    error = error.splitlines(keepends=True)[-1] if table else error
+    assert out == "" and error.startswith("getup: ") and error.count("\n") == 1
+    return error
+
+
+def test_without_a_terminal_it_needs_a_yes_and_signs_need_a_person(folder, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    mine = ("--robot", str(folder), "--port", "/dev/nowhere")
+    assert "standard input is not a terminal: it cannot ask" in refuse(capsys, *mine)
+    assert "--signs needs a person" in refuse(capsys, *mine, "--signs", "--yes")
+
+
+def test_an_input_that_ends_saves_nothing(folder, capsys, monkeypatch):
+    class Ended(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setattr("sys.stdin", Ended("\n"))
+    with real_robot() as served:
+        code = main(("calibrate", "--robot", str(folder), "--port", served.path))
+    assert code == 2
+    assert "the input ended before the calibration did" in capsys.readouterr().err
+    assert not list(folder.glob("calibration*"))
+
+
+def test_bad_input_is_one_line(folder, capsys):
+    mine = ("--robot", str(folder), "--yes")
+    port = ("--port", "/dev/nowhere")
+    assert "port is missing" in refuse(capsys, *mine)
+    assert "does not exist" in refuse(capsys, *mine, *port)
+    assert "unknown joint 'knee': expected l_hip, r_hip" in refuse(
+        capsys, *mine, *port, "--joint", "knee"
+    )
+    assert "unknown posture 'sitting': expected zero, standing" in refuse(
+        capsys, *mine, *port, "--at", "sitting"
+    )
+
+
+def test_a_calibration_of_another_robot_has_to_be_moved_away(folder, capsys):
+    (folder / "calibration.toml").write_text('robot = "op3"\n')
+    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
+    assert "it is of robot 'op3', expected 'tiny'" in told
+    assert "move that file away first" in told
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(folder, capsys, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
+    assert "cannot be written" in told and "--robot FOLDER" in told
+
+
+def test_a_disk_that_fills_up_meanwhile_is_told(folder, capsys, monkeypatch):
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Calibration, "save", fail)
+    with real_robot() as served:
+        code = main(("calibrate", "--robot", str(folder), "--port", served.path, "--yes"))
+    assert code == 2
+    assert "cannot be written (No space left on device)" in capsys.readouterr().err
+
+
+def test_a_dead_or_another_servo_is_refused_but_only_where_it_was_chosen(folder, capsys):
+    mine = ("--robot", str(folder), "--yes")
+    with real_robot() as served:
+        port = ("--port", served.path)
+        served.exchange(1, VirtualServo(2, "XL430-W250", baud=1_000_000))
+        told = refuse(capsys, *mine, *port, code=3)
+        assert "joint 'r_hip' (id 2): is a XL430-W250, expected XM430-W350" in told
+        served.virtual.servos[0].alive = False
+        told = refuse(capsys, *mine, *port, "--joint", "l_hip", code=3)
+        assert "'l_hip' (id 1)" in told and "silent" in told
+        assert not list(folder.glob("calibration*"))
+
+
+def test_a_servo_that_only_needs_a_rest_can_be_calibrated(calibrate):
+    with real_robot() as served:
+        served.poke("l_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
+        code, _ = calibrate(served, None, "--yes")
+    assert code == 0
+
+
+def test_a_reversed_servo_has_to_be_set_right_first(folder, capsys):
+    with real_robot() as served:
+        served.poke("l_hip", "drive_mode", 1)
+        told = refuse(capsys, "--robot", str(folder), "--port", served.path, "--yes", code=3)
+    assert "'l_hip' (id 1): drive mode is 1, reversed" in told

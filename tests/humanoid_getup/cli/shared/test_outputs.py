@@ -1,0 +1,118 @@
+"""Files appear complete and together, or not at all; devices and links stay what they are."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from run_getup import Run
+
+from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.cli.shared.console import format_figure
+from humanoid_getup.cli.shared.output import find_json_problems, write_json
+from humanoid_getup.experiments.judging.summary import Quantiles
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.output_files import find_folder_problems, staging
+
+NAMES = ("report.json", "strip.png")
+
+
+def test_files_appear_together_in_a_folder_that_is_made_for_them(tmp_path: Path):
+    folder = tmp_path / "new" / "out"
+    with staging(folder, NAMES) as scratch:
+        for name in NAMES:
+            (scratch / name).write_text(name)
+        assert not folder.exists()
+    assert sorted(path.name for path in folder.iterdir()) == sorted(NAMES)
+    assert list(tmp_path.iterdir()) == [tmp_path / "new"]
+
+
+def test_nothing_appears_when_the_work_breaks_off(tmp_path: Path):
+    with pytest.raises(KeyboardInterrupt), staging(tmp_path / "out", NAMES) as scratch:
+        (scratch / "report.json").write_text("half")
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_earlier_runs_files_go_and_the_users_own_stay(tmp_path: Path):
+    for name in (*NAMES, "notes.txt"):
+        (tmp_path / name).write_text("old")
+    with staging(tmp_path, NAMES) as scratch:
+        (scratch / "report.json").write_text("new")
+    left = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert left == {"report.json": "new", "notes.txt": "old"}
+
+
+def test_what_gets_in_the_way_during_the_work_is_told(tmp_path: Path):
+    folder = tmp_path / "out"
+    told = pytest.raises(BadInputError, match=r"output folder .*out: File exists")
+    with told, staging(folder, NAMES) as scratch:
+        (scratch / "report.json").write_text("new")
+        folder.write_text("meanwhile")
+    assert folder.read_text() == "meanwhile"
+
+
+def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):
+    assert find_folder_problems(tmp_path / "some" / "where", NAMES) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_json_goes_to_standard_output_alone(capsys: pytest.CaptureFixture[str]):
+    write_json({}, JsonOption(json="-"))
+    assert capsys.readouterr() == ("{}\n", "")
+
+
+def test_a_link_is_followed_and_stays(tmp_path: Path):
+    (tmp_path / "elsewhere").mkdir()
+    link = tmp_path / "figures.json"
+    link.symlink_to(tmp_path / "elsewhere" / "real.json")
+    assert find_json_problems(str(link)) == []
+    write_json({}, JsonOption(json=str(link)))
+    assert link.is_symlink()
+    assert (tmp_path / "elsewhere" / "real.json").read_text() == "{}\n"
+
+
+def test_a_fifo_is_written_through(tmp_path: Path):
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    assert find_json_problems(str(fifo)) == []
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(fifo.read_text)
+        write_json({}, JsonOption(json=str(fifo)))
+        assert read.result(timeout=10.0) == "{}\n"
+    assert fifo.is_fifo()
+
+
+def test_devices_are_written_through():
+    assert find_json_problems("/dev/null") == []
+    write_json({}, JsonOption(json="/dev/null"))
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(BadInputError, match="output file /dev/full: No space left on device"):
+        write_json({}, JsonOption(json="/dev/full"))
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_linked_file_of_an_output_folder_is_followed(tmp_path: Path):
+    real = tmp_path / "real.json"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.json").symlink_to(real)
+    with staging(tmp_path / "out", NAMES) as scratch:
+        (scratch / "report.json").write_text("new")
+    assert (tmp_path / "out" / "report.json").is_symlink()
+    assert real.read_text() == "new"
+
+
+def test_figures_intervals_medians_and_counts_are_written_for_people():
+    assert format_figure(Quantiles(median=0.5, p95=1.25)) == "0.50 (p95 1.25)"
+    assert format_figure({"done": 18, "fault": 2}) == "18 done, 2 fault"
+    assert format_figure([0.94, 1.0]) == "0.94 to 1.00"
+    assert format_figure([3e-17, 0.0234, 0.1]) == "0.00 to 0.023 to 0.10"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run):
+    wanted = ("--out", "out", "--json", "/dev/full")
+    code, _, error = run("plan", "--from", "supine", "--max-checks", "1", *wanted)
+    assert code == 2
+    assert error == "getup: output file /dev/full: No space left on device\n"
+    assert list(Path().iterdir()) == []

@@ -1,0 +1,47 @@
+"""A command line that is printed is the one that asks for the same."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+from run_getup import Run
+
+from humanoid_getup.cli.commands import parse
+from humanoid_getup.cli.shared.repeat import write_command
+
+LINES = [
+    "getup motions build lateral_side_sit --robot mine --generations 40 --resume",
+    "getup motions retarget --robot mine --no-improve --source human",
+    "getup bench all --robot 'my robot' --quick --out out/x",
+    "getup rise --from prone --scene wall --no-plan-cache --key a.json,motions:b@1",
+    "getup calibrate --port a=x,b=y --joint l_knee",
+]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_written_command_reads_as_the_request_that_it_was_written_from(line: str):
+    name = next(n for n in (" ".join(line.split()[1:3]), line.split()[1]) if _is_command(n))
+    options = parse(shlex.split(line)[1:]).options
+    written = write_command(name, options)
+    assert parse(shlex.split(written)[1:]).options == options
+    assert sorted(shlex.split(written)) == sorted(shlex.split(line))
+
+
+def _is_command(name: str) -> bool:
+    from humanoid_getup.cli.commands import COMMANDS
+
+    return name in COMMANDS and bool(COMMANDS[name].options)
+
+
+def test_an_interrupted_build_says_exactly_what_goes_on(
+    run: Run, copied_op3: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("humanoid_getup.jobs.build_motions.worker_pool", interrupt)
+    wanted = ("squat_to_stand", "--robot", str(copied_op3), "--seed", "3")
+    code, _, error = run("motions", "build", *wanted)
+    assert code == 130
+    again = f"getup motions build squat_to_stand --robot {copied_op3} --seed 3 --resume goes on"
+    assert error.splitlines()[-1] == f"getup: interrupted: {again}"

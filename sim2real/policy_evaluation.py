@@ -8,27 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.running_outcome import RunFigures, RunningOutcome
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.policy.action import ActionSpec, next_target
 from humanoid_getup.policy.observation import (
     Floats,
+    Sensed,
     StyleInput,
     compute_torque_share,
     observe,
-    observe_style,
 )
-from humanoid_getup.style.curve_tracker import CurveTracker
-from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
-from humanoid_getup.style.style_errors import StyleErrors
 from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import TrainingSim
 
 PolicyFunction = Callable[[Floats], tuple[Array, Array]]
 """Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""
-StyleChoice = Callable[[int, Array], StyleCurves]
-"""Chooses curves by the number of a start, and the features (3,) that the robot measures there."""
-
 
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
@@ -73,6 +70,65 @@ class PolicyRollouts:
     """How often each robot restarted after it had deviated from its curves, (N,)."""
 
 
+class PolicySource:
+    """Sends robots what a policy wants, one policy step after the other."""
+
+    def __init__(
+        self,
+        sim: TrainingSim,
+        policy: PolicyDriver,
+        *,
+        duration: float,
+        rng: np.random.Generator | None,
+        on_step: Callable[[int], None],
+    ) -> None:
+        """Prepare for a duration [s]; see :func:`roll_out_policy`."""
+        self._sim, self._policy, self._rng, self._on_step = sim, policy, rng, on_step
+        self._steps = round(duration / sim.step_time)
+        style, choose = policy.style, policy.choose_style
+        self.follower = StyleFollower(sim.robot, choose, sim.n) if style and choose else None
+        self._memory = np.zeros((sim.n, style.memory if style else policy.action.size))
+        self.targets: list[Array] = []
+        """Targets at the end of each policy step [rad], (N, n)."""
+        self.features: list[Array] = []
+        """Style features at the end of each policy step, (N, 3)."""
+
+    def __call__(self) -> Array | None:
+        """Return what is sent in the next policy step, (N, cycles, n); None after the last."""
+        sensed = self._sense()
+        if len(self.targets) == self._steps:
+            return None
+        self._on_step(len(self.targets))
+        target = self.targets[-1] if self.targets else sensed.joint_pos
+        following = self._decide(sensed, target)
+        self.targets.append(following)
+        return self._sim.make_targets(target, following)
+
+    def _sense(self) -> Sensed:
+        """Read the sensors; robots that restart on other style curves remember nothing."""
+        if self.targets:
+            self.features.append(self._sim.measure_features())
+        sensed = self._sim.sense(self._rng)
+        if self.follower is not None:
+            true_features = self.features[-1] if self.features else None
+            again = self.follower.update(sensed, self._sim.step_time, true_features)
+            self._memory[again] = 0.0
+        return sensed
+
+    def _decide(self, sensed: Sensed, target: Array) -> Array:
+        """Let the policy act on what is measured and the last targets [rad], (N, n)."""
+        sim, policy, robot = self._sim, self._policy, self._sim.robot
+        more = self.follower.observe() if self.follower else []
+        if policy.style and policy.style.height_map:
+            seen = sim.measure_height_map()
+            more.append(seen if policy.sees_ground else np.zeros_like(seen))
+        share = compute_torque_share(robot, policy.action, sim.parameters.torque_limit)
+        observation = observe(robot, sensed, target, self._memory, share, more)
+        outputs, self._memory = policy.act(observation)
+        action = np.clip(outputs.astype(float), -1.0, 1.0)
+        return next_target(robot, policy.action, target, sensed.joint_pos, sensed.gravity, action)
+
+
 def roll_out_policy(
     sim: TrainingSim,
     policy: PolicyDriver,
@@ -87,58 +143,18 @@ def roll_out_policy(
     The N robots have the domain parameters of the simulation, and sensor noise from ``rng``.
     ``on_step`` is called before each policy step with its number, to disturb them.
     """
-    robot, action, style = sim.robot, policy.action, policy.style
-    choose_style = policy.choose_style
-    sim.place(sim.everyone, starts)
-    sensed = sim.sense(rng)
-    tracker = CurveTracker(robot, sim.n) if style and choose_style else None
-    errors: StyleErrors | None = None
-    if tracker is not None and choose_style is not None:
-        tracker.measure(sensed.gravity, sensed.joint_pos)
-        curves = [choose_style(row, seen) for row, seen in enumerate(tracker.features)]
-        tracker.begin(sim.everyone, curves)
-        errors = StyleErrors(curves, tracker.features, tracker.time)
-    target = sensed.joint_pos
-    memory = np.zeros((sim.n, style.memory if style else action.size))
-    share = compute_torque_share(robot, action, sim.parameters.torque_limit)
-    outcome, qpos = RunningOutcome(robot), list[Array]()
-    targets: list[Array] = []
-    features: list[Array] = []
-    restarts = np.zeros(sim.n, dtype=int)
-    for step in range(round(duration / sim.step_time)):
-        on_step(step)
-        more = list(observe_style(tracker.targets, tracker.features)) if tracker else []
-        if style and style.height_map:
-            seen = sim.measure_height_map()
-            more.append(seen if policy.sees_ground else np.zeros_like(seen))
-        outputs, memory = policy.act(observe(robot, sensed, target, memory, share, more))
-        following = next_target(
-            robot,
-            action,
-            target,
-            sensed.joint_pos,
-            sensed.gravity,
-            np.clip(outputs.astype(float), -1.0, 1.0),
-        )
-        record = sim.follow_recorded(target, following)
+    source = PolicySource(sim, policy, duration=duration, rng=rng, on_step=on_step)
+    scenarios = Scenarios(starts=starts, parameters=sim.parameters)
+    outcome, qpos = RunningOutcome(sim.robot), list[Array]()
+    for record in Experiment(sim.world, sim=sim).play_pieces(scenarios, source):
         outcome.add(record)
         qpos.append(record.qpos[:, -1].copy())
-        targets.append(following)
-        features.append(sim.measure_features())
-        target = following
-        sensed = sim.sense(rng)
-        if tracker is not None and errors is not None and choose_style is not None:
-            tracker.advance(sim.step_time)
-            tracker.measure(sensed.gravity, sensed.joint_pos)
-            errors.note(features[-1], sim.step_time)
-            again = tracker.restart_deviating(sim.step_time, choose_style)
-            memory[again] = 0.0
-            restarts[again] += 1
+    follower = source.follower
     return PolicyRollouts(
         outcome=outcome.conclude(),
         qpos=np.stack(qpos, axis=1),
-        target=np.stack(targets, axis=1),
-        features=np.stack(features, axis=1),
-        style_error=errors.mean if errors else np.full((sim.n, COUNT), np.nan),
-        restarts=restarts,
+        target=np.stack(source.targets, axis=1),
+        features=np.stack(source.features, axis=1),
+        style_error=follower.mean_error if follower else np.full((sim.n, COUNT), np.nan),
+        restarts=follower.restarts if follower else np.zeros(sim.n, dtype=int),
     )

@@ -17,6 +17,7 @@ from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.scenes.named_scenes import load_grounds
 from humanoid_getup.simulation.world import World
@@ -31,7 +32,7 @@ from robots import Robot
 
 if TYPE_CHECKING:  # torch is slow to import
     from sim2real.perturbations import Perturbation
-    from sim2real.policy_evaluation import PolicyRollouts, StyleChoice
+    from sim2real.policy_evaluation import PolicyRollouts
 
 NEAREST = "nearest"
 """Style of a policy that gets none: it is chosen among all named ones."""

@@ -77,7 +77,7 @@ class OnnxPolicy:
         self.robot, self.contract, self.longest = robot, contract, longest
         self.style = style
         """Style to follow; ``None`` for a policy that follows none."""
-        self._follower = StyleFollower(robot, style) if style else None
+        self._follower = StyleFollower(robot, lambda _, seen: style.choose(seen)) if style else None
         self.action = contract.action
         self.failure: str | None = None
         """Reason of a failure; ``None`` without one."""
@@ -154,7 +154,7 @@ class OnnxPolicy:
         """Return the style features that are wanted now, and those measured; for flight logs."""
         if self._follower is None:
             return None
-        return Guidance(wanted=self._follower.wanted, measured=self._follower.measured)
+        return Guidance(wanted=self._follower.wanted[0], measured=self._follower.measured[0])
 
     @property
     def followed(self) -> FollowedStyle | None:
@@ -169,7 +169,7 @@ class OnnxPolicy:
         """
         stood = self._steady * self._step_time >= HOLD
         timed_out = self._clock - self._begin >= self.longest - 1e-9
-        is_lost = self._follower is not None and self._follower.is_lost
+        is_lost = self._follower is not None and bool(self._follower.is_lost[0])
         return self.failure is not None or stood or timed_out or is_lost
 
     def reset(self, state: State) -> None:
@@ -203,7 +203,7 @@ class OnnxPolicy:
         """Build the observation at the beginning of a policy step, (size,)."""
         more: list[Array] = []
         if self._follower is not None:
-            more = self._follower.observe()
+            more = [term[0] for term in self._follower.observe()]
             if self.contract.style is not None and self.contract.style.height_map:
                 more.append(UNKNOWN)
         return observe(self.robot, sensed, self._following, self._memory, self._torque_share, more)
@@ -226,7 +226,7 @@ class OnnxPolicy:
 
     def _decide(self, state: State) -> None:
         sensed = self.sense(state)
-        if self._follower and self._follower.update(sensed, self._step_time):
+        if self._follower and self._follower.update(sensed, self._step_time).size:
             self._memory = np.zeros_like(self._memory)
         (action,), (memory,) = self.act(self.observe(sensed)[None])
         self._target = self._following

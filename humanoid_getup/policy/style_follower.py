@@ -1,18 +1,23 @@
-"""Follows a style with one robot: its first curves, restarts, and errors."""
+"""Follows a style with one robot or many: their first curves, restarts, and errors."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.style import Style
+from humanoid_getup.style.features import COUNT
 from humanoid_getup.style.style_errors import FollowedStyle, StyleErrors
 from robots import Robot
 from robots.quaternion import Array
+
+StyleChoice = Callable[[int, Array], StyleCurves]
+"""Chooses curves by the number of a robot, and the features (3,) that it measures."""
 
 LYING = 0.6  # share of the standing neck height below which a robot lies, sits or kneels
 LOST = 3.0  # s of deviation from style curves while it lies where none begin: it has failed then
@@ -20,62 +25,80 @@ LOST = 3.0  # s of deviation from style curves while it lies where none begin: i
 
 @dataclass(frozen=True, eq=False)
 class _First:
-    """The first curves of a rise, and the errors from them."""
+    """The first curves of rises, and the errors from them."""
 
-    curves: StyleCurves
+    curves: Sequence[StyleCurves]
     features: Array
-    """Measured then, (3,)."""
+    """Measured then, (N, 3)."""
     errors: StyleErrors
 
 
 class StyleFollower:
     """Follows a style from one policy step to the next."""
 
-    def __init__(self, robot: Robot, style: Style) -> None:
-        self._style, self._tracker = style, CurveTracker(robot)
+    def __init__(self, robot: Robot, choose: StyleChoice, n: int = 1) -> None:
+        """Prepare for ``n`` robots, each on curves that are chosen for it."""
+        self._choose, self._tracker, self._n = choose, CurveTracker(robot, n), n
         self.reset()
 
     def reset(self) -> None:
         """Begin a rise: the first measurement decides which curves are followed."""
         self._first: _First | None = None
-        self._restarts = 0
-        self.is_lost = False
-        """Whether it has deviated for long, and lies where no curves begin."""
+        self.restarts = np.zeros(self._n, dtype=int)
+        """How often each robot restarted after it had deviated from its curves, (N,)."""
 
-    def update(self, sensed: Sensed, step_time: float) -> bool:
-        """Advance by a policy step [s]; return whether the robot restarts on other curves."""
-        tracker, one = self._tracker, np.arange(1)
-        tracker.measure(sensed.gravity[None], sensed.joint_pos[None])
+    def update(
+        self, sensed: Sensed, step_time: float, true_features: Array | None = None
+    ) -> NDArray[np.int_]:
+        """Advance by a policy step [s]; return which robots restart on other curves, (m,).
+
+        Errors are those of the true features (N, 3), where these are known.
+        """
+        tracker = self._tracker
+        tracker.measure(np.atleast_2d(sensed.gravity), np.atleast_2d(sensed.joint_pos))
         if self._first is None:
-            curves = self._style.choose(self.measured)
-            tracker.begin(one, [curves])
-            errors = StyleErrors([curves], tracker.features, tracker.time)
+            curves = [self._choose(row, seen) for row, seen in enumerate(self.measured)]
+            tracker.begin(np.arange(self._n), curves)
+            errors = StyleErrors(curves, self.measured, tracker.time)
             self._first = _First(curves, self.measured, errors)
-            return False
-        self._first.errors.note(tracker.features, step_time)
+            return np.arange(0)
+        seen = self.measured if true_features is None else true_features
+        self._first.errors.note(seen, step_time)
         tracker.advance(step_time)
-        again = tracker.restart_deviating(step_time, lambda _, seen: self._style.choose(seen))
-        self._restarts += len(again)
-        self.is_lost = bool(self.measured[0] < LYING and tracker.deviating[0] > LOST)
-        return len(again) > 0
+        again = tracker.restart_deviating(step_time, self._choose)
+        self.restarts[again] += 1
+        return again
 
     def observe(self) -> list[Array]:
-        """Return the terms of style in a policy's observation."""
-        return [term[0] for term in observe_style(self._tracker.targets, self._tracker.features)]
+        """Return the terms of style in the observations of policies, (N, k) each."""
+        return list(observe_style(self._tracker.targets, self.measured))
 
     @property
     def wanted(self) -> Array:
-        """Return the features that are wanted now, (3,)."""
-        return self._tracker.wanted[0]
+        """Return the features that are wanted now, (N, 3)."""
+        return self._tracker.wanted
 
     @property
     def measured(self) -> Array:
-        """Return the features that were measured last, (3,)."""
-        return self._tracker.features[0]
+        """Return the features that were measured last, (N, 3)."""
+        return self._tracker.features
+
+    @property
+    def is_lost(self) -> NDArray[np.bool_]:
+        """Return which robots deviated for long, and lie where no curves begin, (N,)."""
+        if self._first is None:
+            return np.zeros(self._n, dtype=bool)
+        return (self.measured[:, 0] < LYING) & (self._tracker.deviating > LOST)
+
+    @property
+    def mean_error(self) -> Array:
+        """Return the mean errors from the first curves, (N, 3); NaN before the first step."""
+        return self._first.errors.mean if self._first else np.full((self._n, COUNT), np.nan)
 
     def summarize(self) -> FollowedStyle | None:
-        """Summarize how the first curves were followed so far; ``None`` before the first step."""
+        """Summarize how the first robot followed its first curves; None before the first step."""
         first = self._first
         if first is None:
             return None
-        return FollowedStyle.of(first.errors, first.curves, first.features, self._restarts)
+        restarts = int(self.restarts[0])
+        return FollowedStyle.of(first.errors, first.curves[0], first.features[0], restarts)

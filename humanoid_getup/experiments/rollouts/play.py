@@ -1,8 +1,8 @@
-"""Plays targets or feedback laws in simulation, on many robots at a time, and records them."""
+"""Plays targets, feedback laws or policies in simulation, on many robots, and records them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,17 +43,24 @@ class Feedback:
 
 FeedbackLaw = Callable[[Feedback], Array | None]
 """Maps feedback to the targets that are sent (N, n), or to ``None`` at the end."""
+PieceSource = Callable[[], Array | None]
+"""Returns the targets of the next control periods (N, T, n), or ``None`` at the end."""
 
 
 class Experiment:
     """Plays robots in a world, side by side; it keeps the simulation that it needs for that."""
 
-    def __init__(self, world: World, *, threads: int = 0) -> None:
-        """Prepare for a world; 0 threads are one per processor."""
+    def __init__(self, world: World, *, threads: int = 0, sim: VecSim | None = None) -> None:
+        """Prepare for a world; 0 threads are one per processor.
+
+        A simulation that is given should have as many robots as are played.
+        """
         self.world, self._threads = world, threads
         self._steps = count_substeps(world.model, world.robot.control_period)
         self._recorder = Recorder(world)
-        self._sim: VecSim | None = None
+        self._sim = sim
+        if sim is not None:
+            sim.bind(*RECORDED)
 
     def play(
         self,
@@ -72,14 +79,21 @@ class Experiment:
             stop_early: Whether a robot is stopped once it is known whether it stands up.
             give_up: Whether all are stopped, too, once the first one is known to fail.
         """
-        sim, rows = self._prepare(len(scenarios)), np.arange(len(scenarios))
-        sim.set_parameters(rows, scenarios.parameters)
-        sim.place(rows, scenarios.starts)
         if callable(source):
-            return self._track(rows, source)
+            return self._track(self._begin(scenarios), source)
         if stop_early:
-            return self._play_until_known(rows, source, give_up=give_up)
-        return self._play(rows, _hold_all(source))
+            return self._play_until_known(self._begin(scenarios), source, give_up=give_up)
+        pieces = _cut_all(_hold_all(source))
+        return join_records(list(self.play_pieces(scenarios, lambda: next(pieces, None))))
+
+    def play_pieces(self, scenarios: Scenarios, source: PieceSource) -> Iterator[Record]:
+        """Play N robots from rest as long as targets come; yield the record of each piece.
+
+        Runs of policies are played so: their whole record would fill the memory.
+        """
+        rows = self._begin(scenarios)
+        while (targets := source()) is not None:
+            yield self._advance(rows, targets)[0]
 
     def compare(
         self, scenarios: Scenarios, motions: Sequence[Array], *, give_up: bool = False
@@ -89,6 +103,13 @@ class Experiment:
         tiled = scenarios.tile(len(motions))
         record = self.play(tiled, sent, stop_early=True, give_up=give_up)
         return Outcome(record.reshape(len(motions), len(scenarios)), self.world.robot)
+
+    def _begin(self, scenarios: Scenarios) -> Ids:
+        """Place robots; return their rows."""
+        sim, rows = self._prepare(len(scenarios)), np.arange(len(scenarios))
+        sim.set_parameters(rows, scenarios.parameters)
+        sim.place(rows, scenarios.starts)
+        return rows
 
     def _prepare(self, count: int) -> VecSim:
         """Return a simulation of at least that many robots."""
@@ -107,11 +128,6 @@ class Experiment:
         assert self._sim is not None
         voltage = self._sim.parameters.voltage[rows]
         return replace(self._recorder.read(data, voltage, diverged), target=sent)
-
-    def _play(self, rows: Ids, targets: Array) -> Record:
-        """Play targets (N, T, n) to their end."""
-        chunks = (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
-        return join_records([self._advance(rows, chunk)[0] for chunk in chunks])
 
     def _track(self, rows: Ids, law: FeedbackLaw) -> Record:
         """Play what a feedback law sends until it ends."""
@@ -197,6 +213,11 @@ def _hold_all(targets: Array | Sequence[Array]) -> Array:
         return targets
     at = np.arange(max(len(target) for target in targets))
     return np.array([target[np.minimum(at, len(target) - 1)] for target in targets])
+
+
+def _cut_all(targets: Array) -> Iterator[Array]:
+    """Cut targets (N, T, n) into pieces."""
+    return (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
 
 
 def _cut(target: Array, first: int) -> Array:

@@ -9,8 +9,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.judging.record import Record
-from humanoid_getup.experiments.judging.recorder import RECORDED, Recorder
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
@@ -59,7 +57,6 @@ class TrainingSim(VecSim):
         self._neck = self.model.site(self.robot.neck_site).id
         self._addresses = SensorAddresses(world)
         self._meter = StanceMeter(self.robot, self.model, world.scene.support)
-        self._recorder = Recorder(world)
         self._delays = DelayBuffers(self.model)
         if self._delays.exist:
             self._fields |= {
@@ -93,6 +90,13 @@ class TrainingSim(VecSim):
         The MjData fields ``record`` are returned as they are at the end of every control period,
         (N, cycles, ...); the physics step must then divide it.
         """
+        return self.advance(self.make_targets(target, following), self._hold, record)
+
+    def make_targets(self, target: Array, following: Array) -> Array:
+        """Make what servos are sent in such a step, by what they know of their joints, (N, T, n).
+
+        T is the number of control periods, where the physics step divides them.
+        """
         p, change = self.parameters, np.arange(self._changes)[:, None]
         offset = p.joint_offset
         if p.backlash.any():
@@ -101,14 +105,15 @@ class TrainingSim(VecSim):
             self._backlash = 0.5 * p.backlash[:, None] * share
             offset = offset + self._backlash
         moving = between(target[:, None], following[:, None], change, self._changes)
-        recorded = self.advance(moving - offset[:, None], self._hold, record)
+        return moving - offset[:, None]
+
+    def advance(
+        self, targets: Array, hold: int, record: tuple[str, ...] = (), ids: Ids | None = None
+    ) -> dict[str, Array]:
+        """Send joint targets; see :meth:`VecSim.advance`."""
+        recorded = super().advance(targets, hold, record, ids)
         self._torque = self.torque
         return recorded
-
-    def follow_recorded(self, target: Array, following: Array) -> Record:
-        """Simulate a policy step as :meth:`follow` does; return its record."""
-        data = self.follow(target, following, RECORDED)
-        return self._recorder.read(data, self.parameters.voltage.copy(), self.diverged)
 
     def set_assistive_force(self, ids: Ids, share: Array) -> None:
         """Pull some robots up by a fraction of their weight, (len(ids),)."""

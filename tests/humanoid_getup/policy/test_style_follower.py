@@ -20,21 +20,25 @@ def lie(robot: Robot, gravity: np.ndarray) -> Sensed:
     )
 
 
+def follow(robot: Robot, style: Style) -> StyleFollower:
+    return StyleFollower(robot, lambda _, seen: style.choose(seen))
+
+
 @pytest.fixture
 def follower(op3: Robot) -> StyleFollower:
-    return StyleFollower(op3, load_style("long-sit", op3))
+    return follow(op3, load_style("long-sit", op3))
 
 
 def test_the_first_measurement_chooses_the_curves(op3: Robot, follower: StyleFollower):
     assert follower.summarize() is None
-    assert follower.update(lie(op3, SUPINE), STEP) is False
+    assert not follower.update(lie(op3, SUPINE), STEP).size
     assert follower.wanted == pytest.approx(follower.measured)
     targets, features = follower.observe()
-    assert (targets.shape, features.shape) == ((12,), (3,))
+    assert (targets.shape, features.shape) == ((1, 12), (1, 3))
 
 
 def test_a_robot_that_stays_lying_restarts_on_new_curves(op3: Robot, follower: StyleFollower):
-    restarts = [follower.update(lie(op3, SUPINE), STEP) for _ in range(100)]
+    restarts = [follower.update(lie(op3, SUPINE), STEP).size for _ in range(100)]
     assert sum(restarts) >= 1
     assert follower.wanted == pytest.approx(follower.measured) or not restarts[-1]
     assert follower.summarize().restarts == sum(restarts)
@@ -45,10 +49,10 @@ def test_a_robot_that_stays_lying_restarts_on_new_curves(op3: Robot, follower: S
 def test_a_robot_is_lost_where_no_curves_begin(op3: Robot):
     """Only its back has curves here, and it lies on its front."""
     supine = Style(name="one", curves=load_style("long-sit", op3).curves[:1])
-    follower = StyleFollower(op3, supine)
+    follower = follow(op3, supine)
     steps = 0
     while not follower.is_lost:
-        assert follower.update(lie(op3, PRONE), STEP) is False
+        assert not follower.update(lie(op3, PRONE), STEP).size
         steps += 1
         assert steps < 200
     assert LOST < steps * STEP < 2.0 * LOST

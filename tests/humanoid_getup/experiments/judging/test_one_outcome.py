@@ -8,7 +8,7 @@ from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import join_records
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
@@ -85,8 +85,9 @@ def test_training_judges_a_rollout_as_it_is(
     start, targets, _ = run
     training = build_training_world(op3, FLAT_SCENE, op3.choose_timestep(0.002))
     sim = physics.TrainingSim(training, 1, cycles=1)
-    sim.place(sim.everyone, start[None])
-    records = [sim.follow_recorded(target[None], target[None]) for target in targets]
+    steps = (sim.make_targets(target[None], target[None]) for target in targets)
+    experiment, nominal = Experiment(training, sim=sim), Scenarios.nominal(training, start)
+    records = list(experiment.play_pieces(nominal, lambda: next(steps, None)))
     trained = Outcome(join_records(records).take(0), op3)
     np.testing.assert_array_equal(trained.qpos, rollout.qpos)
     for figure in (*OF_SERVOS, "neck_delta_v", "progress"):

@@ -51,8 +51,8 @@ class FlightLog:
     may lose more). Nothing is overwritten: an existing file is renamed to ``NAME.1``, or the
     next free number.
 
-    A full disk must not make a robot fall: recording stops, and ``fault`` gives the reason. No
-    file is left on a disk that is full from the start. Not thread-safe.
+    A full disk must not make a robot fall: recording stops, and ``fault`` gives the reason. The
+    file stays with the cycles that are on disk; without any it is removed. Not thread-safe.
     """
 
     def __init__(
@@ -80,8 +80,9 @@ class FlightLog:
         self._rest: list[str] = []
         self.cycles = 0
         """Number of logged cycles."""
+        self._saved = 0  # of them on disk
         self.fault: str | None = None
-        """Why recording stopped early; None if it did not."""
+        """Why recording stopped early, and what is on disk; None if it did not."""
         self._time_ns = self._pending = 0
         self._time = self._flushed_at = 0.0
 
@@ -97,8 +98,6 @@ class FlightLog:
         self._writer.start(library="humanoid-getup")
         self._writer.add_metadata(METADATA, self._describe())
         self._flush()
-        if self.fault:
-            self.path.unlink(missing_ok=True)
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
@@ -180,6 +179,7 @@ class FlightLog:
         with self._stopping_on_errors():
             if self._writer:
                 self._writer.flush()
+                self._saved = self.cycles
         self._pending, self._flushed_at = 0, time.monotonic()
 
     @contextmanager
@@ -187,10 +187,15 @@ class FlightLog:
         try:
             yield
         except OSError as error:
-            self.fault = f"flight log {self.path}: {error.strerror or error}, recording stopped"
-            if self._file:
-                with suppress(OSError):  # closing tries to write the rest
+            kept = f"its first {self._saved} cycles can be replayed" if self._saved else "removed"
+            reason = error.strerror or error
+            self.fault = f"flight log {self.path}: {reason}, recording stopped; {kept}"
+            with suppress(OSError):  # closing tries to write the rest
+                if self._file:
                     self._file.close()
+            with suppress(OSError):
+                if not self._saved:
+                    self.path.unlink()
             self._writer = self._file = None
 
 

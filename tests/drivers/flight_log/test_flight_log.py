@@ -281,21 +281,29 @@ def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flig
             log.log(flight[200])
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert log.fault == f"flight log {tmp_path / 'f'}: File too large, recording stopped"
+    assert log.fault == (
+        f"flight log {tmp_path / 'f'}: File too large, recording stopped; "
+        "its first 200 cycles can be replayed"
+    )
     record = FlightRecord.load(tmp_path / "f")
     assert (record.cycles, record.truncated) == (200, True)
     assert [event.text for event in record.events] == ["on disk"]
 
 
-def test_a_disk_that_is_full_from_the_start_is_left_without_a_log(tmp_path, robot, flight):
+@pytest.mark.parametrize("room", [20, 700])
+def test_a_disk_that_is_full_before_the_first_chunk_is_left_without_a_log(
+    tmp_path, robot, flight, room
+):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
     try:
         with FlightLog(tmp_path / "f", robot) as log:
             log.log(flight[0])
+            log.event(0.0, "phase", "to disk at once")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert log.fault == f"flight log {tmp_path / 'f'}: File too large, recording stopped"
+    reason = "File too large, recording stopped; removed"
+    assert log.fault == f"flight log {tmp_path / 'f'}: {reason}"
     assert not (tmp_path / "f").exists()
 
 

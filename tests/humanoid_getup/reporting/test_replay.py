@@ -1,6 +1,7 @@
 """A flight log that was recorded on the twin replays on the twin to the last bit."""
 
 import json
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -206,6 +207,34 @@ def test_the_command_tells_that_the_twin_did_the_same(swing, tmp_path, capsys):
     assert figures["events"] == [
         {"time": pytest.approx(1.0), "kind": "phase", "text": "over", "cycle": 125}
     ]
+
+
+def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, capsys):
+    path = tmp_path / "f"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    guard = SafetyGuard(twin_of(tiny), GuardLimits.of(tiny, torque_limit=1.0))
+
+    def see(cycle: Cycle) -> None:
+        log.log(cycle)
+        if log.cycles == 50:
+            log.event(cycle.state.time, "phase", "on disk")
+            resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 100, hard))
+
+    log = FlightLog(path, tiny, start=tiny.standing)
+    try:
+        with log:
+            report = run(Swing(tiny), guard, max_time=SECOND, on_cycle=see)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert report.ending is Ending.TIMEOUT
+    assert log.fault is not None
+    assert log.fault.endswith(
+        "File too large, recording stopped; its first 50 cycles can be replayed"
+    )
+    assert parse(path, "--robot", TINY).run() == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "the twin moved exactly as logged" in told
+    assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in told
 
 
 def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurement(

@@ -5,17 +5,21 @@
 Three walks are traced: of a fallen posture through `getup rise` (preparing, planning, filtering,
 playing) and through `getup eval`, and of an encoder tick through one read of the driver. A reader
 who follows a walk looks at each function once, in the order in which it is first called: a stop is
-a run of such functions in one file, a return a stop in a file that was visited before. The walked
-checkout is the one that Python imports; PYTHONPATH names another.
+a run of such functions in one file, a return a stop in a file that was visited before. Bodies of
+classes, which Python runs when it imports a file, are no functions. The walked checkout is the one
+that Python imports; PYTHONPATH names another.
 """
 
 from __future__ import annotations
 
 import ast
+import inspect
+import os
 import resource
 import statistics
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,6 +38,7 @@ from robots.storage.files import write_atomically
 
 HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
+MOST_LISTED = 12  # files that a walk comes back to most often
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +154,8 @@ def traced(tree: Path) -> Iterator[dict[str, Any]]:
     def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
         # Comprehensions and lambdas belong to the function that they stand in.
-        if event == "call" and code.co_filename.startswith(roots) and code.co_name[0] != "<":
+        is_function = code.co_flags & inspect.CO_NEWLOCALS and code.co_name[0] != "<"
+        if event == "call" and is_function and code.co_filename.startswith(roots):
             seen.setdefault((code.co_filename, code.co_qualname))
 
     walk: dict[str, Any] = {}
@@ -163,14 +169,18 @@ def traced(tree: Path) -> Iterator[dict[str, Any]]:
     folders = len({Path(file).parent for file in stops})
     walk |= {"functions": len(seen), "stops": len(stops), "files": rooms}
     walk |= {"returns": len(stops) - rooms, "folders": folders}
+    most = Counter(str(Path(file).relative_to(tree)) for file in stops).most_common(MOST_LISTED)
+    walk["most_returns"] = {file: visits - 1 for file, visits in most if visits > 1}
 
 
 def walk_through_rise() -> dict[str, Any]:
     """Trace `getup rise --from prone`: fall, plan, filter, preflight, play, judge."""
     from humanoid_getup.cli.main import main
 
-    with traced(HERE) as walk:
-        code = main(("rise", "--from", "prone"))
+    with tempfile.TemporaryDirectory() as folder:  # a plan that is kept needs no search
+        os.environ["HUMANOID_GETUP_PLAN_CACHE"] = folder
+        with traced(HERE) as walk:
+            code = main(("rise", "--from", "prone"))
     return walk | {"exit_code": code}
 
 

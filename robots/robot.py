@@ -73,8 +73,78 @@ class Layout:
         return slice(self.root_qpos + 3, self.root_qpos + 7)
 
 
+class JointArrays:
+    """What follows from the joints of a robot and their servos, in arrays."""
+
+    n: int
+    """Number of joints."""
+    joint_names: tuple[str, ...]
+    """In canonical order."""
+    transmission: Transmission
+    """Gears and couplings between the servos and the joints."""
+    lower: Array
+    """Lower joint limits [rad], (n,)."""
+    upper: Array
+    """Upper joint limits [rad], (n,)."""
+    max_torque: Array
+    """The actuators' stall torques at nominal voltage [N·m], (n,). An actuator is a servo behind
+    its gear: its torque is that at its joint, unless two joints are coupled."""
+    max_velocity: Array
+    """The joints' no-load speeds at the servos' nominal voltage [rad/s], (n,). Coupled joints reach
+    theirs whatever the other one does."""
+    position_gain: Array
+    """The actuators' position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
+    p_gain: Array
+    """Register values of the position P gain at full gain scale, (n,)."""
+    nominal_voltage: Array
+    """Supplies at which the servos' figures hold [V], (n,)."""
+    torque_speed_slope: Array
+    """Torque lost to back-EMF per speed [N·m·s/rad], (n,)."""
+    current_damping: Array
+    """Damping of current-based position mode [N·m·s/rad], (n,)."""
+    torque_per_ampere: Array
+    """Actuator torque per current at the servos' stall points [N·m/A], (n,)."""
+    motor_constant: Array
+    """Volts per speed of the actuators [V·s/rad], which is N·m/A as well, (n,)."""
+    current_step: Array
+    """Current of a count [A], (n,); 0 for servos without current sensor."""
+
+    def _derive(self, joints: Sequence[Joint], couplings: tuple[Coupling, ...]) -> None:
+        """Compute all of it; an instance may be frozen."""
+        servos = [joint.servo for joint in joints]
+        models = [servo.model for servo in servos]
+        plain = {
+            "lower": [joint.lower for joint in joints],
+            "upper": [joint.upper for joint in joints],
+            "p_gain": [servo.p_gain for servo in servos],
+            "nominal_voltage": [m.nominal_voltage for m in models],
+            "current_step": [m.current_step for m in models],
+        }
+        torques = {
+            "max_torque": [m.stall_torque for m in models],
+            "torque_per_ampere": [m.torque_per_ampere for m in models],
+            "motor_constant": [m.motor_constant for m in models],
+        }
+        gains = {
+            "position_gain": [servo.position_gain for servo in servos],
+            "torque_speed_slope": [m.torque_speed_slope for m in models],
+            "current_damping": [m.damping_gain(m.d_gain) for m in models],
+        }
+        geared = Transmission(np.array([servo.gear for servo in servos]), couplings)
+        speed = geared.motion_at_actuator(np.array([m.no_load_speed for m in models]))
+        derived = (
+            {name: np.array(values) for name, values in plain.items()}
+            | {name: geared.torque_at_actuator(np.array(v)) for name, v in torques.items()}
+            | {name: geared.gain_at_actuator(np.array(v)) for name, v in gains.items()}
+            | {"n": len(servos), "joint_names": tuple(joint.name for joint in joints)}
+            | {"transmission": geared, "max_velocity": geared.speed_at_joint(speed)}
+        )
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Robot:
+class Robot(JointArrays):
     """A robot as described by its folder."""
 
     name: str
@@ -115,10 +185,8 @@ class Robot:
     body: Body = ORIGINAL
     """Factors on the lengths of its model; see `robots.description.loading.reshape`."""
 
-    @property
-    def n(self) -> int:
-        """Return the number of joints."""
-        return len(self.joints)
+    def __post_init__(self) -> None:
+        self._derive(self.joints, self.couplings)
 
     @property
     def imu_kind(self) -> ImuKind | None:
@@ -141,17 +209,6 @@ class Robot:
         return self.imu_site
 
     @cached_property
-    def joint_names(self) -> tuple[str, ...]:
-        """Return the joint names in canonical order."""
-        return tuple(joint.name for joint in self.joints)
-
-    @cached_property
-    def transmission(self) -> Transmission:
-        """Return the gears and couplings between the servos and the joints."""
-        gear = np.array([joint.servo.gear for joint in self.joints])
-        return Transmission(gear, self.couplings)
-
-    @cached_property
     def actuators(self) -> tuple[Joint, ...]:
         """Return the joints with the ranges that their servos turn through.
 
@@ -164,86 +221,10 @@ class Robot:
         )
 
     @cached_property
-    def lower(self) -> Array:
-        """Return the lower joint limits [rad], (n,)."""
-        return np.array([joint.lower for joint in self.joints])
-
-    @cached_property
-    def upper(self) -> Array:
-        """Return the upper joint limits [rad], (n,)."""
-        return np.array([joint.upper for joint in self.joints])
-
-    @cached_property
-    def max_torque(self) -> Array:
-        """Return the actuators' stall torques at nominal voltage [N·m], (n,).
-
-        An actuator is a servo behind its gear: its torque is that at its joint, unless two joints
-        are coupled.
-        """
-        stall = np.array([joint.servo.model.stall_torque for joint in self.joints])
-        return self.transmission.torque_at_actuator(stall)
-
-    @cached_property
-    def max_velocity(self) -> Array:
-        """Return the joints' no-load speeds at the servos' nominal voltage [rad/s], (n,).
-
-        Coupled joints reach theirs whatever the other one does.
-        """
-        speed = np.array([joint.servo.model.no_load_speed for joint in self.joints])
-        transmission = self.transmission
-        return transmission.speed_at_joint(transmission.motion_at_actuator(speed))
-
-    @cached_property
-    def position_gain(self) -> Array:
-        """Return the actuators' position-mode stiffness at nominal voltage [N·m/rad], (n,)."""
-        gain = np.array([joint.servo.position_gain for joint in self.joints])
-        return self.transmission.gain_at_actuator(gain)
-
-    @cached_property
-    def p_gain(self) -> Array:
-        """Return the register values of the position P gain at full gain scale, (n,)."""
-        return np.array([joint.servo.p_gain for joint in self.joints])
-
-    @cached_property
-    def nominal_voltage(self) -> Array:
-        """Return the supplies at which the servos' figures hold [V], (n,)."""
-        return np.array([joint.servo.model.nominal_voltage for joint in self.joints])
-
-    @cached_property
     def supply_range(self) -> tuple[float, float]:
         """Return the lowest and highest supply that all servos accept [V]."""
         models = [joint.servo.model for joint in self.joints]
         return max(m.min_voltage for m in models), min(m.max_voltage for m in models)
-
-    @cached_property
-    def torque_speed_slope(self) -> Array:
-        """Return the torque lost to back-EMF per speed [N·m·s/rad], (n,)."""
-        slope = np.array([joint.servo.model.torque_speed_slope for joint in self.joints])
-        return self.transmission.gain_at_actuator(slope)
-
-    @cached_property
-    def current_damping(self) -> Array:
-        """Return the damping of current-based position mode [N·m·s/rad], (n,)."""
-        models = [joint.servo.model for joint in self.joints]
-        damping = np.array([m.damping_gain(m.d_gain) for m in models])
-        return self.transmission.gain_at_actuator(damping)
-
-    @cached_property
-    def torque_per_ampere(self) -> Array:
-        """Return the actuator torque per current at the servos' stall points [N·m/A], (n,)."""
-        torque = np.array([joint.servo.model.torque_per_ampere for joint in self.joints])
-        return self.transmission.torque_at_actuator(torque)
-
-    @cached_property
-    def motor_constant(self) -> Array:
-        """Return the volts per speed of the actuators [V·s/rad], which is N·m/A as well, (n,)."""
-        constant = np.array([joint.servo.model.motor_constant for joint in self.joints])
-        return self.transmission.torque_at_actuator(constant)
-
-    @cached_property
-    def current_step(self) -> Array:
-        """Return the current of a count [A], (n,); 0 for servos without current sensor."""
-        return np.array([joint.servo.model.current_step for joint in self.joints])
 
     def compute_lead(self, torque: Array) -> Array:
         """Compute by how much targets lead the joints to make torques there, (..., n) [rad].

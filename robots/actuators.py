@@ -12,7 +12,7 @@ from robots.servo import Servo
 
 @dataclass(frozen=True, kw_only=True)
 class PositionActuator:
-    """A servo in position mode, with the figures that it has behind its gear."""
+    """A servo in position mode; its figures hold behind its gear."""
 
     name: str
     """Of its joint."""

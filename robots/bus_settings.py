@@ -1,4 +1,4 @@
-"""How a robot's servos and its board are reached."""
+"""Bus settings: ports, baud rate and board of a robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cy
 
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""What X-series servos can be set to [bit/s] (e-manual, Baud Rate)."""
+"""Baud rates of X-series servos [bit/s] (e-manual, Baud Rate)."""
 if TYPE_CHECKING:
     BaudRate = int  # of which a type checker cannot see that it is one of these
 else:
@@ -32,12 +32,12 @@ class BoardSettings:
     """
 
     model: str = ""
-    """Name of its control table; empty if its registers are given below."""
+    """Name of its control table; empty if the addresses below are given."""
     id: Annotated[int, whole(0, 252)]
     imu_axes: AxesSetting
-    """What each axis of the robot's IMU site is of the IMU's raw axes."""
+    """Axes of the robot's IMU site, each as a signed axis of the IMU."""
     powers_servos: bool = False
-    """True when servos have no power until the board switches it on."""
+    """True if servos have no power until the board switches it on."""
     port: str = ""
     """Name of the port on which it replies; in a robot.toml the first if left out."""
     gyro_address: Annotated[int, whole(0, MAX_ADDRESS)] = 0
@@ -50,7 +50,7 @@ class BoardSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class BusSettings:
-    """How a robot's servos are reached."""
+    """Ports, baud rate and board of a robot's servos."""
 
     baud: BaudRate
     """[bit/s]"""

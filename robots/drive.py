@@ -77,7 +77,7 @@ def limit_servos(
     gain_scale: Array | float = 1.0,
     pwm_limit: Array | float = 1.0,
 ) -> Drive:
-    """Limit the torque of a robot's servos the way that a mode does it.
+    """Limit the torque of a robot's servos by a mode.
 
     Goal Current and Goal PWM are whole counts, rounded down. By current, the limit holds at any
     speed that the supply allows. By PWM it holds at standstill: there is less torque the faster

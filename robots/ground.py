@@ -1,4 +1,4 @@
-"""The ground that every simulation of a robot stands on: twin, rollouts and training alike."""
+"""The ground of every simulation: twin, rollouts and training."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SOLREF = (0.004, 1.0)  # as in the robots' own geoms, so that only friction diff
 
 
 def add_world_geom(spec: mujoco.MjSpec, name: str, friction: float) -> mujoco.MjsGeom:
-    """Add a geom to the world whose own friction and stiffness count, whatever touches it."""
+    """Add a geom to the world whose friction and stiffness prevail in every contact."""
     geom = spec.worldbody.add_geom(name=name)
     # MuJoCo takes the larger friction of two geoms unless one has priority;
     # a slippery floor must be slippery under every sole.

@@ -1,4 +1,4 @@
-"""How a robot's IMU is reached, and how its sensor is turned in the body."""
+"""IMU settings: kind and line of a robot's IMU, and its axes in the body."""
 
 from __future__ import annotations
 
@@ -71,12 +71,12 @@ class SensorAxes:
 
 @dataclass(frozen=True, kw_only=True)
 class ImuSettings:
-    """The IMU of a robot: its kind, its line, and how it is turned in the body."""
+    """The IMU of a robot: its kind, its line, and its axes in the body."""
 
     kind: ImuKind
     """``board``: that of `BusSettings.board`, on the servo bus."""
     axes: AxesSetting = ("x", "y", "z")
-    """What each axis of the robot's IMU site is of the sensor's axes."""
+    """Axes of the robot's IMU site, each as a signed axis of the sensor."""
     connection: Literal["uart", "i2c"] = "uart"
     """Line of a BNO055 or a BNO08x; a BNO08x on a UART is in its UART-RVC mode."""
     port: str = ""
@@ -110,7 +110,7 @@ class ImuSettings:
 
 
 def find_imu_problems(imu: ImuSettings, *, has_board: bool) -> list[str]:
-    """Find values of an ``[imu]`` table that do not fit each other."""
+    """Find values of an ``[imu]`` table that contradict each other."""
     problems = find_axes_problems("imu.axes", imu.axes)
     if imu.kind == "board" and not has_board:
         problems.append("imu.kind is 'board', expected a [bus.board] table with it")
@@ -124,7 +124,7 @@ def find_imu_problems(imu: ImuSettings, *, has_board: bool) -> list[str]:
 
 
 def find_axes_problems(key: str, setting: tuple[AxisName, AxisName, AxisName]) -> list[str]:
-    """Find out whether names of axes are not a rotation; three signs are taken as they are."""
+    """Find axis names that are not a rotation; three signs need no check."""
     if 0 in setting or all(isinstance(name, int) for name in setting):  # 0: reported already
         return []
     problem = f"{key} is {list(setting)}, expected"

@@ -34,7 +34,7 @@ def lowest_points(model: mujoco.MjModel, qpos: Array) -> Array:
 
 
 class GeomReach:
-    """How far each geom of a robot reaches from its center; it is alike on both sides of it.
+    """Reach of each geom of a robot from its center, the same in opposite directions.
 
     Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
     """
@@ -146,7 +146,7 @@ def transfer_positions(
 
 
 def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:
-    """Convert MuJoCo positions (nq,) to a posture, its joints within their limits."""
+    """Convert MuJoCo positions (nq,) to a posture; joints are clipped to their limits."""
     layout = robot.layout(model)
     return Posture(
         position=qpos[layout.root_position].copy(),

@@ -11,7 +11,7 @@ from robots.quaternion import Array
 
 
 def rest_passive_joints(model: mujoco.MjModel, names: Sequence[str], qpos: Array) -> None:
-    """Put passive joints where they rest in MuJoCo positions (..., nq), in place.
+    """Put passive joints into their rest positions in MuJoCo positions (..., nq), in place.
 
     A joint that an equality follows from another one is there; any other is where its spring is at
     rest or, without stiffness, at ``qpos0``.

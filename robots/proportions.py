@@ -1,4 +1,4 @@
-"""Another body for a robot: factors on the lengths of its parts."""
+"""Proportions of a robot: factors on the lengths of its parts."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ ORIGINAL = Body()
 
 
 def _read_factor(text: str) -> float:
-    """Read a number; what is none reads as nan, which no range holds."""
+    """Read a number; any other text becomes nan, which is outside every range."""
     try:
         return float(text)
     except ValueError:

@@ -42,7 +42,7 @@ def angle_between(p: Array, q: Array) -> Array:
 
 
 def slerp(p: Array, q: Array, t: Array | float) -> Array:
-    """Turn from ``p`` towards ``q`` by the share ``t`` of the shorter arc."""
+    """Interpolate from ``p`` to ``q`` along the shorter arc by the share ``t``."""
     dot = np.sum(p * q, axis=-1, keepdims=True)
     q = np.where(dot < 0.0, -q, q)
     half = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))

@@ -30,7 +30,7 @@ class RobotError(ValueError):
     def __init__(self, message: str, problems: Sequence[str] = ()) -> None:
         super().__init__(message)
         self.problems = tuple(problems) or (message,)
-        """What is wrong, one by one."""
+        """One message for each problem."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,7 @@ class Robot(JointArrays):
     supply_voltage: float
     """Nominal supply [V]."""
     standing: Posture
-    """The stance to end in, soles on the ground z = 0."""
+    """The stance in which a rise ends, soles on the ground z = 0."""
     standing_neck_height: float
     """Height of the neck site over the soles in the standing posture [m]."""
     mirror_index: np.ndarray
@@ -181,7 +181,7 @@ class Robot(JointArrays):
     couplings: tuple[Coupling, ...] = ()
     """Pairs of joints that two servos turn together."""
     limit_by: LimitMode = "pwm"
-    """What a torque limit acts on, if nothing else is asked for: ``"current"`` or ``"pwm"``."""
+    """What a torque limit acts on by default: ``"current"`` or ``"pwm"``."""
     body: Body = ORIGINAL
     """Factors on the lengths of its model; see `robots.description.loading.reshape`."""
 
@@ -227,7 +227,7 @@ class Robot(JointArrays):
         return max(m.min_voltage for m in models), min(m.max_voltage for m in models)
 
     def compute_lead(self, torque: Array) -> Array:
-        """Compute by how much targets lead the joints to make torques there, (..., n) [rad].
+        """Compute the lead of targets over joints that makes given torques, (..., n) [rad].
 
         The torques at the joints [N·m] are (..., n), and full gain and nominal supply are assumed.
         """
@@ -235,7 +235,7 @@ class Robot(JointArrays):
         return self.transmission.to_joint(actuator_torque / self.position_gain)
 
     def compute_lag(self, speed: Array) -> Array:
-        """Compute by how much back-EMF keeps joints behind targets at speeds, (..., n) [rad].
+        """Compute the lag of joints behind targets by back-EMF at given speeds, (..., n) [rad].
 
         The speeds of the joints [rad/s] are (..., n).
         """

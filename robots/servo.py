@@ -1,4 +1,4 @@
-"""Servos: what a servo model can do, and how one servo sits on its joint."""
+"""Servos: the figures of a servo type, and one servo on its joint."""
 
 import math
 from dataclasses import dataclass
@@ -181,5 +181,5 @@ def count_pwm(share: Array | float) -> Array:
 
 
 def round_pwm(share: Array | float) -> Array:
-    """Round shares of the supply down to what whole counts of the PWM give, (...)."""
+    """Round shares of the supply down to whole counts of the PWM, (...)."""
     return count_pwm(share) / PWM_FULL_SCALE

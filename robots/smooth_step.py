@@ -1,4 +1,4 @@
-"""The smooth step: a share that begins and ends level."""
+"""The smooth step: a share with zero slope at its beginning and end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robots.quaternion import Array
 
 
 def smooth_step(share: Array) -> Array:
-    """Map shares from 0 to 1 to shares that leave 0 and reach 1 at rest, any shape.
+    """Map shares from 0 to 1 to shares with zero slope at 0 and 1, any shape.
 
     The cubic 3 x² - 2 x³; below 0 it is 0, above 1 it is 1.
     """

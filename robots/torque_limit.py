@@ -81,7 +81,7 @@ def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
 
 
 def _find_least(robot: Robot, by: LimitMode) -> float:
-    """Find the least torque limit that leaves every servo some torque [N·m]."""
+    """Find the smallest torque limit that leaves every servo some torque [N·m]."""
     if by == "current":
         return float((robot.current_step * robot.torque_per_ampere).max())
     return float(robot.max_torque.max()) / PWM_FULL_SCALE if by == "pwm" else 0.0

@@ -84,7 +84,7 @@ class Transmission:
     # Ranges -----------------------------------------------------------------------------------
 
     def range_at_actuator(self, lower: Array, upper: Array) -> tuple[Array, Array]:
-        """Find how far actuators turn while joints use all of their ranges [rad], (n,) each."""
+        """Compute the ranges of actuators that cover all ranges of joints [rad], (n,) each."""
         middle = self.to_actuator((lower + upper) / 2.0)
         reach = self._couple((upper - lower) / 2.0, [np.abs(c.matrix) for c in self.couplings])
         is_coupled = self.is_coupled
@@ -94,7 +94,7 @@ class Transmission:
         )
 
     def speed_at_joint(self, actuator_speed: Array) -> Array:
-        """Find speeds that joints have at once within those of their actuators [rad/s], (n,).
+        """Compute speeds that all joints can have at once within their actuators' [rad/s], (n,).
 
         Each of two coupled joints gets half of what the slower actuator can do for it alone:
         whatever the other one does, none is too fast.
@@ -106,7 +106,7 @@ class Transmission:
         return out
 
     def error_at_joint(self, actuator_error: Array) -> Array:
-        """Find the largest errors of joints by errors of actuators up to these [rad], (n,)."""
+        """Compute the largest errors of joints from errors of actuators [rad], (n,)."""
         return self._couple(actuator_error, [np.abs(c.inverse) for c in self.couplings])
 
     @property

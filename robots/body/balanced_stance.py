@@ -1,4 +1,4 @@
-"""Stances: balanced on flat soles, the torso upright, the knees bent a little, the arms down."""
+"""Stances: balanced on flat soles, torso upright, knees slightly bent, arms down."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EASY = 0.2
 """Weight of the feet's distance from each other: legs without roll at the ankle have flat soles
 at one width alone, whatever is wished."""
 SPREADS = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0)
-"""Slopes at which arms hang outwards, tried in turn until they are free."""
+"""Slopes at which arms hang outwards, tried in turn until they touch nothing."""
 LONG_PART = 0.2  # share of an arm from which it has a direction of its own
 SOLVED = 0.03  # largest residual of a stance, in leg lengths and unit vectors
 
@@ -61,13 +61,13 @@ class StanceSolver:
         )
 
     def solve(self, extension: float = EXTENSION, spread: float = SPREADS[0]) -> BalancedStance:
-        """Find a stance with legs of that share of their length, arms sloping outwards."""
+        """Find a stance with legs bent to a share of their length, arms sloping outwards."""
         tries = [self._solve_from(bend, extension, spread) for bend in self._list_bends()]
         solved = [stance for stance in tries if stance.is_solved]
         return max(solved, key=self._measure_knee) if solved else min(tries, key=lambda s: s.error)
 
     def _list_bends(self) -> list[Array]:
-        """List angles to search from: as before, and both ways of bending the knees."""
+        """List start angles of the search: the given ones, and both ways of bending the knees."""
         bends = [self._before, self._before.copy(), self._before.copy()]
         for angles, way in zip(bends[1:], (1.0, -1.0), strict=True):
             self._leg.bend_knee(angles, way)
@@ -107,7 +107,7 @@ class StanceSolver:
         return parts
 
     def _look(self, values: Array) -> Array:
-        """Look at the free angles on both sides; return all angles (n,)."""
+        """Pose the view at the free angles of both sides; return all angles (n,)."""
         angles = self._before.copy()
         angles[self._free] = values
         angles = self._mirrored(angles)

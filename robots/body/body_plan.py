@@ -1,4 +1,4 @@
-"""The plan of a body: which hinges of a model are legs, arms and head, and which are pairs."""
+"""The plan of a body: which hinges belong to legs, arms and head, and which are mirror pairs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST_ROOM = 0.2  # share of a joint's range that the range of its mirror joint 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyPlan:
-    """A floating model and which of its n hinges, in the model's order, are what."""
+    """A floating model and the roles of its n hinges, in the model's order."""
 
     model: mujoco.MjModel
     mirror: MirrorPairs
@@ -58,7 +58,7 @@ class BodyPlan:
         return Leg(self.view, self.legs[0], self.model.site(self.soles[0]).id)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Find pairs of which one can only turn to where the other cannot."""
+        """Find mirror pairs whose joint ranges contradict each other."""
         lower, upper = self.lower, self.upper
         for k, other in enumerate(self.mirror.index):
             images = self.mirror.sign[k] * np.array([lower[other], upper[other]])

@@ -1,4 +1,4 @@
-"""Where a limb ends: at its sole or, without one, beyond its last joint."""
+"""Ends of limbs: the sole or, without one, a point beyond the last joint."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robots.quaternion import Array
 
 
 def locate_end(data: mujoco.MjData, joint: int) -> Array:
-    """Locate the end of all that a joint moves, in the world, (3,) [m].
+    """Locate the end of the bodies that a joint moves, in the world, (3,) [m].
 
     It is taken to be as far beyond the center of mass as the joint is before it.
 

@@ -1,4 +1,4 @@
-"""Postures that are balanced on flat soles: how far one is from that, and the search for them."""
+"""Postures balanced on flat soles: the residual of a posture, and the search for one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.body.leg import Leg
 from robots.quaternion import Array
 
 CLOSE, HABIT = 5.0, 0.02
-"""Weights: of the feet's place, of the angles' distance from before."""
+"""Weights of the feet's place, and of the angles' distance from the start."""
 EVALUATIONS = 200
 MARGIN = 0.02  # rad from the end of a joint's range
 
@@ -30,7 +30,7 @@ class Foot:
 
     @classmethod
     def stand(cls, leg: Leg) -> Foot:
-        """Describe where it is, at the angles looked at last."""
+        """Return where the view has the foot now."""
         return cls(leg, float(leg.sole_position[1] - leg.hip[1]), float(leg.sole_axes[1, 0]))
 
 
@@ -49,7 +49,7 @@ class FlatSoles:
     """Of a sole's place beside the hip."""
 
     def measure(self, reach: float) -> tuple[Array, Array]:
-        """Measure how far the posture that was looked at last is from standing on legs so long.
+        """Measure how far the posture of the view is from standing on legs of a length.
 
         Args:
             reach: From the hip to the ground [m].

@@ -1,4 +1,4 @@
-"""A model at joint angles: where its joints are and how they turn, in the torso's frame."""
+"""A model at given joint angles: positions and axes of its joints, in the torso's frame."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class JointView:
         return self.data.xaxis[self.ids[joint]]
 
     def end(self, joint: int) -> Array:
-        """Return where what a joint moves ends, at the angles looked at last, (3,) [m]."""
+        """Return the end of the bodies that a joint moves, at the last angles, (3,) [m]."""
         return locate_end(self.data, self.ids[joint])
 
     def twists(self, joint: int, way: Array) -> bool:

@@ -15,7 +15,7 @@ WHOLE = 3  # pitch joints of a leg that can squat: hip, knee, ankle
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A leg; all is measured at the angles that the view looked at last, in the torso's frame."""
+    """A leg, measured at the angles that the view looked at last, in the torso's frame."""
 
     view: JointView
     joints: tuple[int, ...]
@@ -25,12 +25,12 @@ class Leg:
 
     @property
     def hip(self) -> Array:
-        """Return where its first joint is [m], (3,)."""
+        """Return the position of its first joint [m], (3,)."""
         return self.view.anchor(self.joints[0])
 
     @property
     def sole_position(self) -> Array:
-        """Return where its sole is [m], (3,)."""
+        """Return the position of its sole [m], (3,)."""
         return self.view.data.site_xpos[self.sole].copy()
 
     @property

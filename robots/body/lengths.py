@@ -1,4 +1,4 @@
-"""The length of a robot's legs, by which scenes, durations and motions of others are scaled."""
+"""Leg length: scenes, durations and motions of other robots are scaled by it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds the arms and legs of any robot, from its joints, its soles and where they are."""
+"""Finds the arms and legs of any robot from its joints and soles."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class _LimbFinder:
         self._soles = [view.model.site(name).id for name in robot.sole_sites]
 
     def list_limbs(self) -> list[tuple[float, Limb]]:
-        """List the limbs, and how far to the left each is [m]."""
+        """List the limbs, each with its distance to the left [m]."""
         parts = find_robot_parts(self._robot, self._view.model)
         found = [("leg", link) for _, link in parts.legs]
         found += [("arm", link) for _, link in parts.arms]
@@ -87,7 +87,7 @@ class _LimbFinder:
         return (bends[-1] if bends else above[0]), middle
 
     def _list_bending(self, joints: list[int]) -> list[int]:
-        """List the joints beyond the first that do not only twist a limb, all joints at 0."""
+        """List the joints after the first that do more than twist the limb, all joints at 0."""
         robot, view = self._robot, self._view
         view.look(np.clip(0.0, robot.lower, robot.upper))
         tip = view.end(joints[-1])
@@ -116,6 +116,6 @@ class _LimbFinder:
         return next(sole for sole in self._soles if sole in sites)
 
     def _locate_tip(self, joints: list[int], sole: int | None) -> Array:
-        """Locate the end of a limb: its sole, or where what its last joint moves ends."""
+        """Locate the end of a limb: its sole, or the end of what its last joint moves."""
         tip = self._view.end(joints[-1]) if sole is None else self._view.data.site_xpos[sole]
         return tip.copy()

@@ -1,4 +1,4 @@
-"""Limb solver: the joint angles that point arms and legs as asked for."""
+"""Limb solver: joint angles that bring arms and legs into given poses."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class LimbSolver:
         return robot.lower[joints], robot.upper[joints]
 
     def _inside(self, joints: list[int], values: Array) -> Array:
-        """Move angles off the ends of their ranges, where no search can begin."""
+        """Move angles off the ends of their ranges, since a search cannot begin there."""
         lower, upper = self._bounds(joints)
         inner = EDGE * (upper - lower)
         return np.clip(values, lower + inner, upper - inner)

@@ -96,7 +96,7 @@ class Limbs(JointView):
         return ahead if above > 0.0 and abs(ahead) < OVER_SOLES else None
 
     def over_soles(self) -> tuple[float, float]:
-        """Return how far the mass is in front of the soles and above them, in leg lengths."""
+        """Return the center of mass in front of and above the soles, in leg lengths."""
         legs = [self.leg(name) for name in LEGS]
         middle = np.mean([leg.sole_position for leg in legs], axis=0)
         axes = np.mean([leg.sole_axes for leg in legs], axis=0)

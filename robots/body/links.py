@@ -59,7 +59,7 @@ class Link:
         return sorted(body for link in self.walk() for body in link.bodies)
 
     def anchor(self) -> Array:
-        """Return where its first joint is, in its frame [m], (3,)."""
+        """Return the position of its first joint, in its frame [m], (3,)."""
         joint = self.model.body_jntadr[self.root]
         if joint < 0 or self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
             return np.zeros(3)
@@ -101,6 +101,6 @@ class LinkFrames:
         return self.axes(target).T @ (self.axes(source) @ direction)
 
     def anchor_in(self, link: Link, frame: Link) -> Array:
-        """Return where a link's first joint is in the frame of another [m], (3,)."""
+        """Return the position of a link's first joint in the frame of another [m], (3,)."""
         position, axes = self.pose(link.root, frame)
         return position + axes @ link.anchor()

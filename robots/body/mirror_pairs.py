@@ -1,4 +1,4 @@
-"""Left and right: which hinges mirror each other, from where they are and how they turn."""
+"""Mirror pairs: which hinges mirror each other, by their positions and axes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from robots.body.side_names import swap_side
 from robots.quaternion import Array
 
 MIRROR = np.array([1.0, -1.0, 1.0])
-"""What a reflection in the plane y = 0 makes of a point's coordinates."""
+"""Factors on the coordinates of a point reflected in the plane y = 0."""
 MIRROR_AXIS = -MIRROR
-"""What it makes of an axis of rotation's."""
+"""Factors on the coordinates of an axis of rotation reflected there."""
 FAR = 0.12  # share of the height; hinges farther from their mirror image are not a pair
 ASKEW = np.cos(np.radians(35.0))
 NAME_BONUS = 0.3
@@ -21,14 +21,14 @@ NAME_BONUS = 0.3
 
 @dataclass(frozen=True, eq=False)
 class MirrorPairs:
-    """What each of n hinges becomes when left and right are exchanged."""
+    """The counterpart of each of n hinges when left and right are exchanged."""
 
     index: np.ndarray
-    """Hinge that takes each one's place, (n,); itself in the middle."""
+    """Counterpart of each hinge, (n,); a hinge in the middle is its own."""
     sign: Array
     """Sign of its angle there, (n,)."""
     unpaired: tuple[int, ...]
-    """Hinges that have no counterpart, though they are not in the middle."""
+    """Hinges without a counterpart that are not in the middle."""
 
 
 @dataclass(frozen=True, eq=False)

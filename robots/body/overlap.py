@@ -1,4 +1,4 @@
-"""Overlap: how deep a body's shapes reach into each other."""
+"""Overlap: how deep the shapes of a body penetrate each other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def find_self_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np
 
 
 def measure_self_overlap(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Measure how deep a body reaches into itself, by the present contacts [m]."""
+    """Measure how deep a body penetrates itself, by the present contacts [m]."""
     own = find_self_contacts(model, data)
     return float(np.max(-data.contact.dist[own], initial=0.0))
 
@@ -49,7 +49,7 @@ def overlaps_at(model: mujoco.MjModel, qpos: Array, data: mujoco.MjData) -> Arra
 
 
 def find_overlaps(model: mujoco.MjModel, qpos: Array) -> dict[Pair, float]:
-    """Find bodies that reach into each other, and how deep [m], at MuJoCo positions (nq,)."""
+    """Find bodies that penetrate each other, and how deep [m], at MuJoCo positions (nq,)."""
     depth = overlaps_at(model, qpos, mujoco.MjData(model))
     pairs = zip(*(rows.tolist() for rows in np.nonzero(depth > DEEP)), strict=True)
     return {(a, b): float(depth[a, b]) for a, b in pairs}

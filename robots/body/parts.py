@@ -16,7 +16,7 @@ BESIDE = 1e-3  # m from the middle of the torso, where a limb is on one side
 
 @dataclass(frozen=True, eq=False)
 class BodyParts:
-    """Trunk and limbs of a body; limbs are known by their first links."""
+    """Trunk and limbs of a body; each limb is given by its first link."""
 
     torso: Link
     trunk: list[Link] = field(default_factory=list)
@@ -118,7 +118,7 @@ def _count_feet(link: Link, is_foot: Callable[[Link], bool]) -> int:
 
 
 def _carries_limbs(link: Link, aside: Callable[[Link], float]) -> bool:
-    """Tell whether a link in the middle branches, or one leads to limbs on the left and right."""
+    """Tell whether a link in the middle branches, or leads to limbs on the left and right."""
     if len(link.children) > 1 and abs(aside(link)) < BESIDE:
         return True
     while len(link.children) == 1:
@@ -128,7 +128,7 @@ def _carries_limbs(link: Link, aside: Callable[[Link], float]) -> bool:
 
 
 def _find_way(link: Link, body: int) -> list[Link]:
-    """Find the links from one down to that which holds a body; none if it is not below."""
+    """Find the links from one down to the one that holds a body; none if it is not below."""
     if body in link.bodies:
         return [link]
     for child in link.children:

@@ -1,4 +1,4 @@
-"""What joints are for: segments of the body, joints of a learned rise, joints that spread legs."""
+"""Roles of joints: body segments, joints of learned rises, joints that spread legs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def list_segments(body: BodyPlan, angles: Array) -> tuple[str, ...]:
 
 
 def list_rising(body: BodyPlan, stance: Array) -> tuple[str, ...]:
-    """List hips, knees and ankles, and of an arm the three that do not twist it.
+    """List hips, knees and ankles, and the three joints of an arm that do not twist it.
 
     Args:
         body: What the hinges are.
@@ -53,7 +53,7 @@ def list_spreading(body: BodyPlan, stance: Array) -> tuple[str, ...]:
 
 
 def _list_paired(body: BodyPlan, hinges: Sequence[int]) -> tuple[str, ...]:
-    """List hinges that have a mirror image: a robot's two sides may differ."""
+    """List hinges that have a mirror image; the two sides of a robot may differ."""
     return tuple(body.joint_names[k] for k in hinges if body.mirror.index[k] != k)
 
 

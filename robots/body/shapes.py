@@ -1,4 +1,4 @@
-"""Shapes of a model as boxes, capsules and the like; meshes are fitted, or kept as hulls."""
+"""Shapes of a model as primitives; meshes are fitted by primitives or kept as hulls."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Shape:
 
 
 def read_shapes(model: mujoco.MjModel, body: int, *, keep_hulls: bool) -> list[Shape]:
-    """Read the shapes of a body that collide; those for the eye if it has no others.
+    """Read the collision shapes of a body, or the visual ones if it has no others.
 
     Args:
         model: Compiled model.
@@ -150,7 +150,7 @@ def _box(points: Array, frame: Array) -> Shape:
 
 
 def _capsule(points: Array, box: Shape) -> Shape | None:
-    """Return a capsule along a box that holds the points as tightly, or None."""
+    """Return a capsule along a box if it holds the points as tightly, else None."""
     order = np.argsort(box.size)
     if box.size[order[2]] < SLENDER * box.size[order[1]]:
         return None

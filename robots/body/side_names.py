@@ -1,4 +1,4 @@
-"""Names of joints that say a side: l_hip_pitch, left-hip, LHipPitch, hipPitchL."""
+"""Joint names that state a side: l_hip_pitch, left-hip, LHipPitch, hipPitchL."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def swap_side(name: str) -> str:
 
 
 def side_of(name: str) -> int:
-    """Return 1 if a name says left, -1 if it says right, else 0."""
+    """Return 1 if a name states left, -1 if it states right, else 0."""
     words = [w.group().lower() for w in WORD.finditer(name)]
     said = next((word for word in words if word in OPPOSITE), "")
     return int(said in LEFT) - int(said in RIGHT)
 
 
 def remove_side(left: str, right: str) -> str:
-    """Remove the side from the name of a left joint; return it as it is where it names none."""
+    """Remove the side from the name of a left joint, if it has one."""
     side = find_side(left, right)
     if side is None:
         return left

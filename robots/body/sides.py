@@ -1,4 +1,4 @@
-"""Left and right: which joint of each mirrored pair is the left one, and the pair's own name."""
+"""Sides: the left joint of each mirrored pair, and the name of the pair."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class JointSides:
         return {name: joint for joint, name in short.items()} | full
 
     def name(self, left: int) -> str:
-        """Return the name of a pair without a side; the left joint's where that is not clear."""
+        """Return the name of a pair without a side, or the left joint's if that is ambiguous."""
         full = self.robot.joint_names[left]
         return full if self._shared[self._bare(left)] > 1 else self._bare(left)
 
@@ -52,7 +52,7 @@ class JointSides:
         return [(joint, other) for joint, other in enumerate(mirror) if joint < other]
 
     def _choose_left(self, a: int, b: int) -> int:
-        """Choose by name, else by place; the first one where neither says."""
+        """Choose by name, else by position; the first one where neither decides."""
         names = self.robot.joint_names
         side = find_side(names[a], names[b])
         if side is not None:
@@ -65,7 +65,7 @@ class JointSides:
 
     @cached_property
     def _sideways(self) -> tuple[Array, Array]:
-        """Return the y of each joint's anchor, and of its limb's center of mass, standing [m]."""
+        """Return y of each joint's anchor and of its limb's center of mass in the stance [m]."""
         view = JointView.of(self.robot)
         view.look(self.robot.standing.joint_pos)
         bodies = view.model.jnt_bodyid[view.ids]

@@ -36,7 +36,7 @@ class Sole:
 def find_sole(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, least_area: float
 ) -> Sole | None:
-    """Find the largest flat face of a body that looks down.
+    """Find the largest flat face of a body that faces down.
 
     Args:
         model: Rebuilt model: x forward, z up.
@@ -73,7 +73,7 @@ class _Face:
 
 
 def _list_faces(points: Array, down: Array) -> list[_Face]:
-    """List the flat faces of the points' hull that look down; (3,) is a unit vector."""
+    """List the flat faces of the points' hull that face down; (3,) is a unit vector."""
     if not len(points):
         return []
     try:
@@ -141,7 +141,7 @@ def list_sole_points(model: mujoco.MjModel, site: str) -> Array:
 
 
 def measure_tilt(points: Array) -> float:
-    """Measure the angle between z and the largest face of points (p, 3) that looks down [rad].
+    """Measure the angle between z and the largest face of points (p, 3) that faces down [rad].
 
     It is 0 for a round foot, which has no such face.
     """

@@ -14,7 +14,7 @@ from robots.body.statics import Statics
 from robots.quaternion import Array
 
 EXTENSIONS = np.arange(0.95, 0.24, -0.05)
-"""Shares of the stretched leg to which a robot is asked to crouch, in turn."""
+"""Leg lengths of the squats that are tried in turn, as shares of the stretched leg."""
 DEEP_ENOUGH = 0.75  # share of standing neck height to which rises of OP3 crouch at least
 LEAN = 0.2  # weight of a torso that may lean
 SOLVED = 0.02  # largest residual, in leg lengths and unit vectors
@@ -35,7 +35,7 @@ class Squat:
 
 
 def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
-    """List balanced squats from high to deep, in which no limb is in another one.
+    """List balanced squats without self-overlap, from high to deep.
 
     What overlaps in the stance may overlap in squats.
     """
@@ -65,7 +65,7 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
 
 
 def _find_overlaps(limbs: Limbs, joint_pos: Array) -> set[tuple[int, int]]:
-    """Find bodies that reach into each other, but for arms, which can be moved away."""
+    """Find bodies that penetrate each other, except arms, which can be moved away."""
     limbs.look(joint_pos)
     arms = {limbs.first_body(limbs.all[name]) for name in ARMS if name in limbs.all}
     return {
@@ -103,7 +103,7 @@ class _SquatSearch:
         self._bends = self._list_bends()
 
     def solve(self, extension: float) -> Array | None:
-        """Find joint angles (n,) with legs of that share of their length; None if there are none.
+        """Find joint angles (n,) with legs bent to a share of their length; None if there are none.
 
         The search goes on from the squat before, and also begins with knees that are bent.
         """
@@ -131,7 +131,7 @@ class _SquatSearch:
         return angles
 
     def _list_bends(self) -> list[Array]:
-        """List angles (j,) to search from: knees bent forward, then knees bent back."""
+        """List start angles (j,) of the search: knees bent forward, then knees bent back."""
         bends = [self._bend(way) for way in (1.0, -1.0)]
         return sorted(bends, key=self._measure_knee, reverse=True)
 

@@ -37,7 +37,7 @@ class Statics:
         return -float(self._model.opt.gravity[2]) * self.mass
 
     def place_on_soles(self, joint_pos: Array) -> None:
-        """Put the robot at joint angles (n,), its soles level on average, and look at it."""
+        """Pose the robot at joint angles (n,), its soles level on average."""
         data = self._data
         data.qpos[:] = self._place(joint_pos, np.array([1.0, 0.0, 0.0, 0.0]))
         data.qvel[:] = 0.0
@@ -74,7 +74,7 @@ class Statics:
         return self._robot.transmission.torque_for_joint(joints)
 
     def _hand_on(self, torque: Array) -> Array:
-        """Hand the torques of passive joints (p,) to those that they follow, (n,) [N·m]."""
+        """Add the torques of passive joints (p,) to the joints that they follow, (n,) [N·m]."""
         out = np.zeros(self._robot.n)
         if not len(torque):
             return out
@@ -100,7 +100,7 @@ class Statics:
         return float(np.arccos(np.clip(upright, -1.0, 1.0)))
 
     def measure_neck(self, joint_pos: Array) -> float:
-        """Measure how high the neck is over the soles, as a share of standing height."""
+        """Measure the height of the neck over the soles, as a share of that in the stance."""
         self.place_on_soles(joint_pos)
         neck = self._data.site_xpos[self._model.site(self._robot.neck_site).id, 2]
         return float((neck - self._lowest_sole()) / self._robot.standing_neck_height)
@@ -110,7 +110,7 @@ class Statics:
 
 
 def _share_weight(sideways: Array, center: float) -> Array:
-    """Share the weight among soles by where they are sideways [m], (s,)."""
+    """Divide the weight among soles by their sideways positions [m], (s,)."""
     if len(sideways) != 2 or abs(sideways[0] - sideways[1]) < 1e-6:
         return np.full(len(sideways), 1.0 / len(sideways))
     first = float(np.clip((center - sideways[1]) / (sideways[0] - sideways[1]), 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""The trunk: joints between a robot's torso and its neck, and angles that turn the chest."""
+"""The trunk: the joints between torso and neck, and the angles that turn the chest."""
 
 from __future__ import annotations
 

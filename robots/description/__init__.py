@@ -1,1 +1,1 @@
-"""What describes a robot: its robot.toml, servos and calibration, read and checked."""
+"""Descriptions of robots: robot.toml, servos and calibration, read and checked."""

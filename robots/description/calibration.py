@@ -1,4 +1,4 @@
-"""Calibration: where each servo's zero really is, and which way it turns."""
+"""Calibration: measured zero and direction of each servo."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class JointCalibration:
-    """What was measured of one joint."""
+    """Measured zero and direction of one joint."""
 
     zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)]
     """Ticks at joint angle 0."""
@@ -36,7 +36,7 @@ class JointCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What was measured of a robot's joints; it replaces what the description says of them."""
+    """Measured zeros and directions of a robot; they replace those of its description."""
 
     robot: str
     joints: Annotated[dict[str, JointCalibration], Meta(description="a table of joint names")] = (
@@ -44,7 +44,7 @@ class Calibration:
     )
 
     def apply(self, robot: Robot) -> Robot:
-        """Return the robot with its servos as they were measured."""
+        """Return the robot with the measured zeros and directions."""
         joints = (
             replace(joint, servo=replace(joint.servo, **asdict(self.joints[joint.name])))
             if joint.name in self.joints

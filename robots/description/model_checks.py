@@ -18,12 +18,12 @@ NUMBERS = {
     (OBJECT.mjOBJ_ACTUATOR, "actuator"): ("gear", "forcerange", "ctrlrange", "gainprm", "biasprm"),
     (OBJECT.mjOBJ_KEY, "key"): ("qpos",),
 }
-"""Arrays of a model by the kind of its objects: what a robot is made of."""
+"""Arrays of a model to check, by the kind of its objects."""
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
 def find_number_problems(model: mujoco.MjModel) -> list[str]:
-    """Find numbers of a compiled model that are none: MuJoCo accepts nan."""
+    """Find numbers of a compiled model that are not finite: MuJoCo accepts nan."""
     problems = []
     for (kind, prefix), keys in NUMBERS.items():
         for key in keys:
@@ -37,7 +37,7 @@ def find_number_problems(model: mujoco.MjModel) -> list[str]:
 
 
 def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
-    """Find where a description and its compiled model do not fit together."""
+    """Find contradictions between a description and its compiled model."""
     return [
         *find_number_problems(model),
         *_torso_problems(table, model),
@@ -97,7 +97,7 @@ def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 
 
 def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
-    """Find passive joints that are none of the model's hinges, or that have a servo."""
+    """Find passive joints that are not hinges of the model, or that have a servo."""
     described = {row.name for row in table.joints}
     problems = []
     for name in table.passive_joints:

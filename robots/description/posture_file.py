@@ -31,7 +31,7 @@ Component = Annotated[float, Meta(description="a finite number (w x y z)")]
 
 @dataclass(frozen=True)
 class _PostureFile:
-    """A posture file as it is written."""
+    """The content of a posture file."""
 
     position: Annotated[tuple[Meters, Meters, Meters], Meta(description="a list of 3 numbers (m)")]
     orientation: Annotated[
@@ -85,7 +85,7 @@ def format_posture(posture: Posture, robot: Robot) -> str:
 
 
 def _parse_json(text: str) -> tuple[Any, list[str]]:
-    """Parse JSON; return its content, and problems for keys that it holds twice."""
+    """Parse JSON; return its content, and a problem for each key that occurs twice."""
     problems: list[str] = []
 
     def keep(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

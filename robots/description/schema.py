@@ -28,7 +28,7 @@ Segment = Literal["head", "wrist", "hand", "finger", "thumb", "foot", "toes", "o
 
 @dataclass(frozen=True, kw_only=True)
 class JointRow:
-    """One row of the joints: what the model file cannot describe of a joint."""
+    """One row of the joints: properties of a joint that the model file cannot hold."""
 
     name: str
     id: Annotated[int, whole(0, 252)]
@@ -37,7 +37,7 @@ class JointRow:
     sign: Sign
     zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)]
     mirror: str
-    """Name of the joint that takes this one's place when left and right are exchanged."""
+    """Name of its counterpart when left and right are exchanged."""
     mirror_sign: Sign
     segment: Segment
     p_gain: PGain | None = None
@@ -64,7 +64,7 @@ class CouplingRow:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotTable:
-    """A robot.toml as it is written."""
+    """The content of a robot.toml."""
 
     name: str
     model: str
@@ -163,7 +163,7 @@ def _choose_rising_joints(
 
 
 def _wrong_pairs(key: str, names: tuple[str, ...], mirror: dict[str, str]) -> list[str]:
-    """Check names of joints, one of each mirrored pair."""
+    """Check that names are joints, one of each mirrored pair."""
     return [
         f"{key}: unknown joint {shown(name)}"
         if name not in mirror
@@ -219,7 +219,7 @@ def _wrong_imu(table: RobotTable) -> list[str]:
 
 
 def _wrong_board(board: BoardSettings) -> list[str]:
-    """Find what a board lacks: the name of its control table, or all that stands for it."""
+    """Find what a board lacks: the name of its control table, or the addresses instead."""
     problems = find_axes_problems("bus.board.imu_axes", board.imu_axes)
     if board.model:
         return problems
@@ -240,7 +240,7 @@ def _wrong_board(board: BoardSettings) -> list[str]:
 
 
 def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
-    """Find mirrors that do not lead back: mirroring twice must change nothing."""
+    """Find mirrors that are not mutual: mirroring twice must change nothing."""
     by_name = {row.name: row for row in rows}
     problems = []
     for row in rows:
@@ -289,7 +289,7 @@ def _wrong_couplings(table: RobotTable) -> list[str]:
 
 
 def _expect_matrix(matrix: tuple[tuple[float, float], tuple[float, float]]) -> str | None:
-    """Return what is expected of a matrix that cannot be; None if it is right."""
+    """Return what is expected instead of a wrong matrix; None if it is right."""
     (a, b), (c, d) = matrix
     if abs(a * d - b * c) <= LEAST_SINE * math.hypot(a, b) * math.hypot(c, d):
         return "independent rows, so that the servos can turn both joints"

@@ -25,7 +25,7 @@ def servo_models() -> Mapping[str, ServoModel]:
 
 
 def read_servo_models(folder: Path) -> tuple[Mapping[str, ServoModel], list[str]]:
-    """Read the servo types of a robot: the package's, with those of its folder's servos.toml.
+    """Read the servo types of a robot: those of the package and of its own servos.toml.
 
     A type of the folder that the package knows gives only what differs. Return the types, and all
     problems of the file.
@@ -43,7 +43,7 @@ def read_servo_models(folder: Path) -> tuple[Mapping[str, ServoModel], list[str]
 
 
 def _read_model(name: str, table: Any, problems: list[str]) -> ServoModel:
-    """Read one type, on top of the package's figures; a broken one has blank values."""
+    """Read one type on top of the package's figures; a wrong value is replaced by a blank."""
     place = f"{SERVOS_FILE}: {shown(name)}"
     if not isinstance(table, dict):
         problems.append(f"{place} is {shown(table)}, expected a table of figures")

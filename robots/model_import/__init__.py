@@ -1,1 +1,1 @@
-"""Robots from model files: an MJCF or URDF becomes a robot folder, with what was guessed marked."""
+"""Import of model files: an MJCF or URDF becomes a robot folder; guesses are marked in it."""

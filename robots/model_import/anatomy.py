@@ -32,7 +32,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """Parts of a humanoid; hinges are places in the tree's list."""
+    """Parts of a humanoid; hinges are indices into the tree's list."""
 
     tree: KinematicTree
     axes: Array
@@ -56,7 +56,7 @@ class Anatomy:
 
     @cached_property
     def _parts(self) -> BodyParts:
-        """Sort the links by the feet that are known; what is its own mirror image may be a head."""
+        """Sort the links by the known feet; a limb that is its own mirror image may be a head."""
         places = {hinge.id: k for k, hinge in enumerate(self.tree.hinges)}
         feet = {self.tree.hinges[leg[-1]].body for leg in self.legs}
         return sort_parts(
@@ -80,7 +80,7 @@ class Anatomy:
 
     @cached_property
     def head(self) -> tuple[int, ...]:
-        """Return the hinges in the middle that end above the shoulders."""
+        """Return the hinges in the middle whose limb ends above the shoulders."""
         shoulders = [self.anchors[left[0]][2] for left, _ in self.arms]
         floor = max(shoulders, default=0.0) - LOW_HEAD * self.height
         heads = [
@@ -91,7 +91,7 @@ class Anatomy:
         return tuple(sorted(k for own in found if self.anchors[own[0]][2] >= floor for k in own))
 
     def _list_longest(self, limb: Link) -> tuple[int, ...]:
-        """List the hinges from where a limb begins to its longest end that have a counterpart."""
+        """List the hinges with a counterpart on the longest way through a limb."""
         below = {part.root for part in limb.walk()}
         chains = [
             [
@@ -149,7 +149,7 @@ def _pair(tree: KinematicTree, axes: Array, middle: Array, height: float) -> Mir
 
 
 def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
-    """Measure the lowest and highest point of what each hinge's link is made of [m], (n,) each."""
+    """Measure the lowest and highest point of each hinge's link [m], (n,) each."""
     ends = [_measure_link(tree, k, UP) for k in range(len(tree.hinges))]
     heights = [hinge.anchor[2] for hinge in tree.hinges]
     rows = [(z, z) if end is None else end for end, z in zip(ends, heights, strict=True)]
@@ -157,7 +157,7 @@ def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
 
 
 def _measure_link(tree: KinematicTree, hinge: int, way: Array) -> tuple[float, float] | None:
-    """Measure where a hinge's link begins and ends along a unit vector (3,), in the world [m]."""
+    """Measure the extent of a hinge's link along a unit vector (3,), in the world [m]."""
     model, data = tree.model, tree.data
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, tree.link(hinge)))
     if not len(geoms):
@@ -170,7 +170,7 @@ def _measure_link(tree: KinematicTree, hinge: int, way: Array) -> tuple[float, f
 
 
 def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tuple[int, int]:
-    """Find the two ends of limbs that are lowest, and apart from each other."""
+    """Find the two lowest ends of limbs that are apart from each other."""
     mass = {k: tree.model.body_subtreemass[tree.hinges[k].body] for k in tree.leaves}
     heavy = [k for k in tree.leaves if mass[k] > PARALLEL * max(mass.values())]
     ends = sorted((k for k in heavy if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
@@ -196,7 +196,7 @@ def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tu
 def _check_hips(
     tree: KinematicTree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
 ) -> None:
-    """Raise ModelImportError if the lowest limbs begin above what they would carry, as arms do."""
+    """Raise ModelImportError if the lowest limbs begin above the mass they carry, as arms do."""
     model, data = tree.model, tree.data
     below = {hinge for leg in legs for hinge in leg}
     carried = np.setdiff1d(tree.bodies, [body for hinge in below for body in tree.link(hinge)])
@@ -232,7 +232,7 @@ def _snap(direction: Array, tree: KinematicTree) -> Array:
 def _turn_forward(
     tree: KinematicTree, one: int, other: int, lateral: Array, height: float, notes: list[str]
 ) -> tuple[int, int, Array]:
-    """Tell left from right by names, else by the feet, which are longer in front of the ankle.
+    """Find the front by left and right names, else by the feet, longer in front of the ankle.
 
     Feet as long behind it leave the knees, which bend so that the shanks go backwards.
 
@@ -250,9 +250,9 @@ def _turn_forward(
     by_knees = np.sign(sum(_measure_bend(tree, leg, lateral) for leg in legs))
     sign = np.sign(named) or by_toes or by_knees or 1.0
     if named and by_toes and np.sign(named) != by_toes:
-        notes.append("names say left where the feet say right: names are believed")
+        notes.append("names and feet disagree about left and right: the names are used")
     if not named and not by_toes and not by_knees:
-        notes.append("neither names nor feet nor knees say where the front is: x is taken")
+        notes.append("neither names nor feet nor knees show where the front is: x is assumed")
         sign = 1.0 if forward[0] >= 0.0 else -1.0
     left, right = (one, other) if sign > 0.0 else (other, one)
     return left, right, np.column_stack([sign * forward, sign * lateral, UP])

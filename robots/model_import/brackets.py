@@ -15,7 +15,7 @@ ROOT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # a torso at the origin
 
 
 def find_own_overlaps(model: mujoco.MjModel, joint_pos: Array) -> dict[Pair, float]:
-    """Find bodies that reach into each other, and how deep [m], at hinge angles (n,)."""
+    """Find bodies that penetrate each other, and how deep [m], at hinge angles (n,)."""
     return find_overlaps(model, np.concatenate([ROOT, joint_pos]))
 
 
@@ -39,7 +39,7 @@ def find_brackets(model: mujoco.MjModel, stance: Array, rng: np.random.Generator
 
 
 def exclude_brackets(spec: mujoco.MjSpec, model: mujoco.MjModel, stance: Array) -> str:
-    """Switch the contacts off that `find_brackets` finds; return which, or "" for none."""
+    """Switch off the contacts that `find_brackets` finds; return their names, or ""."""
     pairs = [
         (model.body(first).name, model.body(second).name)
         for first, second in find_brackets(model, stance, np.random.default_rng(0))

@@ -31,7 +31,7 @@ class Fold:
     motors: Names
     """Hinges with actuators, one or two."""
     joints: Names
-    """As many hinges that they drive, each mainly by the motor in its place."""
+    """The hinges that they drive, each mainly by the motor with the same index."""
     rods: Names
     """Hinges between them."""
     matrix: Array
@@ -54,13 +54,13 @@ class Fold:
 
 
 def find_folds(model: mujoco.MjModel, ties: Iterable[Tie]) -> list[Fold]:
-    """Find the drives of a model among what ties its hinges."""
+    """Find the drives of a model among the ties of its hinges."""
     folds = [_fold(model, group) for group in group_ties(ties)]
     return [each for each in folds if each is not None]
 
 
 def fold(spec: mujoco.MjSpec, folds: Sequence[Fold]) -> None:
-    """Fix the hinges of motors and rods in a specification; all that names them goes."""
+    """Fix the hinges of motors and rods in a specification; remove all that refers to them."""
     groups = (spec.actuators, spec.sensors, spec.equalities, spec.tendons, spec.keys)
     for element in [element for group in groups for element in group]:
         spec.delete(element)
@@ -69,7 +69,7 @@ def fold(spec: mujoco.MjSpec, folds: Sequence[Fold]) -> None:
 
 
 def _fold(model: mujoco.MjModel, ties: Sequence[Tie]) -> Fold | None:
-    """Fold joints that are tied together, if motors drive as many of them."""
+    """Fold joints that are tied together, if as many motors as joints drive them."""
     is_loop = any(tie.is_loop for tie in ties)
     joints, rows = _read_rows(model, ties)
     driven = set(model.actuator_trnid[model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT, 0])
@@ -116,7 +116,7 @@ def _read_rows(model: mujoco.MjModel, ties: Sequence[Tie]) -> tuple[list[int], A
 
 
 def _is_light(model: mujoco.MjModel, fixed: list[int], outputs: list[int]) -> bool:
-    """Tell whether hinges carry little, and none of the outputs."""
+    """Tell whether hinges carry little mass and no output."""
     bodies = {int(model.jnt_bodyid[joint]) for joint in fixed}
     for output in outputs:
         body = int(model.jnt_bodyid[output])

@@ -29,7 +29,7 @@ from robots.storage.validation import shown
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImportOptions:
-    """What a user says of a model."""
+    """Choices of a user for an import."""
 
     name: str
     """Of the robot."""
@@ -38,12 +38,12 @@ class ImportOptions:
     keep_hulls: bool = False
     """Whether meshes become convex hulls instead of boxes and capsules."""
     fixed: tuple[str, ...] = ()
-    """Joints without servo that are fixed where they stand."""
+    """Joints without servo that are fixed in their present place."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImportedRobot:
-    """A robot as found in a model file."""
+    """The robot found in a model file."""
 
     options: ImportOptions
     spec: mujoco.MjSpec
@@ -51,7 +51,7 @@ class ImportedRobot:
     torso: str
     joints: tuple[str, ...]
     mirror: tuple[int, ...]
-    """Place of the joint that takes each one's place."""
+    """Index of the counterpart of each joint."""
     mirror_sign: tuple[int, ...]
     segments: tuple[str, ...]
     stance: BalancedStance
@@ -59,7 +59,7 @@ class ImportedRobot:
     rising_joints: tuple[str, ...]
     spreading_joints: tuple[str, ...]
     notes: tuple[str, ...]
-    """What was changed, and what could not be found."""
+    """Messages: changes, and what could not be found."""
     folds: tuple[Fold, ...] = ()
     """Gears and couplings between servos and joints."""
     guesses: tuple[str, ...] = field(default=())
@@ -87,7 +87,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     body = rebuilt.describe(SOLES)
     notes += body.find_contradictions()
     if source.stance:
-        guesses.append("standing: begun from the model's keyframe, then balanced")
+        guesses.append("standing: started from the model's keyframe, then balanced")
     stance = find_stance(body, rebuilt.start_angles(), notes)
     _settle_contacts(rebuilt, stance.joint_pos, notes, guesses)
     servos = _choose_servos(body, stance, reduction.actuators, options, guesses)
@@ -110,7 +110,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
 
 
 def _find_name_problems(tree: KinematicTree, path: Path, options: ImportOptions) -> Iterator[str]:
-    """Find names that a robot.toml cannot hold in a line, or that are none of the model's."""
+    """Find names that a robot.toml cannot hold, or that the model does not have."""
     joints = [hinge.name for hinge in tree.hinges]
     bodies = [tree.model.body(body).name for body in tree.bodies]
     if not _is_printable(options.name):
@@ -131,7 +131,7 @@ def _is_printable(name: str) -> bool:
 def _settle_contacts(
     rebuilt: RebuiltModel, stance: Array, notes: list[str], guesses: list[str]
 ) -> None:
-    """Switch contacts off that are there by construction; report those that remain."""
+    """Switch off contacts that exist by construction; report those that remain."""
     if listed := exclude_brackets(rebuilt.spec, rebuilt.model, stance):
         guesses.append(f"contacts switched off, as shapes overlap there: {listed}")
     rebuilt.compile()
@@ -150,7 +150,7 @@ def _choose_servos(
     options: ImportOptions,
     guesses: list[str],
 ) -> ServoChoice:
-    """Choose servos by what actuators can do, else by the robot's weight and leg length."""
+    """Choose servos by the limits of actuators, else by the robot's weight and leg length."""
     names = body.joint_names
     body.view.look(stance.joint_pos)
     servos = choose_servos(

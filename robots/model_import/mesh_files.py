@@ -23,7 +23,7 @@ FACE = 50  # bytes of a face of a binary STL file, after a head of HEAD
 HEAD = 84
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 TRANSFORMS = {"matrix": 16, "translate": 3, "scale": 3, "rotate": 4}
-"""Numbers of the elements that move a node of COLLADA."""
+"""Count of numbers in each element that moves a node of COLLADA."""
 DEEPEST = 200  # nodes in each other
 Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 NO_AXIS = 1e-12  # length of an axis about which nothing turns
@@ -110,7 +110,7 @@ def _read_positions(geometry: ET.Element) -> Array:
 
 
 def _walk(node: ET.Element, above: Array, shapes: dict[str, Array], levels: int) -> list[Array]:
-    """Collect the points of a node and those up to so many levels below, in the scene's frame."""
+    """Collect the points of a node and of its descendants up to a depth, in the scene's frame."""
     if not levels:
         raise ValueError("its nodes are nested too deep")
     pose = above @ _read_pose(node)
@@ -146,7 +146,7 @@ def _read_pose(node: ET.Element) -> Array:
 
 
 def _read_numbers(text: str | None) -> Array:
-    """Read numbers between spaces, (n,), in little more memory than the text has."""
+    """Read numbers between spaces, (n,), with little more memory than the text takes."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:

@@ -1,4 +1,4 @@
-"""MJCF files: a model, what its actuators can do, what is tied, and a keyframe."""
+"""MJCF files: a model, the limits of its actuators, its ties, and a keyframe."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def read_mjcf(path: Path) -> ModelSource:
 
 
 def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:
-    """List the ties that are lost as folds are made, which they are not part of."""
+    """List the ties that folding removes although they are part of no fold."""
     folded = {name for each in folds for name in (*each.motors, *each.joints, *each.rods)}
     for group in group_ties(tie for tie in ties if not folded & {*tie.joints}):
         yield describe_separate(dict.fromkeys(name for tie in group for name in tie.joints))
 
 
 def _forget_scene(spec: mujoco.MjSpec) -> None:
-    """Remove what may refer to a scene that is in another file: contact pairs and sensors.
+    """Remove contact pairs and sensors, which may refer to a scene in another file.
 
     Shapes that collide by pairs alone do so by kind instead.
     """

@@ -1,4 +1,4 @@
-"""A robot's own model: rebuilt from a tree, its torso's axes forward, left and up."""
+"""Rebuilds a robot's model from a tree; its torso's axes are forward, left and up."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FULL_TURN = np.pi  # rad either way, of a joint without range
 
 
 class Rebuilder:
-    """Builds the model of a robot from the tree that was found in another model."""
+    """Builds the model of a robot from the tree found in another model."""
 
     def __init__(
         self, anatomy: Anatomy, *, keep_hulls: bool, fixed: Collection[str], notes: list[str]
@@ -84,7 +84,7 @@ class Rebuilder:
         return self._model.body(body).name or f"body_{body}"
 
     def holder(self, body: int) -> int:
-        """Return the body that holds another one rigidly, itself if it has hinges of its own."""
+        """Return the body to which another is welded, or itself if it has hinges."""
         while body != self._tree.root and not self._free_hinges(body):
             body = int(self._model.body_parentid[body])
         return body
@@ -124,7 +124,7 @@ class Rebuilder:
         )
 
     def _bend(self, joint: int, position: Array, orientation: Array) -> tuple[Array, Array]:
-        """Turn a body about a hinge that is fixed where it is in the tree's pose."""
+        """Turn a body about a hinge that is fixed in the tree's pose."""
         data, model = self._tree.data, self._model
         address = model.jnt_qposadr[joint]
         angle = data.qpos[address] - model.qpos0[address]
@@ -162,7 +162,7 @@ class Rebuilder:
             )
 
     def _add_mass(self, target: mujoco.MjsBody, body: int) -> None:
-        """Give a body the mass of all that it holds rigidly."""
+        """Give a body the mass of everything welded to it."""
         model = self._model
         held = [b for b in self._tree.bodies if self.holder(b) == body and model.body_mass[b] > 0.0]
         mass = sum((float(model.body_mass[b]) for b in held), 0.0)

@@ -1,4 +1,4 @@
-"""A rebuilt model beside the tree that it was built from: which hinge is which."""
+"""A rebuilt model and the tree that it was built from: which hinge is which."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class RebuiltModel:
             raise ModelImportError([f"{self.path}: {describe(error)}"]) from error
 
     def find(self, hinges: Iterable[int]) -> tuple[int, ...]:
-        """Find hinges of the tree in the model; those that were fixed are left out."""
+        """Find hinges of the tree in the model, except those that were fixed."""
         place = {k: i for i, k in enumerate(self._kept)}
         return tuple(place[k] for k in hinges if k in place)
 
     def describe(self, soles: tuple[str, str]) -> BodyPlan:
-        """Describe the body as compiled last; a joint whose counterpart is fixed mirrors itself."""
+        """Return the plan of the body; a joint whose counterpart is fixed mirrors itself."""
         anatomy = self.anatomy
         left_leg, right_leg = (self.find(leg) for leg in anatomy.legs)
         arms = [(self.find(left), self.find(right)) for left, right in anatomy.arms]
@@ -75,7 +75,7 @@ class RebuiltModel:
         return np.clip(angles, model.jnt_range[1:, 0], model.jnt_range[1:, 1])
 
     def look(self) -> mujoco.MjData:
-        """Compute where everything is in the tree's pose."""
+        """Compute the kinematics in the tree's pose."""
         data = mujoco.MjData(self.model)
         data.qpos[7:] = self.start_angles()
         mujoco.mj_kinematics(self.model, data)

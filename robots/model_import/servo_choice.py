@@ -1,4 +1,4 @@
-"""Servo types for the joints of a model: by the limits that it states, else by its weight."""
+"""Choice of servo types for a model: by the limits that it states, else by its weight."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ServoChoice:
     supply: float
     """[V]"""
     own: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Types that the package does not know: their figures, for the folder's servos.toml."""
+    """Figures of types that the package does not know, for the folder's servos.toml."""
     guesses: tuple[str, ...] = ()
     """What was guessed, and how to confirm it."""
 
@@ -146,7 +146,7 @@ def _choose_supply(
     named: Mapping[str, str],
     needed: float,
 ) -> float:
-    """Choose the supply at which known types fit best what the model states, or were asked for.
+    """Choose the supply at which the known or requested types fit the model's limits best.
 
     Robots that no known type can lift have motors of a higher supply.
     """
@@ -172,7 +172,7 @@ def _choose_supply(
 
 
 def _distance(figures: ActuatorFigures, model: ServoModel, supply: float) -> float:
-    """Measure how far a type at a supply is from what is stated, in logarithms."""
+    """Measure the distance of a type at a supply from the stated limits, in logarithms."""
     if not model.accepts_supply(supply) or figures.effort is None:
         return np.inf
     share = supply / model.nominal_voltage
@@ -201,7 +201,7 @@ def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, flo
 
 
 def describe_motor(effort: float, speed: float, supply: float) -> dict[str, float]:
-    """Derive the figures of another motor than a Dynamixel from torque [N·m] and speed [rad/s].
+    """Derive the figures of a motor other than Dynamixel from torque [N·m] and speed [rad/s].
 
     Rotor, friction and mass scale with the torque as those of the XM540-W270 do, current with
     torque over voltage.
@@ -225,7 +225,7 @@ def describe_motor(effort: float, speed: float, supply: float) -> dict[str, floa
 
 
 def _choose_by_weight(need: float, supply: float) -> str:
-    """Choose the weakest type with enough torque; name a motor of that torque if none has."""
+    """Choose the weakest type with enough torque; describe such a motor if there is none."""
     usable = {n: m for n, m in servo_models().items() if m.accepts_supply(supply)}
     torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
     enough = [name for name in torque if torque[name] >= RESERVE * need]

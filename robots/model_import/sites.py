@@ -23,12 +23,12 @@ LEVEL = 0.03  # share of the height by which the lowest points of a foot and its
 
 
 class SitePlacer:
-    """Finds where the sites belong, and adds them."""
+    """Finds the places of the sites and adds them."""
 
     def __init__(
         self, path: Path, anatomy: Anatomy, builder: Rebuilder, guesses: list[str]
     ) -> None:
-        """Prepare to add sites; what is to be confirmed is added to ``guesses``."""
+        """Prepare to add sites; guesses for the user to confirm are appended to ``guesses``."""
         self._path, self._anatomy, self._builder = path, anatomy, builder
         self._guesses = guesses
 
@@ -47,7 +47,7 @@ class SitePlacer:
         self._add_imu()
 
     def _add_imu(self) -> None:
-        """Add the IMU's site: where the model has one on the torso, else at its origin."""
+        """Add the IMU's site: at the model's own one on the torso, else at the torso's origin."""
         tree, torso = self._anatomy.tree, self._spec.body(self._model.body(1).name)
         for name, position, frame in self._list_imus():
             axes = self._anatomy.axes.T @ frame
@@ -64,7 +64,7 @@ class SitePlacer:
         )
 
     def _list_imus(self) -> Iterator[tuple[str, Array, Array]]:
-        """List what the torso holds that is named as an IMU: its place and axes in the world."""
+        """List elements of the torso that are named as an IMU, with place and axes in the world."""
         tree = self._anatomy.tree
         model, data = tree.model, tree.data
         for site in range(model.nsite):
@@ -96,7 +96,7 @@ class SitePlacer:
         return max(soles, key=lambda sole: sole.area)
 
     def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:
-        """Return the place of the neck in the torso's frame, and what it is."""
+        """Return the position of the neck in the torso's frame, and its description."""
         head = self._list_joints(self._anatomy.head)
         shoulders = self._list_joints([left[0] for left, _ in self._anatomy.arms])
         if head:

@@ -1,4 +1,4 @@
-"""What a model file says: a compiled model, its actuators, ties and a stance."""
+"""The content of a model file: a compiled model, its actuators, ties and a stance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.model_import.ties import Tie
 
 
 class ModelImportError(ValueError):
-    """A model file cannot become a robot; one problem a line."""
+    """A model file cannot become a robot; the message has one problem a line."""
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(problems)
@@ -22,7 +22,7 @@ class ModelImportError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorFigures:
-    """What a model says of the actuator of a joint; None where it says nothing."""
+    """Limits of a joint's actuator as a model states them; None where it states none."""
 
     effort: float | None = None
     """Largest torque at the joint, or of the motor in front of its gear [N·m]."""
@@ -37,7 +37,7 @@ class ModelSource:
     path: Path
     model: mujoco.MjModel
     actuators: dict[str, ActuatorFigures]
-    """By joint name, of the joints that have one; empty if the model says nothing."""
+    """Limits by joint name; empty if the model states none."""
     stance: dict[str, float] = field(default_factory=dict)
     """Angles of a keyframe by joint name [rad]; empty without keyframes."""
     ties: tuple[Tie, ...] = ()
@@ -47,4 +47,4 @@ class ModelSource:
     folds: tuple[Fold, ...] = ()
     """Drives whose motors' hinges were fixed; their actuators are under the driven joints."""
     notes: tuple[str, ...] = ()
-    """What a user should know of how it was read."""
+    """Messages for the user about how it was read."""

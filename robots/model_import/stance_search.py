@@ -1,4 +1,4 @@
-"""The stance of an imported robot: as high as it balances, its arms free of its body."""
+"""The stance of an imported robot: as high as balance permits, its arms clear of its body."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def find_stance(body: BodyPlan, before: Array, notes: list[str]) -> BalancedStan
 def _free_arms(
     body: BodyPlan, solver: StanceSolver, stance: BalancedStance, extension: float
 ) -> BalancedStance:
-    """Spread the arms until they touch nothing but what they always touch."""
+    """Spread the arms until they touch only what they touch in any posture."""
     model = body.model
     always = {*find_brackets(model, stance.joint_pos, np.random.default_rng(0))}
     arms = _find_arm_bodies(body)

@@ -1,4 +1,4 @@
-"""Reduction of ties without a known drive: hinges that only drive are welded, outputs stay."""
+"""Reduction of ties without a known drive: motors' hinges are welded, outputs stay."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ LIGHT = 0.1  # share of what the output moves, below which a hinge is only its m
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Joints that remain of those that are tied."""
+    """The joints that remain after a reduction of ties."""
 
     motors: tuple[str, ...]
     """Joints that only turn a motor's shaft, to be welded."""
     actuators: dict[str, ActuatorFigures]
-    """What actuators can do at the joints that remain, by name."""
+    """Limits of actuators at the remaining joints, by name."""
 
 
 def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> Reduction:
@@ -45,7 +45,7 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
 
 
 def _open_loop(tree: KinematicTree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:
-    """Open a closed loop: its hinges are taken for those of a parallelogram."""
+    """Open a closed loop; its hinges are assumed to be those of a parallelogram."""
     ways = [set(_hinges_above(tree, body)) for body in bodies]
     loop = ways[0] ^ ways[1]
     names = [tree.model.body(body).name for body in bodies]
@@ -74,7 +74,7 @@ def _describe(tie: Tie, output: int, drives: Sequence[int], notes: list[str]) ->
 
 
 def _combine(tie: Tie, output: int, drives: Sequence[int], source: ModelSource) -> ActuatorFigures:
-    """Convert what motors can do to the output: the weakest one limits it."""
+    """Convert the limits of motors to the output; the weakest motor limits it."""
     gears = [abs(tie.shares[output] / tie.shares[k]) for k in drives]
     figures = [source.actuators[tie.joints[k]] for k in drives]
     rows = list(zip(figures, gears, strict=True))

@@ -1,4 +1,4 @@
-"""Ties between hinges: gears, tendons, mimics and closed loops make one follow another."""
+"""Ties between hinges: gears, tendons, mimics and closed loops couple them."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Tie:
 
     @classmethod
     def follow(cls, follower: str, leader: str, ratio: float) -> Tie:
-        """Tie a joint that turns by so much for each turn of another one."""
+        """Tie a joint to another one by their ratio of turns."""
         return cls((follower, leader), (1.0, -ratio))
 
 
 def list_ties(model: mujoco.MjModel, qpos: Array) -> list[Tie]:
-    """List what ties hinges in a model, by its constraints at MuJoCo positions (nq,)."""
+    """List the ties of a model's hinges, from its constraints at MuJoCo positions (nq,)."""
     if not model.neq + model.ntendon:
         return []
     data = mujoco.MjData(model)
@@ -57,7 +57,7 @@ def group_ties(ties: Iterable[Tie]) -> Iterator[list[Tie]]:
 
 
 def describe_separate(joints: Iterable[str]) -> str:
-    """Describe what becomes of joints whose tie is not kept."""
+    """Describe joints whose tie is not kept."""
     return f"joints {', '.join(joints)} are coupled in the model, and separate here"
 
 

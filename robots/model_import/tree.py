@@ -1,4 +1,4 @@
-"""The kinematic tree of a model: its hinges where they are in one pose."""
+"""The kinematic tree of a model: its hinges in one pose."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class KinematicTree:
         ]
 
     def _find_above(self, joint: int) -> int:
-        """Find the joint above another one; -1: none in the tree."""
+        """Find the joint above another one; -1 if there is none in the tree."""
         body = int(self.model.jnt_bodyid[joint])
         if joint > self.model.body_jntadr[body]:
             return joint - 1
@@ -93,7 +93,7 @@ class KinematicTree:
         return [k for k in range(len(self.hinges)) if k not in parents]
 
     def link(self, hinge: int) -> list[int]:
-        """Return the bodies that one hinge moves and no hinge below it."""
+        """Return the bodies that a hinge moves but no hinge below it."""
         own = self.hinges[hinge].body
         return next(link.bodies for link in self.torso.walk() if link.root == own)
 
@@ -109,7 +109,7 @@ def name_joint(model: mujoco.MjModel, joint: int) -> str:
 
 
 def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
-    """Find the robot in a model, in its stance where a keyframe holds one.
+    """Find the robot in a model, in the stance of a keyframe if there is one.
 
     Args:
         source: Model.
@@ -142,7 +142,7 @@ def _count_hinges(model: mujoco.MjModel, root: int) -> int:
 
 
 def _is_frame(model: mujoco.MjModel, body: int) -> bool:
-    """Tell whether a body without joints, shapes and mass only holds one other."""
+    """Tell whether a body is an empty frame around one other body."""
     children = np.flatnonzero(model.body_parentid == body)
     is_empty = model.body_jntnum[body] == 0 and model.body_geomnum[body] == 0
     return bool(is_empty and model.body_mass[body] == 0.0 and len(children) == 1)

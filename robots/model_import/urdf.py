@@ -1,4 +1,4 @@
-"""URDF files: a model with its meshes, what its limits say of motors, and what is tied."""
+"""URDF files: a model with its meshes, the limits of its motors, and its ties."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
 
 
 def _compile(spec: mujoco.MjSpec, notes: list[str]) -> mujoco.MjModel:
-    """Compile; flat meshes are taken for shells."""
+    """Compile; flat meshes are treated as shells."""
     try:
         return spec.compile()
     except ValueError as error:
         if "mesh volume" not in str(error):
             raise
-    notes.append("meshes are taken for shells, as some have no volume")
+    notes.append("meshes are treated as shells, as some have no volume")
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     return spec.compile()
@@ -102,7 +102,7 @@ def _give_mass(root: ET.Element, notes: list[str]) -> None:
 
 
 def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
-    """Replace inertias that no body can have by that of a ball as heavy as the link."""
+    """Replace physically impossible inertias by that of a ball with the link's mass."""
     mended = []
     for link in root.findall("link"):
         inertia, weight = (

@@ -1,4 +1,4 @@
-"""Shapes of a URDF: meshes are found and converted; links without usable ones fall back."""
+"""Shapes of a URDF: meshes are found and converted, with visual shapes as a fallback."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class UrdfShapes:
         self._converted: dict[Path, str] = {}
         self._bytes = 0
         self.hulls: dict[str, bytes] = {}
-        """Files that are made of meshes which MuJoCo does not read, by name."""
+        """Files converted from meshes that MuJoCo does not read, by name."""
 
     def resolve(self) -> list[str]:
-        """Replace the file names of meshes by what MuJoCo reads; return problems.
+        """Replace the names of meshes by files that MuJoCo reads; return problems.
 
-        The shapes of a link are those that collide; where it has none, or their meshes cannot be
-        read but those for the eye can, these.
+        A link keeps its collision shapes, or its visual ones if it has no others, or if meshes can
+        be read of the visual ones only.
         """
         problems: list[str] = []
         for link in self._root.findall("link"):
@@ -37,7 +37,7 @@ class UrdfShapes:
             troubles = [*self._find_troubles(link, solid or seen)]
             if troubles and solid and seen and not [*self._find_troubles(link, seen)]:
                 self._notes.append(
-                    f"link {link.get('name')}: its shapes are those for the eye, "
+                    f"link {link.get('name')}: its visual shapes are used, "
                     f"as {troubles[0].partition(': ')[2]}"
                 )
                 solid, seen, troubles = seen, solid, []

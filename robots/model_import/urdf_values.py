@@ -1,4 +1,4 @@
-"""Numbers of a URDF: all are read before anything is made of them, and all problems reported."""
+"""Numbers of a URDF: all are checked before any is used, and all problems reported."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ COUNTS = {
     "capsule": {"radius": 1, "length": 1},
     "mesh": {"scale": 3},
 }
-"""How many numbers the attributes of an element hold."""
+"""Count of numbers in the attributes of an element."""
 
 
 def read_number(element: ET.Element | None, key: str, default: float = 0.0) -> float:
-    """Return the number of an attribute that was checked, or a default."""
+    """Return the number of a checked attribute, or a default."""
     return default if element is None else float(element.get(key, default))
 
 
 def find_value_problems(root: ET.Element) -> list[str]:
-    """Find numbers that are none, or that no robot can have."""
+    """Find texts that are not numbers, and numbers that no robot can have."""
     problems = []
     for kind in ("link", "joint"):
         for number, owner in enumerate(root.findall(kind), start=1):
@@ -46,7 +46,7 @@ def find_value_problems(root: ET.Element) -> list[str]:
 
 
 def _find_unread(owner: ET.Element) -> Iterator[str]:
-    """Find attributes that do not hold the finite numbers that they should."""
+    """Find attributes that do not hold the expected finite numbers."""
     for element in owner.iter():
         for key, count in COUNTS.get(element.tag, {}).items():
             text = element.get(key)
@@ -56,7 +56,7 @@ def _find_unread(owner: ET.Element) -> Iterator[str]:
 
 
 def _holds(text: str, count: int) -> bool:
-    """Tell whether a text holds so many finite numbers, as MuJoCo reads them."""
+    """Tell whether MuJoCo would read the expected count of finite numbers in a text."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
@@ -66,7 +66,7 @@ def _holds(text: str, count: int) -> bool:
 
 
 def _find_impossible(owner: ET.Element, root: ET.Element) -> Iterator[str]:
-    """Find what no link or joint can have."""
+    """Find values that no link or joint can have."""
     mass, limit, mimic = owner.find("inertial/mass"), owner.find("limit"), owner.find("mimic")
     if (heavy := read_number(mass, "value")) < 0.0:
         yield f"has a mass of {heavy:g} kg, expected 0 kg or more"

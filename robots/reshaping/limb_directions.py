@@ -1,4 +1,4 @@
-"""The direction in which each link of a limb is long."""
+"""Long directions of the links of a limb."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WITH_AXES = (
 
 
 def find_directions(skeleton: Skeleton, limb: Link) -> dict[Link, Array]:
-    """Find the unit vector along which each link of a limb is long, in its frame, (3,).
+    """Find the long direction of each link of a limb, a unit vector in its frame, (3,).
 
     It points from a link's joint to the next one. Brackets, which are too short for that, and
     feet follow the long link next to them, with all joints at zero.

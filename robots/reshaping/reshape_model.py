@@ -77,4 +77,4 @@ _CHANGES: dict[str, Callable[[Skeleton, float], None]] = {
     "arms": _stretch_arms,
     "legs": _stretch_legs,
 }
-"""In this order: shoulders are as thick as the arms' first links are in the model."""
+"""In this order, because shoulders are as thick as the unstretched first links of the arms."""

@@ -1,4 +1,4 @@
-"""A robot with another body than that of its model file."""
+"""A robot with other proportions than its model file."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from robots.reshaping.stretching import stretch_geom, stretch_inertia, write_pos
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 CONTACT = ("contype", "conaffinity", "condim", "friction", "solref", "solimp", "group", "rgba")
-"""What a beam has from the trunk's first shape that touches anything."""
+"""Attributes that a beam takes from the first colliding shape of the trunk."""
 
 
 def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
@@ -97,7 +97,7 @@ class _Beam:
     owner: mujoco.MjsBody
     """Body of the trunk that it belongs to."""
     like: mujoco.MjsGeom | None
-    """Shape that touches things as the beam shall."""
+    """Shape whose contact attributes the beam takes."""
     name: str
     center: Array
     """[m], in the body's frame, shape (3,)."""

@@ -1,4 +1,4 @@
-"""The skeleton of a model that is reshaped: its parts, and where they are with joints at zero."""
+"""The skeleton of a model to reshape: its parts, with joints at zero."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.quaternion import Array
 
 
 class Skeleton(LinkFrames):
-    """Parts of a specification that is compiled, its joints all at their zeros."""
+    """Parts of a compiled specification, with all joints at zero."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Skeleton(LinkFrames):
         return self._bodies[link.root]
 
     def bodies(self, link: Link) -> list[mujoco.MjsBody]:
-        """Return the bodies of a link, that with the joints first."""
+        """Return the bodies of a link, the one with the joints first."""
         return [self._bodies[body] for body in link.bodies]
 
     def has_sole(self, link: Link) -> bool:

@@ -1,4 +1,4 @@
-"""Stretching along a direction: points, and the mass that is spread over them."""
+"""Stretching along a direction: of points, and of distributed mass."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class AxialStretch:
     """Unit vector, shape (3,)."""
     factor: float
     beyond: bool = False
-    """Only what lies beyond the plane through ``origin``, in the direction, is stretched."""
+    """Whether only points beyond the plane through ``origin`` are stretched."""
 
     def __call__(self, points: Array) -> Array:
         """Move points (..., 3) [m]."""

@@ -29,7 +29,7 @@ SPHERE, CAPSULE, CYLINDER, BOX, ELLIPSOID, MESH = (
 
 
 def make_explicit(spec: mujoco.MjSpec) -> None:
-    """Write the masses and inertias that the compiler finds into the bodies."""
+    """Write the masses and inertias that the compiler computes into the bodies."""
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     model = spec.compile()
@@ -49,7 +49,7 @@ def make_explicit(spec: mujoco.MjSpec) -> None:
 def stretch_link(
     skeleton: Skeleton, link: Link, stretch: AxialStretch, kept: Collection[int] = ()
 ) -> None:
-    """Stretch a link with all that is on it; the frame of its first body stays.
+    """Stretch a link and everything on it; the frame of its first body stays.
 
     Args:
         skeleton: Of the compiled model.

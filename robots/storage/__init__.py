@@ -1,1 +1,1 @@
-"""Files: how they are written and read, and what is checked of their content."""
+"""Files: writing, reading, and checks of their content."""

@@ -20,7 +20,7 @@ MAX_BYTES = 64 * 2**20  # unpacked; far above what the product writes
 MAX_HEADER = 4096  # characters; np.save writes about 120
 NUMBERS, TEXTS = "fiub", "U"
 DAMAGE = (ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, AttributeError)
-"""What zipfile and numpy raise for damaged content, besides their own errors."""
+"""Errors that zipfile and numpy raise for damaged content, besides their own."""
 
 
 class ArchiveError(ValueError):
@@ -78,7 +78,7 @@ def to_text(array: NDArray[Any], key: str) -> str:
 
 
 def check_robot(array: NDArray[Any], name: str) -> None:
-    """Check that an archive is of the robot of a name, from the array that holds its own.
+    """Check that an archive belongs to a robot, by the array that holds its name.
 
     Raises:
         ArchiveError: if it is of another one.
@@ -89,7 +89,7 @@ def check_robot(array: NDArray[Any], name: str) -> None:
 
 
 def to_numbers(array: NDArray[Any], key: str, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return an array as finite numbers of a shape, None for any length.
+    """Return an array as finite numbers of a shape; None in it stands for any length.
 
     Raises:
         ArchiveError: if it is not.

@@ -23,12 +23,12 @@ def to_plain(value: Any) -> Any:
 
 
 def as_kept(value: Any) -> Any:
-    """Return a value as JSON keeps it."""
+    """Return a value as it would be after JSON."""
     return msgspec.json.decode(to_json(value))
 
 
 def _simplify(value: Any) -> Any:
-    """Return what `msgspec` can write instead of a value that it does not know."""
+    """Convert a value that `msgspec` does not know to one that it can write."""
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
     if isinstance(value, PurePath):

@@ -22,7 +22,7 @@ KINDS = {
 
 
 def read_bounded(path: Path, max_bytes: int) -> bytes:
-    """Read a file of a limited size, as `check_file` demands it; raises as that does."""
+    """Read a file after `check_file`, and raise as that does."""
     size = check_file(path, max_bytes)
     with path.open("rb") as file:
         content = file.read(size + 1)  # Python sets aside as many bytes as are asked for
@@ -58,13 +58,13 @@ def _describe_size(max_bytes: int) -> str:
 
 
 def describe(error: Exception) -> str:
-    """Say why a file could not be read or written, without its name: in one line."""
+    """Describe why a file could not be read or written, in one line without its name."""
     reason = error.strerror if isinstance(error, OSError) else None
     return " ".join((reason or str(error) or type(error).__name__).split())
 
 
 def readable(name: str) -> str:
-    r"""Write what is not UTF-8 in the name of a file as \xff: all can print and store that."""
+    r"""Escape bytes of a file name that are not UTF-8 as \xff, which can be printed anywhere."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
@@ -111,7 +111,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def _follow_links(path: Path) -> Path:
-    """Follow symbolic links up to /proc, whose links lead to open files and not to paths."""
+    """Follow symbolic links, except those of /proc, which lead to open files."""
     for _ in range(MAX_LINKS):
         path = path.parent.resolve() / path.name
         if path.is_relative_to("/proc") or not path.is_symlink():

@@ -1,4 +1,4 @@
-"""Model files before MuJoCo reads them: what they refer to, and what they would grow to.
+"""Checks of model files before MuJoCo reads them: their references and their size.
 
 MuJoCo opens whatever file a model names, and makes as many parts as it says. What would take for
 ever or all memory, such as a billion replicates or a mesh that is a FIFO, is found here first.
@@ -24,14 +24,14 @@ MOST_PARTS = 20_000  # elements, of which a robot of 30 joints has some hundred
 MOST_COPIES = 3_000  # of them made by replicates, grids and models in models: MuJoCo is slow there
 MOST_LEVELS = 20  # of files that include or attach each other
 MODEL_ERRORS = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
-"""What MuJoCo raises for a model that it cannot read or compile."""
+"""Errors that MuJoCo raises for a model that it cannot read or compile."""
 SIZES = {
     ("hfield", "nrow", "ncol"): 4_000_000,
     ("texture", "width", "height"): 2**26,
     ("user", "dim"): 10_000,
     ("mesh", "params"): 1_000_000,
 }
-"""Attributes whose numbers, multiplied, are the size of what an element makes; and the most."""
+"""Attributes whose product is the size of an element, and the largest product."""
 MOST_OF_SIZE = 1_000_000  # what any attribute of <size> may be, but the memory
 MOST_SAMPLES = 10_000  # of a delay
 MAX_MEMORY = 2**30  # bytes
@@ -119,7 +119,7 @@ class _ModelFiles:
     def _count(
         self, root: ET.Element, folders: list[Path], models: dict[str, tuple[int, int]]
     ) -> tuple[int, int]:
-        """Count what an element makes, and copies among it, without recursion: files nest deep."""
+        """Count the parts and copies that an element makes, without recursion."""
         parts, copies = 0, 0
         stack = [(root, 1)]
         while stack:
@@ -159,7 +159,7 @@ class _ModelFiles:
                 )
 
     def _check_numbers(self, element: ET.Element) -> None:
-        """Find numbers that are none, which MuJoCo takes for attributes that are left out."""
+        """Find nan, which MuJoCo treats as an attribute that is left out."""
         for key, text in element.items():
             if key != "name" and NONE in text.lower().split():
                 self._problems.append(
@@ -186,6 +186,6 @@ def _places(folders: list[Path], name: str) -> Iterator[Path]:
 
 
 def _multiply(numbers: str) -> int:
-    """Multiply the numbers of an attribute; what is none, or below one, counts as one."""
+    """Multiply the numbers of an attribute; texts and numbers below one count as one."""
     found = (abs(float(word)) for word in numbers.split() if NUMBER.fullmatch(word))
     return prod(int(min(max(number, 1.0), 1e12)) for number in found)

@@ -1,4 +1,4 @@
-"""TOML files that people edit: rows in columns, comments, numbers as people write them."""
+"""TOML files for people to edit: aligned rows, comments, short numbers."""
 
 from __future__ import annotations
 

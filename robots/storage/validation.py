@@ -1,4 +1,4 @@
-"""Values of a user's file: read by the types of a dataclass, and all problems reported at once.
+"""Validation of users' files by the types of dataclasses; all problems are reported at once.
 
 A dataclass states what a table holds: types, `Literal` choices and `Annotated` limits. msgspec
 converts each value; a value that is missing or wrong adds one problem, with its place and what is
@@ -71,7 +71,7 @@ def within(lower: float, upper: float, unit: str = "") -> Meta:
 
 
 def on_axes(count: int) -> Meta:
-    """Make an array have so many axes."""
+    """Require an array to have a number of axes."""
     lists = "a list of finite numbers" if count == 1 else f"finite numbers on {count} axes"
     return Meta(description=lists, extra={"axes": count})
 
@@ -108,7 +108,7 @@ def read_table(
 
 
 def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> list[str]:
-    """Report keys that no field of a dataclass has, in this table and in those within."""
+    """Report keys without a field in a dataclass, in a table and the tables within it."""
     names = {field.metadata.get("key", field.name): field.name for field in fields(kind)}
     problems, unknown = [], []
     for key, value in table.items():
@@ -125,10 +125,11 @@ def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> lis
                 if isinstance(row, dict):
                     where = _row_place(name, row, number)
                     problems += find_unknown_keys(item, row, where)  # type: ignore[arg-type]
-    told = [f"unknown key {name}, expected {', '.join(names)}" for name in unknown[:MOST_UNKNOWN]]
-    if more := len(unknown) - len(told):
-        told.append(f"{more} more unknown keys")
-    return problems + told
+    expected = f"expected {', '.join(names)}"
+    problems += [f"unknown key {name}, {expected}" for name in unknown[:MOST_UNKNOWN]]
+    if len(unknown) > MOST_UNKNOWN:
+        problems.append(f"{len(unknown) - MOST_UNKNOWN} more unknown keys")
+    return problems
 
 
 def load_toml(file: Path) -> dict[str, Any]:
@@ -165,7 +166,7 @@ def parse_file(
 
 
 def name_missing_joints(missing: Sequence[str], count: int) -> list[str]:
-    """Report joints of a robot with ``count`` joints that a file lacks: by name if few."""
+    """Report joints that a file lacks, by name if they are few, of ``count`` joints in all."""
     if len(missing) > MANY:
         return [f"{len(missing)} of {count} joints are missing"]
     return [f"joint {shown(name)} is missing" for name in missing]
@@ -260,7 +261,7 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _split(hint: Any) -> tuple[Any, Meta]:
-    """Split a type into itself, without None for optional values, and its limits."""
+    """Split a type into the type without None and its limits."""
     meta = Meta()
     if get_origin(hint) is Annotated:
         hint, meta = get_args(hint)[:2]
@@ -318,7 +319,7 @@ def _describe(hint: Any) -> str:
 
 
 def _blank(hint: Any) -> Any:
-    """Return what stands for a value that is missing or wrong."""
+    """Return a stand-in for a value that is missing or wrong."""
     base, meta = _split(hint)
     if is_dataclass(base):
         return read_table(base, {}, "", [])  # type: ignore[arg-type]
@@ -343,12 +344,12 @@ _SHOWN.maxstring = 60
 
 
 def shown(value: Any) -> str:
-    """Write any value of a file in a few characters on one line."""
+    """Format any value of a file in a few characters on one line."""
     return _SHOWN.repr(value)
 
 
 def outside(value: float, lower: float, upper: float, unit: str) -> str:
-    """Describe a value outside its range, in as many decimals as it takes to see that."""
+    """Describe a value outside its range, with enough decimals to show the difference."""
     is_close = min(abs(value - lower), abs(value - upper)) < 1e-3
     decimals = 9 if is_close else 3
     # Beyond a thousand decimals are noise, and a float may have 308 digits.

@@ -71,7 +71,7 @@ def test_names_count_more_than_feet_and_that_is_said():
 
     anatomy = find(notes, rename=swapped)
     assert anatomy.axes[:, 0] == pytest.approx([-1.0, 0.0, 0.0])
-    assert notes == ["names say left where the feet say right: names are believed"]
+    assert notes == ["names and feet disagree about left and right: the names are used"]
 
 
 def add_ends(spec: mujoco.MjSpec) -> None:

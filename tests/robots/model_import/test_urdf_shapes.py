@@ -69,7 +69,7 @@ def test_shapes_that_collide_are_preferred(model: Path):
 def test_those_for_the_eye_stand_in_where_meshes_are_missing(model: Path):
     link, problems, notes = resolve(model, shape("visual", PART), shape("collision", NONE))
     assert ([part.tag for part in link], problems) == (["visual"], [])
-    assert "its shapes are those for the eye, as mesh 'none.stl'" in notes[0]
+    assert "its visual shapes are used, as mesh 'none.stl'" in notes[0]
     assert next(link.iter("mesh")).get("filename") == "hull_0.stl"
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import RandomAxis
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance
+from humanoid_getup.experiments.judging.running_outcome import RunFigures
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
@@ -164,34 +165,32 @@ def summarize_rollouts(
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
     outcomes = [each.outcome for each in records]
+    error = np.concatenate([each.style_error for each in records])
     stood = np.concatenate([outcome.stood for outcome in outcomes])
+    rms = np.concatenate([outcome.rms_torque for outcome in outcomes])
     columns = {
         "stood": stood,
         "stand_time_s": np.concatenate([outcome.stand_time for outcome in outcomes]),
-        "rms_torque_nm": np.where(
-            stood, np.concatenate([outcome.rms_torque for outcome in outcomes]), np.nan
-        ),
+        "rms_torque_nm": np.where(stood, rms, np.nan),
         "peak_torque_nm": np.concatenate([outcome.peak_torque for outcome in outcomes]),
-        "peak_braking_torque_nm": np.concatenate(
-            [outcome.peak_braking_torque for outcome in outcomes]
-        ),
-        "head_impact_m_s": np.concatenate(
-            [np.asarray(outcome.head_impact, float) for outcome in outcomes]
-        ),
-        "height_error": np.concatenate([r.style_error[:, 0] for r in records]),
-        "angle_error_deg": np.concatenate(
-            [np.degrees(r.style_error[:, 1:].mean(axis=1)) for r in records]
-        ),
-        "restarts": np.concatenate([r.restarts for r in records]).astype(float),
-        "standing_joint_speed_rad_s": np.concatenate(
-            [outcome.standing_speed for outcome in outcomes]
-        ),
+        "peak_braking_torque_nm": np.concatenate([one.peak_braking_torque for one in outcomes]),
+        "head_impact_m_s": np.concatenate([_fill_head_impact(outcome) for outcome in outcomes]),
+        "height_error": error[:, 0],
+        "angle_error_deg": np.degrees(error[:, 1:].mean(axis=1)),
+        "restarts": np.concatenate([each.restarts for each in records]).astype(float),
+        "standing_joint_speed_rad_s": np.concatenate([one.standing_speed for one in outcomes]),
     }
     everyone = np.ones(len(kinds), dtype=bool)
     return {
         "classes": {name: _summarize_rows(columns, kinds == name) for name in classes},
         "all": _summarize_rows(columns, everyone),
     }
+
+
+def _fill_head_impact(outcome: RunFigures) -> Array:
+    """Return the impacts of heads [m/s], (N,); NaN of robots without one."""
+    impact = outcome.head_impact
+    return np.full(len(outcome.stood), np.nan) if impact is None else impact
 
 
 def _summarize_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
+from sim2real.training.library_threads import torch_threads
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
 UNUSED = 1e9  # standard deviation of features that a plain autoencoder does not get
@@ -131,13 +132,17 @@ class Autoencoder(nn.Module):
         return pos[:, self.joint_index] * self.joint_sign
 
 
+@torch_threads(1)
 def fit_prior(
     postures: Postures,
     seed: int,
     options: FitOptions | None = None,
     report: Callable[[int, float], None] = lambda *_: None,
 ) -> PosePrior:
-    """Fit a pose prior; after each epoch its number and the loss are reported."""
+    """Fit a pose prior; after each epoch its number and the loss are reported.
+
+    On one thread, which is fastest for small batches, it is the same on every machine.
+    """
     options = options or FitOptions()
     generator = torch.Generator().manual_seed(seed)
     torch.manual_seed(seed)

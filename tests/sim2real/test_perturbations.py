@@ -169,6 +169,23 @@ def test_figures_count_by_class(op3: Robot):
     assert figures["all"]["standing_joint_speed_rad_s"].median == pytest.approx(1.0)
 
 
+def test_a_robot_without_a_head_has_no_impact_of_it(op3: Robot):
+    outcome = RunningOutcome(op3)
+    outcome.add(make_record(op3, (2, 8), 0.5))
+    figures = outcome.conclude()
+    assert figures.head_impact is None
+    record = PolicyRollouts(
+        outcome=figures,
+        qpos=np.zeros((2, 1, 27)),
+        target=np.zeros((2, 1, 20)),
+        features=np.zeros((2, 1, 3)),
+        style_error=np.full((2, 3), np.nan),
+        restarts=np.zeros(2, dtype=int),
+    )
+    falls = [Fall(posture=op3.standing, start_class="prone")] * 2
+    assert summarize_rollouts(falls, [record], ())["all"]["head_impact_m_s"].median is None
+
+
 def test_a_trial_tells_what_differs():
     assert Perturbation().label == "as described"
     trial = Perturbation(torque_limit=2.5, delay=0.02, noise=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 
 from made_up_rises import make_rises
 
@@ -87,6 +87,19 @@ def test_one_seed_fits_one_prior(postures):
     latent, features = np.ones((1, one.size)), np.ones((1, 3))
     assert np.array_equal(one.decode(latent, features), same.decode(latent, features))
     assert not np.array_equal(one.decode(latent, features), other.decode(latent, features))
+
+
+def test_a_fit_does_not_depend_on_the_number_of_processors(postures):
+    """With more threads, batches so small take longer, too."""
+    threads, usual = [], torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        options = FitOptions(hidden=4, epochs=1)
+        fit_prior(postures, 0, options, lambda *_: threads.append(torch.get_num_threads()))
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(usual)
+    assert threads == [1]
 
 
 def test_a_prior_survives_the_trip_through_a_file(op3, prior, tmp_path):

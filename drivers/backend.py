@@ -19,7 +19,7 @@ class Release(Enum):
 
 @runtime_checkable
 class Backend(Protocol):
-    """Hardware of a robot, or its simulation: it measures and moves, without knowing the task.
+    """Hardware of a robot, or its simulation: it measures and moves; it does not know the task.
 
     One control period is one ``read`` and then one ``write``. Reading again before the next
     write may return the same measurement. Torque is off outside ``connect`` and ``close``,

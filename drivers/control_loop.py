@@ -91,12 +91,12 @@ class TimingSummary:
 
 @dataclass(frozen=True)
 class Guidance:
-    """What a controller follows besides its targets, such as style curves."""
+    """Quantities that a controller follows besides joint targets, such as style curves."""
 
     wanted: Array
-    """What is wanted now, (k,)."""
+    """Targets now, (k,)."""
     measured: Array
-    """What it measures of the same, (k,)."""
+    """Measurements of the same quantities, (k,)."""
 
 
 @dataclass(frozen=True)

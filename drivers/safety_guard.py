@@ -76,7 +76,7 @@ class SafetyGuard(Backend):
         self._is_open = False
         self._stop_reason: str | None = None
         self.holds = 0
-        """Cycles since ``connect`` in which targets were held for want of a measurement."""
+        """Cycles since ``connect`` in which targets were held for lack of a measurement."""
         self._forget()
 
     def _forget(self) -> None:

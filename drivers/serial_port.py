@@ -1,4 +1,4 @@
-"""Serial ports, and explanations why one does not open."""
+"""Serial ports, and explanations for those that do not open."""
 
 from __future__ import annotations
 

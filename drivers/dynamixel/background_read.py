@@ -58,7 +58,7 @@ class BackgroundRead:
         self._prepared = self._build(row, item), row, item
 
     def begin(self, limit: float) -> None:
-        """Send what can be answered before a time of the monotonic clock [s]."""
+        """Send the requests that can be answered before a time of the monotonic clock [s]."""
         request, row, item = self._prepared
         self._open = None
         if row >= 0 and not has_time(self._bus, request, limit):
@@ -94,7 +94,7 @@ class BackgroundRead:
         return self._board_misses < MISSES or self._cycle % POLL_BOARD_EVERY == 0
 
     def _choose(self, states: ServoStates, left_out: Sequence[int]) -> tuple[int, str]:
-        """Choose the servo and item to read: what is urgent, else the next in turn."""
+        """Choose the servo and item to read: an urgent one, else the next in turn."""
         rows = self._rows
         for flags, item in ((states.alert == ALERT, ERROR), (states.is_unsure, TORQUE)):
             if flags.any():

@@ -65,7 +65,7 @@ class RegisterCommands:
 
 
 class CommandConverter:
-    """Converts commands to register values, and register values to the command really sent."""
+    """Converts commands to register values, and register values back to the command sent."""
 
     def __init__(self, robot: Robot, limit_by: LimitMode) -> None:
         self._robot = robot

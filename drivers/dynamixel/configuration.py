@@ -78,7 +78,7 @@ class ServoSetup:
         self.eeprom_writes = 0
         """Number of writes to the EEPROM, which wears out."""
         self.failed = ""
-        """What the servo did not confirm; empty if nothing failed."""
+        """The instruction that the servo did not confirm; empty if nothing failed."""
         self._begin()
 
     @property

@@ -59,11 +59,11 @@ class Item:
     """[bytes]"""
     writable: bool
     eeprom: bool
-    """True when it keeps its value without power and is locked under torque."""
+    """Whether it keeps its value without power and is locked under torque."""
     default: int | None
     """Value after a factory reset or a power-up; None where it is measured."""
     lower: int | None
-    """Least value that may be written; None where nothing may."""
+    """Smallest value that may be written; None for read-only items."""
     upper: int | None
     unit: str
     """SI unit, "share" of one, or "" for a plain count."""
@@ -89,7 +89,7 @@ class Item:
         return self.address + self.size
 
     def encode(self, value: int) -> bytes:
-        """Turn a value into register bytes.
+        """Convert a value to register bytes.
 
         Raises:
             OverflowError: if the value does not fit into the item's bytes.
@@ -97,7 +97,7 @@ class Item:
         return value.to_bytes(self.size, "little", signed=self.signed)
 
     def decode(self, data: bytes) -> int:
-        """Turn register bytes into a value.
+        """Convert register bytes to a value.
 
         Raises:
             ValueError: if there are more or fewer bytes than the item has.

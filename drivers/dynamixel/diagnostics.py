@@ -1,4 +1,4 @@
-"""Diagnoses the servos of a bus before anything moves: which reply, and everything wrong."""
+"""Diagnosis of the servos of a bus before anything moves: which reply, and all problems."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ DIAGNOSED = (
 
 
 def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
-    """Read the servos of some joints, and list everything wrong; nothing is written."""
+    """Read the servos of some joints, and list all problems; nothing is written."""
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
     silent: list[Joint] = []
@@ -201,7 +201,7 @@ def read_items(
 
 
 def check_servo(servo: ServoFacts) -> list[Finding]:
-    """List what is wrong with a servo and cannot be corrected by `ServoSetup`."""
+    """List problems of a servo that `ServoSetup` cannot correct."""
     registers, model = servo.registers, servo.joint.servo.model
     found: list[Finding] = []
 

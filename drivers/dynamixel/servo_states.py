@@ -1,4 +1,4 @@
-"""Newest values of every servo, and what the driver knows about its state."""
+"""Servo states: the newest values of every servo, and its state as known to the driver."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:
 def diagnose_robot(
     robot: Robot, chains: Sequence[ServoChain], imu: ImuSource | None, period: float | None
 ) -> Diagnostics:
-    """Power the servos, switch their torque off, open the IMU, and find all that is wrong.
+    """Power the servos, switch their torque off, open the IMU, and find all problems.
 
     The ports are open; a robot may be without an IMU. ``period`` is the control period that they
     must keep [s], ``None`` if time is simulated.
@@ -191,7 +191,7 @@ def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: S
 def measure_once(
     chains: Sequence[ServoChain], imu: ImuSource | None, states: ServoStates, now: float
 ) -> ImuSample | None:
-    """Read every joint and the IMU once, so that no value is ever invented.
+    """Read every joint and the IMU once, so that every value comes from a measurement.
 
     Without an IMU, no sample is returned.
 

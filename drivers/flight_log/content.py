@@ -1,4 +1,4 @@
-"""Content of a flight log: its records, as far as they are whole, as columns."""
+"""Content of a flight log: its intact records as columns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PACK = 1024  # rows that are held as Python objects before they become an array
 MOST_UNPACKED = 1 << 30  # bytes of all its chunks: a flight of hours
 RECORD_HEAD, CHUNK_HEAD = struct.Struct("<BQ"), struct.Struct("<QQQ")
 KINDS = set(Opcode)
-"""Kinds of records that there are."""
+"""All kinds of records."""
 DAMAGE = (
     *(McapError, zstandard.ZstdError, struct.error, RuntimeError, EOFError, MemoryError),
     *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),
@@ -76,7 +76,7 @@ class Content:
         if size > MOST_UNPACKED:
             raise ValueError(f"it unpacks to {size} bytes, expected at most {MOST_UNPACKED}")
         self.damage = ""
-        """What is wrong with the first damaged chunk; empty if nothing is."""
+        """Problem of the first damaged chunk; empty if there is none."""
         self.about: dict[str, str] = {}
         self.events: list[Event] = []
         self._topic_of: dict[int, str] = {}
@@ -160,7 +160,7 @@ def _survey(data: bytes) -> tuple[int, bool, int]:
 
 
 def _unpack(chunk: Chunk) -> bytes:
-    """Unpack a chunk, to no more than the size that it says.
+    """Unpack a chunk, up to the size that it states.
 
     Raises:
         ValueError: or another error of `DAMAGE`, if it has another size.
@@ -180,7 +180,7 @@ def _unpack(chunk: Chunk) -> bytes:
 
 
 def explain(error: Exception) -> str:
-    """Return what an error says, in one line."""
+    """Return the message of an error in one line."""
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 

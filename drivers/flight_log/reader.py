@@ -43,7 +43,7 @@ class FlightRecord:
     truncated: bool
     """Whether the log is incomplete, as after a kill, or damaged."""
     damage: str = ""
-    """What is wrong with the first damaged chunk, which the record ends before; empty if none."""
+    """Problem of the first damaged chunk, where the record ends; empty if there is none."""
     lost_bytes: int
     """Bytes at the end of a truncated log that could not be read."""
 
@@ -134,7 +134,7 @@ def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[st
 
 
 def _read_file(path: Path) -> bytes:
-    """Read a file that begins like a log, and none whose end may never come."""
+    """Read a regular file that begins like a log."""
     data = read_bounded(path, MOST_BYTES)
     if not data.startswith(MCAP0_MAGIC):
         raise ValueError("not an MCAP file, expected a log of FlightLog")

@@ -88,7 +88,7 @@ class Bno055(ImuSource):
         self._line.close()
 
     def request(self, now: float) -> None:
-        """Ask for a sample, or go on configuring a chip that may have restarted."""
+        """Request a sample, or continue to configure a chip that may have restarted."""
         self._now, line = now, self._line
         if line.is_busy or time.monotonic() < self._ready_at:
             return

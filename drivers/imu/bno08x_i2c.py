@@ -68,7 +68,7 @@ class Bno08xI2c(ImuSource):
         self._chip.close()
 
     def poll(self) -> ImuSample | None:
-        """Return the newest pair of reports, if a gyro report has come."""
+        """Return the newest pair of reports, if a gyro report has arrived."""
         self._gyro = b""
         try:
             self._read_packets()

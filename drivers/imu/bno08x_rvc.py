@@ -112,7 +112,7 @@ class Bno08xRvc(ImuSource):
         )
 
     def _cut(self) -> list[RvcFrame]:
-        """Take all whole frames from the buffer; skip what is none."""
+        """Take all whole frames from the buffer; skip other bytes."""
         frames = []
         while True:
             start = self._buffer.find(HEADER)

@@ -1,4 +1,4 @@
-"""Orientation from the samples of any IMU, and how old it is."""
+"""Fusion of an IMU's samples into an orientation, with its age."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_GAP = 1.0  # s
 
 
 class ImuFusion:
-    """Estimates the orientation from an IMU's samples, and how old it is."""
+    """Estimates the orientation from an IMU's samples, and the age of the estimate."""
 
     def __init__(self, period: float) -> None:
         """Prepare for samples that come about every ``period`` seconds."""

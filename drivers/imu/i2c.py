@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class I2cChip(Protocol):
-    """What a sensor needs of its chip on an I2C bus; its errors are `OSError`."""
+    """Access of a sensor to its chip on an I2C bus; errors are `OSError`."""
 
     path: str
     """Bus and address in messages."""

@@ -46,7 +46,7 @@ class RegisterLink(Protocol):
 
 
 class I2cRegisters(RegisterLink):
-    """Registers over I2C: the reply is there with the request."""
+    """Registers over I2C: the reply is available at once."""
 
     def __init__(self, chip: I2cChip, name: str) -> None:
         self._chip, self._name = chip, name
@@ -111,7 +111,7 @@ class UartRegisters(RegisterLink):
         self._send(bytes([START, WRITE, register, 1, value]), 0)
 
     def take(self) -> bytes | None:
-        """Return the reply if it has come whole and answers the last request."""
+        """Return the reply if it is complete and answers the last request."""
         self._buffer += self._link.receive()
         if not self.is_busy:
             self._buffer = b""
@@ -130,7 +130,7 @@ class UartRegisters(RegisterLink):
         return None
 
     def _drop(self) -> None:
-        """Give up a reply that is damaged or an error; a new request may follow."""
+        """Drop a reply that is damaged or an error; a new request may follow."""
         self._buffer, self.is_busy = b"", False
         self.damaged += 1
 

@@ -16,7 +16,7 @@ class ImuSample:
     accelerometer: Array
     """[m/s²], shape (3,)"""
     counts: bytes
-    """What it was decoded from: a frozen sensor repeats it."""
+    """Raw counts; a frozen sensor repeats them."""
     age: float = 0.0
     """Time since it was measured, when it is delivered [s]."""
     duration: float | None = None

@@ -1,4 +1,4 @@
-"""An IMU that writes its numbers as lines of text, in a format that robot.toml describes."""
+"""An IMU that sends its numbers as lines of text, in a format given by robot.toml."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_FORCE = 32.0 * GRAVITY  # m/s²
 
 
 class LineFormat:
-    """Reads lines of numbers, and rejects all that is not exactly one."""
+    """Parses lines of numbers, and rejects any other line."""
 
     def __init__(self, settings: ImuSettings) -> None:
         self._settings = settings
@@ -102,7 +102,7 @@ class SerialLineImu(ImuSource):
         return newest
 
     def _cut(self, data: bytes) -> list[bytes]:
-        """Return the complete lines; what came before the first line feed is half a line."""
+        """Return the complete lines; bytes before the first line feed are half a line."""
         if self._rest is None:
             _, feed, data = data.partition(b"\n")
             if not feed:

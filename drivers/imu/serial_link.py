@@ -1,4 +1,4 @@
-"""A sensor's serial port: read without waiting, and opened again after it was unplugged."""
+"""A sensor's serial port: read without waiting, reopened after it was unplugged."""
 
 from __future__ import annotations
 

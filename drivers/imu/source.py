@@ -1,4 +1,4 @@
-"""Interface between a robot's backend and its IMU, whatever its make and its line."""
+"""Interface between a robot's backend and its IMU, of any make and on any line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds IMU chips on the I2C buses of this computer, by what they say of themselves."""
+"""Finds IMU chips on the I2C buses of this computer, by their identification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds the devices on serial ports, at all baud rates, whatever the robot."""
+"""Finds the devices on serial ports at all baud rates, independent of the robot."""
 
 from __future__ import annotations
 

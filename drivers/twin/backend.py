@@ -122,7 +122,7 @@ class Twin(Backend):
         return sent
 
     def _quantize_speed(self, joint_vel: Array) -> Array:
-        """Round joint speeds [rad/s], (n,), to what the servos' counts of speed give."""
+        """Round joint speeds [rad/s], (n,), to whole counts of the servos."""
         transmission = self.robot.transmission
         return transmission.to_joint(
             quantize(transmission.to_actuator(joint_vel), self._velocity_step)

@@ -1,4 +1,4 @@
-"""Ground truth: what only a simulation knows, for judges and tests and never for control."""
+"""Ground truth of a simulation, for judges and tests and never for control."""
 
 from __future__ import annotations
 

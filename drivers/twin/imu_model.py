@@ -1,4 +1,4 @@
-"""The twin's IMU: what a gyro and an accelerometer on the torso would read."""
+"""The twin's IMU: readings of a gyro and an accelerometer on the torso."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class Windings:
         return float(np.maximum(current**2 * self._resistance + torque * velocity, 0.0).sum())
 
     def compute_warming(self, current: Array) -> Array:
-        """Compute how far above the air servos come in the end at currents [A], (n,) [K]."""
+        """Compute the final temperatures of servos over the air's at currents [A], (n,) [K]."""
         return current**2 * self._resistance * self.heat_resistance
 
     def heat(self, current: Array, duration: float) -> None:

@@ -56,7 +56,7 @@ class CompiledWorld(Protocol):
 
 
 class Simulation:
-    """Simulates a robot: `drive` sets what the servos do, `step` advances time.
+    """Simulates a robot: `drive` sets the servos' targets, `step` advances time.
 
     It depends on no bus and no controller: the twin and the virtual bus are two interfaces to it.
     """

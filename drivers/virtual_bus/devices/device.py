@@ -1,4 +1,4 @@
-"""What every device on a Dynamixel bus does with an instruction."""
+"""Behavior that all devices on a Dynamixel bus share."""
 
 from __future__ import annotations
 
@@ -238,5 +238,5 @@ class VirtualDevice:
         self._booted_at = self.now + self.quirks.reboot_time
 
     def _lose_power(self) -> None:
-        """Clear what is lost without power."""
+        """Clear the values that are lost without power."""
         self._stored = None

@@ -30,7 +30,7 @@ INVALID_ADDRESS, WRONG_START = 0x04, 0x06
 
 
 class VirtualBno055(VirtualI2cChip, VirtualUartImu):
-    """Two pages of registers: what is written to them decides what it measures, and in what unit.
+    """Two pages of registers, which also select what it measures and in what units.
 
     As on the chip, the registers of page 1 and the units may only be written in configuration
     mode, in which the data registers hold zeros.

@@ -1,4 +1,4 @@
-"""What a virtual IMU measures."""
+"""The reading of a virtual IMU."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True, eq=False)
 class ImuReading:
-    """What a sensor measures at one moment, in its own axes."""
+    """Measurements of a sensor at one time, in its own axes."""
 
     time: float
     """Bus time [s]."""

@@ -1,4 +1,4 @@
-"""What virtual IMUs share: power, and the line in front of them."""
+"""Base of virtual IMUs: power, and the line in front of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A queue of calls from other threads to the one that serves a bus."""
+"""Queue of calls from other threads to the one that serves a bus."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class CallQueue:
             self._server = threading.get_ident()
 
     def close(self) -> None:
-        """Run what is queued; later actions run in their caller's thread."""
+        """Run the queued actions; later ones run in their caller's thread."""
         with self._lock:
             self._server = None
             self._do_waiting()

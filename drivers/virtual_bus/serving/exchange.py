@@ -1,4 +1,4 @@
-"""What passes between a port and the devices behind it: instructions, replies, faults and time."""
+"""Exchange between a port and the devices behind it: instructions, replies, faults, time."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Exchange:
             self._scheduled.popleft()[1](self._faults)
 
     def run(self, request: ReceivedInstruction) -> list[Reply]:
-        """Execute an instruction; return what goes to the client, in its order on the wire."""
+        """Execute an instruction; return the replies to the client, in their order on the wire."""
         line, statistics = self._faults.line, self.statistics
         echo = [Reply(BROADCAST, 0.0, request.item.encode())] if line.strikes_echo() else []
         received = self._pass_on(request)

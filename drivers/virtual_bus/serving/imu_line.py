@@ -41,7 +41,7 @@ class ImuLine:
         self._wire.write(self._imu.take())
 
     def idle(self) -> None:
-        """Keep sending while nothing happens, to a client that has read all."""
+        """Keep sending while the bus is idle, to a client that has read everything."""
         if self._repeats and self._wire.plugged and not self._wire.unread:
             self._wire.write(self._imu.repeat())
 

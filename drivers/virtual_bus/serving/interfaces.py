@@ -1,4 +1,4 @@
-"""What serving a bus needs from devices and physics, and what it counts."""
+"""Interfaces of devices and physics to the serving of a bus, and its statistics."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Physics(Protocol):
 
 
 class Faulty(Protocol):
-    """What faults are injected into: a bus, with its devices, its physics and its port."""
+    """Target of injected faults: a bus with its devices, its physics and its port."""
 
     devices: Devices
     physics: Physics

@@ -36,7 +36,7 @@ class TimeMode(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PortOptions:
-    """What a virtual port is like, and what goes wrong on it."""
+    """Properties of a virtual port, and its faults."""
 
     link: Path | str | None = None
     """Its path; None for a temporary one."""

@@ -87,7 +87,7 @@ class LineFaults:
         return not self._rates and not self._pending
 
     def disturb_request(self, item: Packet | Damaged) -> list[Packet | Damaged]:
-        """Return what the devices receive of an instruction."""
+        """Return an instruction as the devices receive it."""
         if self.quiet:
             return [item]
         if self._strikes(LineFault.LOSE_REQUEST):
@@ -101,7 +101,7 @@ class LineFaults:
         return not self.quiet and self._strikes(LineFault.ECHO)
 
     def disturb_reply(self, reply: Reply) -> list[Reply]:
-        """Return what the client receives of a reply."""
+        """Return a reply as the client receives it."""
         device, data = reply.device, reply.data
         if self.quiet:
             return [reply]

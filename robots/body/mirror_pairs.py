@@ -70,17 +70,15 @@ def find_mirror(
     apart = np.maximum(images.apart, 0.5 * _part(centers)) / height  # (n, n)
     deeper = np.abs(np.subtract.outer(depths, depths))
     cost = apart + 0.5 * (1.0 - np.abs(along)) + 0.02 * deeper
-    for j, name in enumerate(names):
-        for k, other in enumerate(names):
-            if j != k and swap_side(name) == other:
-                cost[j, k] -= NAME_BONUS
+    swapped = np.array([swap_side(name) for name in names])
+    named = (swapped[:, None] == np.array(names)) & ~np.eye(len(names), dtype=bool)  # (n, n)
+    cost -= NAME_BONUS * named
     cost = cost + cost.T
     index, unpaired = np.full(len(names), -1), []
     for flat in np.argsort(cost, axis=None):
         j, k = divmod(int(flat), len(names))
         is_open = index[j] < 0 and index[k] < 0
-        named = swap_side(names[j]) == names[k]
-        if is_open and (named or (apart[j, k] < FAR and abs(along[j, k]) > ASKEW)):
+        if is_open and (named[j, k] or (apart[j, k] < FAR and abs(along[j, k]) > ASKEW)):
             index[j], index[k] = k, j
     for j in np.flatnonzero(index < 0):
         index[j] = j

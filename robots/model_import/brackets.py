@@ -11,6 +11,7 @@ from robots.quaternion import Array
 POSES = 60
 ALWAYS = 0.5  # share of random poses from which on a pair is said to overlap always
 NEAR = 3  # hinges between bodies up to which shapes that overlap are brackets of each other
+COMPACT = 0.1  # of the robot's extent by which such hinges may be apart, as those of a hip are
 ROOT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # a torso at the origin
 
 
@@ -22,8 +23,8 @@ def find_own_overlaps(model: mujoco.MjModel, joint_pos: Array) -> dict[Pair, flo
 def find_brackets(model: mujoco.MjModel, stance: Array, rng: np.random.Generator) -> list[Pair]:
     """Find pairs of bodies whose shapes overlap by construction.
 
-    They overlap in most of random poses; or, few hinges apart, with all joints at zero or in the
-    stance.
+    They overlap in most of random poses; or, with only a few hinges in one place between them, with
+    all joints at zero or in the stance. A forearm that touches the torso is none.
     """
     count: dict[Pair, int] = {}
     lower, upper = model.jnt_range[1:, 0], model.jnt_range[1:, 1]
@@ -33,8 +34,7 @@ def find_brackets(model: mujoco.MjModel, stance: Array, rng: np.random.Generator
             count[pair] = count.get(pair, 0) + 1
     always = {pair for pair, times in count.items() if times >= ALWAYS * POSES}
     for pose in (np.clip(np.zeros(len(stance)), lower, upper), stance):
-        overlaps = find_own_overlaps(model, pose)
-        always |= {pair for pair in overlaps if count_hinges_between(model, *pair) <= NEAR}
+        always |= {pair for pair in find_own_overlaps(model, pose) if _is_joined(model, *pair)}
     return sorted(always)
 
 
@@ -49,11 +49,20 @@ def exclude_brackets(spec: mujoco.MjSpec, model: mujoco.MjModel, stance: Array) 
     return ", ".join(f"{first} with {second}" for first, second in pairs)
 
 
-def count_hinges_between(model: mujoco.MjModel, first: int, second: int) -> int:
-    """Count the hinges on the way from one body to another."""
+def _is_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Tell whether a few hinges in one place join two bodies."""
+    hinges = list_hinges_between(model, first, second)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    size = np.ptp(data.xanchor[hinges], axis=0)
+    return len(hinges) <= NEAR and bool(np.linalg.norm(size) < COMPACT * model.stat.extent)
+
+
+def list_hinges_between(model: mujoco.MjModel, first: int, second: int) -> list[int]:
+    """List the hinges on the way from one body to another."""
     ways = [_way_up(model, body) for body in (first, second)]
-    shared = set(ways[0]) & set(ways[1])
-    return int(sum(model.body_jntnum[b] for way in ways for b in way if b not in shared))
+    moved = set(ways[0]) ^ set(ways[1])
+    return np.flatnonzero(np.isin(model.jnt_bodyid, [*moved])).tolist()
 
 
 def _way_up(model: mujoco.MjModel, body: int) -> list[int]:

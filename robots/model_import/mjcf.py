@@ -10,7 +10,12 @@ import numpy as np
 
 from robots.description.model_checks import find_number_problems
 from robots.model_import.folding import Fold, find_folds, fold
-from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
+from robots.model_import.source import (
+    ActuatorFigures,
+    ModelImportError,
+    ModelSource,
+    check_size,
+)
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
@@ -20,7 +25,7 @@ def read_mjcf(path: Path) -> ModelSource:
     """Read an MJCF file.
 
     Raises:
-        ModelImportError: if it does not compile.
+        ModelImportError: if it does not compile, or has too many parts.
     """
     if problems := find_file_problems(path):
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
@@ -33,6 +38,7 @@ def read_mjcf(path: Path) -> ModelSource:
         raise ModelImportError([f"{path}: {describe(error)}"]) from error
     if problems := find_number_problems(model):
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
+    check_size(path, bodies=model.nbody - 1, joints=model.njnt)
     stance, qpos = {}, model.qpos0
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]

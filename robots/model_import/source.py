@@ -11,6 +11,8 @@ import mujoco
 from robots.model_import.folding import Fold
 from robots.model_import.ties import Tie
 
+MOST_PARTS = 500  # joints, bodies or links of a robot; a servo bus has 253 ids
+
 
 class ModelImportError(ValueError):
     """A model file cannot become a robot; the message has one problem a line."""
@@ -18,6 +20,17 @@ class ModelImportError(ValueError):
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(problems)
         super().__init__("; ".join(self.problems))
+
+
+def check_size(path: Path, **counts: int) -> None:
+    """Raise ModelImportError if a model has more parts of a kind than a robot has."""
+    problems = [
+        f"{path}: it has {count} {kind}, expected at most {MOST_PARTS}"
+        for kind, count in counts.items()
+        if count > MOST_PARTS
+    ]
+    if problems:
+        raise ModelImportError(problems)
 
 
 @dataclass(frozen=True, kw_only=True)

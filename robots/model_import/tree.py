@@ -82,9 +82,9 @@ class KinematicTree:
     def chain(self, hinge: int) -> list[int]:
         """Return the places of the hinges from the root down to one of them."""
         chain = [hinge]
-        while self.hinges[chain[0]].parent >= 0:
-            chain.insert(0, self.hinges[chain[0]].parent)
-        return chain
+        while self.hinges[chain[-1]].parent >= 0:
+            chain.append(self.hinges[chain[-1]].parent)
+        return chain[::-1]
 
     @cached_property
     def leaves(self) -> list[int]:
@@ -94,8 +94,11 @@ class KinematicTree:
 
     def link(self, hinge: int) -> list[int]:
         """Return the bodies that a hinge moves but no hinge below it."""
-        own = self.hinges[hinge].body
-        return next(link.bodies for link in self.torso.walk() if link.root == own)
+        return self._links[self.hinges[hinge].body]
+
+    @cached_property
+    def _links(self) -> dict[int, list[int]]:
+        return {link.root: link.bodies for link in self.torso.walk()}
 
 
 def name_joint(model: mujoco.MjModel, joint: int) -> str:

@@ -10,7 +10,12 @@ import mujoco
 import numpy as np
 
 from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS
-from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
+from robots.model_import.source import (
+    ActuatorFigures,
+    ModelImportError,
+    ModelSource,
+    check_size,
+)
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
 from robots.model_import.urdf_values import INERTIA, find_value_problems, read_number
@@ -30,8 +35,9 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         root: Its element; changed.
 
     Raises:
-        ModelImportError: if it does not compile, or its meshes cannot be read.
+        ModelImportError: if it has too many parts, does not compile, or its meshes cannot be read.
     """
+    check_size(path, links=len(root.findall("link")), joints=len(root.findall("joint")))
     notes: list[str] = []
     shapes = UrdfShapes(path, root, notes)
     problems = [f"{path}: {problem}" for problem in find_value_problems(root)]
@@ -103,7 +109,7 @@ def _give_mass(root: ET.Element, notes: list[str]) -> None:
 
 def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
     """Replace physically impossible inertias by that of a ball with the link's mass."""
-    mended = []
+    mended: dict[str, list[str]] = {}  # names by what was given
     for link in root.findall("link"):
         inertia, weight = (
             link.find("inertial/inertia"),
@@ -115,11 +121,14 @@ def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
         moments[np.triu_indices(3)] = [read_number(inertia, key) for key in INERTIA]
         if np.linalg.eigvalsh(moments, UPLO="U").min() > LEAST_MOMENT:
             continue
+        given = " ".join(f"{key} {inertia.get(key, '0')}" for key in INERTIA)
         radius = (3.0 * weight / (4.0 * np.pi * WATER)) ** (1.0 / 3.0)
         inertia.attrib.update(_write_inertia(max(0.4 * weight * radius**2, LEAST_INERTIA)))
-        mended.append(link.get("name", ""))
-    if mended:
-        notes.append(f"inertia of a ball for links whose own no body can have: {', '.join(mended)}")
+        mended.setdefault(given, []).append(link.get("name", ""))
+    notes += [
+        f"inertia of a ball for links whose own no body can have ({given}): {', '.join(names)}"
+        for given, names in mended.items()
+    ]
 
 
 def _write_inertia(moment: float) -> dict[str, str]:

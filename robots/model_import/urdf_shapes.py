@@ -11,7 +11,7 @@ from robots.storage.files import check_file, describe
 from robots.storage.model_files import MAX_ASSET, MAX_ASSETS
 from robots.storage.validation import shown
 
-SIZES = ("radius", "length", "size")
+KINDS, SIZES = ("sphere", "cylinder", "capsule", "box"), ("radius", "length", "size")
 
 
 class UrdfShapes:
@@ -52,14 +52,19 @@ class UrdfShapes:
         """Drop shapes without extent."""
         for shape in [*link.findall("collision"), *link.findall("visual")]:
             sizes = [
-                float(value)
-                for part in (*shape.iter("sphere"), *shape.iter("cylinder"), *shape.iter("box"))
+                (part.tag, key, part.get(key, ""))
+                for kind in KINDS
+                for part in shape.iter(kind)
                 for key in SIZES
-                for value in part.get(key, "").split()
             ]
-            if any(size <= 0.0 for size in sizes):
+            flat = [each for each in sizes if any(float(word) <= 0.0 for word in each[2].split())]
+            if flat:
                 link.remove(shape)
-                self._notes.append(f"link {link.get('name')}: a shape of size 0 is left out")
+                kind, key, given = flat[0]
+                self._notes.append(
+                    f"link {link.get('name')}: a {kind} of {key} {given} is left out, "
+                    "expected more than 0"
+                )
 
     def _find_troubles(self, link: ET.Element, shapes: Iterable[ET.Element]) -> Iterator[str]:
         for mesh in (mesh for shape in shapes for mesh in shape.iter("mesh")):

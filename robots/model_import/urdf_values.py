@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -34,9 +35,15 @@ def read_number(element: ET.Element | None, key: str, default: float = 0.0) -> f
 
 
 def find_value_problems(root: ET.Element) -> list[str]:
-    """Find texts that are not numbers, and numbers that no robot can have."""
+    """Find names that stand twice, texts that are not numbers, and impossible numbers."""
     problems = []
     for kind in ("link", "joint"):
+        names = Counter(owner.get("name") for owner in root.findall(kind))
+        problems += [
+            f"{count} {kind}s are named {shown(name)}, expected a name of its own for each"
+            for name, count in names.items()
+            if name and count > 1
+        ]
         for number, owner in enumerate(root.findall(kind), start=1):
             name = owner.get("name")
             where = f"{kind} {shown(name) if name else f'number {number}'}"

@@ -3,7 +3,12 @@
 import mujoco
 import numpy as np
 
-from robots.model_import.brackets import count_hinges_between, exclude_brackets, find_brackets
+from robots.model_import.brackets import (
+    exclude_brackets,
+    find_brackets,
+    find_own_overlaps,
+    list_hinges_between,
+)
 
 CHAIN = """<mujoco><worldbody><body name="torso"><freejoint/><geom size="0.05" mass="1"/>
   <body name="bracket" pos="0 0 0.1"><joint name="a" axis="0 1 0" range="-60 60"/>
@@ -42,9 +47,28 @@ def test_their_contacts_are_switched_off():
     assert data.ncon == 0
 
 
-def test_hinges_are_counted_along_the_way():
+ARM = """<mujoco><worldbody><body name="torso"><freejoint/>
+  <geom type="box" size="0.05 0.1 0.2" mass="1"/>
+  <body name="shoulder" pos="0 0.13 0.15"><joint axis="0 1 0" range="-60 60"/>
+    <geom size="0.01" mass="0.1"/>
+    <body name="upper_arm" pos="0 0.01 0"><joint axis="1 0 0" range="-60 60"/>
+      <geom type="capsule" fromto="0 0 -0.03 0 0 -0.12" size="0.02" mass="0.1"/>
+      <body name="forearm" pos="0 0 -0.15"><joint axis="0 1 0" range="-60 60"/>
+        <geom type="capsule" fromto="0 0 -0.03 0 IN -0.15" size="0.02" mass="0.1"/></body></body>
+  </body></body></worldbody></mujoco>"""
+
+
+def test_a_forearm_that_touches_the_torso_is_none():
+    """Three hinges are between them, as between pelvis and thigh, but far from each other."""
+    model = mujoco.MjModel.from_xml_string(ARM.replace("IN", "-0.05"))
+    touching = find_own_overlaps(model, np.zeros(3))
+    assert [tuple(model.body(b).name for b in pair) for pair in touching] == [("torso", "forearm")]
+    assert find_brackets(model, np.zeros(3), np.random.default_rng(0)) == []
+
+
+def test_hinges_are_listed_along_the_way():
     _, model = build(0.05)
     torso, hand, bracket = (model.body(name).id for name in ("torso", "hand", "bracket"))
-    assert count_hinges_between(model, torso, hand) == 3
-    assert count_hinges_between(model, bracket, hand) == 2
-    assert count_hinges_between(model, hand, hand) == 0
+    assert list_hinges_between(model, torso, hand) == [1, 2, 3]
+    assert list_hinges_between(model, bracket, hand) == [2, 3]
+    assert list_hinges_between(model, hand, hand) == []

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robots.model_import.reading import read_model
-from robots.model_import.source import ModelSource
+from robots.model_import.source import ModelImportError, ModelSource
 
 LEGS = """<mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>
 <body name="a" pos="0 0 -0.2"><joint name="hip" range="-60 60"/><geom size="0.05"/>
@@ -71,6 +71,14 @@ def test_loops_name_the_bodies_that_they_join(tmp_path: Path, anchor: str):
     assert [tuple(source.model.body(b).name for b in pair) for pair in source.loops] == [
         ("trunk", "b")
     ]
+
+
+def test_a_model_of_more_joints_than_robots_have_is_refused(tmp_path: Path):
+    part = '<body><joint/><geom size="0.1"/></body>'
+    body = f'<body><freejoint/><geom size="0.1"/>{600 * part}</body>'
+    (tmp_path / "m.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(ModelImportError, match=r"it has 601 joints, expected at most 500$"):
+        read_model(tmp_path / "m.xml")
 
 
 def test_what_belongs_to_another_file_is_left_out(tmp_path: Path):

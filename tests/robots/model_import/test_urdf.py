@@ -1,6 +1,7 @@
 """URDF files: what is mended is said, and what joints are tied to or can do is read."""
 
 import xml.etree.ElementTree as ET
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +85,8 @@ def test_an_inertia_that_no_body_can_have_becomes_that_of_a_ball(tmp_path: Path,
     source = read(tmp_path, heavy, hinge("hip", "a", inside="<limit/>"))
     radius = (3.0 * 0.5 / (4.0 * np.pi * 1000.0)) ** (1.0 / 3.0)
     assert source.model.body("a").inertia == pytest.approx([0.4 * 0.5 * radius**2] * 3, rel=1e-4)
-    assert source.notes == ("inertia of a ball for links whose own no body can have: a",)
+    given = f"ixx {moment} ixy 0 ixz 0 iyy 1e-3 iyz 0 izz 1e-3"
+    assert source.notes == (f"inertia of a ball for links whose own no body can have ({given}): a",)
 
 
 def test_products_of_inertia_are_not_mistaken_for_moments(tmp_path: Path):
@@ -96,12 +98,13 @@ def test_products_of_inertia_are_not_mistaken_for_moments(tmp_path: Path):
     assert "ball" in read(tmp_path, link("a", wide), hinge("h", "a", inside="<limit/>")).notes[0]
 
 
-def test_a_shape_of_no_size_is_left_out(tmp_path: Path):
-    flat = BOX.replace("0.1 0.1 0.1", "0.1 0.1 0") + BOX
+@pytest.mark.parametrize("size", ["0.1 0.1 0", "0.1 -1 0.1"])
+def test_a_shape_of_no_size_is_left_out(tmp_path: Path, size: str):
+    flat = BOX.replace("0.1 0.1 0.1", size) + BOX
     leg = link("a", INERTIAL.format(mass=0.5, xx="1e-3") + flat)
     source = read(tmp_path, leg, hinge("hip", "a", inside="<limit/>"))
     assert source.model.ngeom == 2
-    assert source.notes == ("link a: a shape of size 0 is left out",)
+    assert source.notes == (f"link a: a box of size {size} is left out, expected more than 0",)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
@@ -112,6 +115,38 @@ def test_any_encoding_that_the_file_states_is_read(tmp_path: Path, encoding: str
     text = head + ET.tostring(root, encoding="unicode")
     (tmp_path / "m.urdf").write_bytes(text.encode(encoding))
     assert read_model(tmp_path / "m.urdf").model.body(1).name == DOOR
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ([link("a", BOX), link("b", BOX), hinge("hip", "a"), hinge("hip", "b")], "2 joints"),
+        ([link("a", BOX), link("a", BOX), link("a", BOX), hinge("hip", "a")], "3 links"),
+    ],
+)
+def test_names_that_stand_twice_are_told(tmp_path: Path, parts: list[str], told: str):
+    with pytest.raises(ModelImportError) as caught:
+        read(tmp_path, *parts)
+    name = "hip" if "joint" in told else "a"
+    (problem,) = caught.value.problems
+    assert problem == (
+        f"{tmp_path / 'model.urdf'}: {told} are named '{name}', expected a name of its own for each"
+    )
+
+
+def test_a_model_of_more_parts_than_robots_have_is_refused_at_once(tmp_path: Path):
+    """MuJoCo compiles a chain of 3,000 links for more than a minute, and then refuses it."""
+    names = ["trunk", *(f"l{k}" for k in range(3000))]
+    chain = [
+        link(below, "") + hinge(f"to_{below}", below).replace('"trunk"', f'"{above}"')
+        for above, below in pairwise(names)
+    ]
+    with pytest.raises(ModelImportError) as caught:
+        read(tmp_path, *chain)
+    assert [problem.partition(": ")[2] for problem in caught.value.problems] == [
+        "it has 3001 links, expected at most 500",
+        "it has 3000 joints, expected at most 500",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -50,12 +50,14 @@ _GUARD = (
     "tests/drivers/test_safety_guard_faults.py",
     "tests/drivers/test_safety_guard.py",
 )
-_JUDGE = (
-    "tests/humanoid_getup/experiments/judging/test_standing.py",
-    "tests/humanoid_getup/experiments/judging/test_judge.py",
-    "tests/humanoid_getup/experiments/judging/test_sensor_judge.py",
-    "-k=not test_it_s",  # whole rises: slow, and noticed by the rest
+_EXPERIMENTS = "humanoid_getup/experiments"
+_JUDGING = (
+    f"tests/{_EXPERIMENTS}/judging",
+    "-k=not test_it_s and not one_outcome",  # whole rises: slow, and noticed by the rest
 )
+_ROLLOUTS = (f"tests/{_EXPERIMENTS}/rollouts",)
+_DISTURBANCES = (f"tests/{_EXPERIMENTS}/disturbances",)
+_BODY = ("tests/robots/body",)
 _PLANNING = "tests/humanoid_getup/planning"
 TARGETS: dict[str, tuple[str, ...]] = {
     "drivers/safety_guard.py": _GUARD,
@@ -74,8 +76,19 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
     ),
     "humanoid_getup/filtering/reference.py": ("tests/humanoid_getup/filtering/test_reference.py",),
-    "humanoid_getup/experiments/judging/standing.py": _JUDGE,
-    "humanoid_getup/experiments/judging/judge.py": _JUDGE,
+    f"{_EXPERIMENTS}/judging/standing.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/judge.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/outcome.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/running_outcome.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/torque.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/lying.py": _JUDGING,
+    f"{_EXPERIMENTS}/judging/summary.py": _JUDGING,
+    f"{_EXPERIMENTS}/rollouts/play.py": _ROLLOUTS,
+    f"{_EXPERIMENTS}/rollouts/early_stop.py": _ROLLOUTS,
+    f"{_EXPERIMENTS}/disturbances/disturbance.py": _DISTURBANCES,
+    f"{_EXPERIMENTS}/disturbances/distributions.py": _DISTURBANCES,
+    "humanoid_getup/progress/ledger.py": ("tests/humanoid_getup/progress/test_ledger.py",),
+    "humanoid_getup/execution/session.py": ("tests/humanoid_getup/execution/test_session.py",),
     "sim2real/policy_evaluation.py": ("tests/sim2real/test_policy_evaluation.py",),
     "sim2real/environment/rewards.py": ("tests/sim2real/environment/test_rewards.py",),
     "humanoid_getup/playback/monitors.py": (

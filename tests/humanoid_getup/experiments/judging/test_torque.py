@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
+from humanoid_getup.experiments.judging.torque import (
+    count_runs,
+    find_longest,
+    find_saturation,
+)
 from robots import Robot
 
 
@@ -41,3 +45,9 @@ def test_a_run_is_counted_however_it_is_cut(flags: list[bool], cuts: list[int]):
         longest = max(longest, runs.max(initial=0))
     text = "".join("x" if flag else " " for flag in flags)
     assert longest == max(map(len, text.split()), default=0)
+
+
+def test_the_longest_run_is_that_of_each_servo():
+    flags = np.zeros((2, 9, 3), dtype=bool)
+    flags[0, 2:5, 0] = flags[0, 7:, 0] = flags[1, 8, 2] = flags[1, :, 1] = True
+    assert find_longest(flags).tolist() == [[3, 0, 0], [0, 9, 1]]

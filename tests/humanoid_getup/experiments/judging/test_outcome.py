@@ -1,0 +1,320 @@
+"""Every figure of an outcome, worked out by hand on records of runs that never were."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from records import make_record
+
+from humanoid_getup.experiments.judging.outcome import (
+    DEEP_OVERLAP,
+    LIMIT_SLACK,
+    Outcome,
+    compute_rms,
+    count_episodes,
+)
+from humanoid_getup.experiments.judging.standing import Stance
+from humanoid_getup.experiments.judging.torque import LONG_SATURATION
+from robots import Robot
+
+PERIOD = 0.01
+
+
+def judge(robot: Robot, count: int, *leading: int, **changes: Any) -> Outcome:
+    """Judge robots that stand still for so many samples, except for what is changed."""
+    return Outcome(make_record(robot, (*leading, count), PERIOD, **changes), robot)
+
+
+def lying(count: int, *leading: int) -> np.ndarray:
+    return np.zeros((*leading, count), dtype=bool)
+
+
+def stance(robot: Robot, height: np.ndarray, tilt: float = 0.0, touch: bool = False) -> Stance:
+    """Make a stance of a neck at shares of its standing height, (..., T)."""
+    return Stance(
+        neck_height=height * robot.standing_neck_height,
+        tilt=np.full(height.shape, tilt),
+        non_foot_contact=np.full(height.shape, touch),
+    )
+
+
+def random_changes(robot: Robot, *shape: int) -> dict[str, Any]:
+    """Make changes that give every figure something to say, (..., T)."""
+    rng = np.random.default_rng(1)
+    joints = (*shape, robot.n)
+    upright = np.ones(shape, dtype=bool)
+    upright[..., :120] = rng.random((*shape[:-1], 120)) < 0.5
+    upright[0, 0, -4] = False
+    cycles = np.full(shape[:-1], shape[-1])
+    cycles[0, 1], cycles[1, 0] = 300, 390
+    return {
+        "upright": upright,
+        "cycles": cycles,
+        "stance": stance(robot, rng.random(shape), 0.3),
+        "qpos": rng.normal(0.0, 3.0, (*shape, 7 + robot.n)),
+        "joint_vel": rng.normal(size=joints),
+        "actuator_vel": rng.normal(size=joints),
+        "torque": rng.normal(0.0, 3.0, joints),
+        "neck": rng.random((*shape, 3)),
+        "overlap": 2.0 * DEEP_OVERLAP * rng.random(shape),
+        "ground_depth": rng.normal(size=shape),
+        "head_touch": rng.random(shape) < 0.3,
+        "head_speed": rng.random(shape),
+        "torso_touch": rng.random(shape) < 0.3,
+        "torso_speed": rng.random(shape),
+    }
+
+
+def figures_of(outcome: Outcome) -> dict[str, Any]:
+    others = {"progress": outcome.progress, "saturation": outcome.saturation}
+    return outcome.figures() | others
+
+
+def test_a_run_among_others_has_the_figures_that_it_has_alone(tiny: Robot):
+    shape = (2, 3, 430)
+    together = judge(tiny, 430, 2, 3, **random_changes(tiny, *shape))
+    assert set(together.stood.ravel().tolist()) == {True, False}
+    figures = figures_of(together)
+    for i, j in np.ndindex(2, 3):
+        for key, value in figures_of(together.take(i).take(j)).items():
+            np.testing.assert_array_equal(value, figures[key][i][j], key)
+
+
+def test_what_was_not_observed_has_no_figure_and_what_was_is_a_number(tiny: Robot):
+    figures = judge(tiny, 400, overlap=None, is_sensed=True).figures()
+    unknown = {key for key, value in figures.items() if value is None}
+    assert unknown == {
+        "self_overlap_m",
+        "self_collisions",
+        "ground_penetrations",
+        "head_impact_m_s",
+        "torso_impact_m_s",
+        "neck_delta_v_m_s",
+    }
+    assert {type(value) for value in figures.values() if value is not None} == {int, float}
+    assert figures["stand_time_s"] == pytest.approx(PERIOD)
+    assert judge(tiny, 400, overlap=None).collides is None
+
+
+# Progress ---------------------------------------------------------------------------------------
+
+
+def test_progress_is_mostly_how_upright_it_ended_and_partly_how_upright_it_was(tiny: Robot):
+    """Of 60 samples, windows of 25 end at 35 and at 60; what is before the first is left out."""
+    height = np.repeat([1.0, 0.8, 0.4], [10, 25, 25])
+    outcome = judge(tiny, 60, upright=lying(60), stance=stance(tiny, height))
+    assert outcome.progress == pytest.approx(0.6 * 0.4 + 0.4 * 0.8)
+
+
+def test_progress_falls_with_height_tilt_and_contacts(tiny: Robot):
+    def of(height: float, tilt: float, touch: bool) -> float:
+        bent = stance(tiny, np.full(50, height), tilt, touch)
+        return float(judge(tiny, 50, upright=lying(50), stance=bent).progress)
+
+    assert of(0.5, 0.0, False) == pytest.approx(0.5)
+    assert of(0.5, np.pi / 3, False) == pytest.approx(0.25)
+    assert of(0.5, 0.0, True) == pytest.approx(0.4)
+    assert of(1.7, 0.0, False) == pytest.approx(1.0), "not better than upright"
+    assert of(0.9, np.pi, False) == of(-0.1, 0.0, False) == 0.0, "upside down, or in a hole"
+
+
+def test_what_follows_the_end_of_a_run_is_no_progress(tiny: Robot):
+    """Stopped early, its record repeats: only the windows up to its 25th sample count."""
+    height = np.repeat([0.3, 0.9], 25)
+    changes = {"upright": lying(50), "stance": stance(tiny, height)}
+    assert judge(tiny, 50, **changes, cycles=np.array(25)).progress == pytest.approx(0.3)
+    assert judge(tiny, 50, **changes).progress == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(0, 0.0), (3, 0.5)])
+def test_a_record_shorter_than_a_window_is_one_window(tiny: Robot, count: int, expected: float):
+    short = stance(tiny, np.full(count, 0.5))
+    outcome = judge(tiny, count, upright=lying(count), stance=short)
+    assert outcome.progress == pytest.approx(expected)
+
+
+def test_a_stand_is_all_the_progress_there_is(tiny: Robot):
+    assert judge(tiny, 400, stance=stance(tiny, np.full(400, 0.93))).progress == 1.0
+
+
+# Stands -----------------------------------------------------------------------------------------
+
+
+def test_a_search_may_ask_for_a_shorter_stand(tiny: Robot):
+    record = make_record(tiny, (2, 100), PERIOD)
+    outcome = Outcome(record, tiny, hold_time=0.9, torque_limit=2.0)
+    assert outcome.stood.all()
+    assert not Outcome(record, tiny).stood.any()
+    one = outcome.take(1)
+    assert (one.stood, one.hold_time, one.torque_limit) == (True, 0.9, 2.0)
+
+
+def test_a_run_that_was_stopped_stood_by_what_stopped_it(tiny: Robot):
+    """Of three runs of 40 samples, one was stopped at rest in a stand, one as it failed."""
+    outcome = judge(
+        tiny,
+        40,
+        3,
+        settled=np.array([True, False, False]),
+        failed=np.array([False, True, False]),
+    )
+    assert outcome.stood.tolist() == [True, False, False]
+    assert outcome.stand_time == pytest.approx([PERIOD, np.nan, np.nan], nan_ok=True)
+
+
+# Torques ----------------------------------------------------------------------------------------
+
+
+def test_torque_along_a_motion_drives_and_torque_against_it_brakes(tiny: Robot):
+    torque, velocity = np.zeros((4, 2)), np.ones((4, 2))
+    torque[1], torque[2], torque[3] = [1.5, -0.5], [-3.0, 0.2], [0.0, -2.5]
+    velocity[3, 1] = 0.0  # at rest, a servo holds: that is no braking
+    outcome = judge(tiny, 4, torque=torque, actuator_vel=velocity)
+    assert outcome.peak_torque == 2.5
+    assert outcome.peak_braking_torque == 3.0
+    last = judge(tiny, 4, torque=torque[::-1], actuator_vel=velocity[::-1])
+    assert (last.peak_torque, last.peak_braking_torque) == (2.5, 3.0)
+
+
+def test_the_share_of_a_torque_is_that_of_the_servos_own_limit(tiny: Robot):
+    record = make_record(tiny, (2,), PERIOD, torque=np.array([[0.0, 1.0], [-1.5, 0.0]]))
+    assert Outcome(record, tiny).torque_use == pytest.approx((1.5 / tiny.max_torque).max())
+    assert Outcome(record, tiny, torque_limit=2.0).torque_use == pytest.approx(0.75)
+    beyond = 2.0 * float(tiny.max_torque.max())  # no servo is stronger than its stall
+    assert Outcome(record, tiny, torque_limit=beyond).torque_use == pytest.approx(
+        (1.5 / tiny.max_torque).max()
+    )
+
+
+def test_rms_torque_is_that_of_the_way_up(tiny: Robot):
+    """It stands from its third sample on: 3, 4 and 0 N·m of two joints come before."""
+    torque = np.full((310, 2), 7.0)
+    torque[:3] = [[3.0, 0.0], [0.0, 4.0], [0.0, 0.0]]
+    upright = np.arange(310) >= 2
+    assert judge(tiny, 310, torque=torque, upright=upright).rms_torque == pytest.approx(
+        np.sqrt((9.0 + 16.0) / 6.0)
+    )
+
+
+def test_without_a_stand_all_of_it_is_the_way_up(tiny: Robot):
+    torque = np.full((10, 2), 2.0)
+    torque[6:] = 100.0  # after it was stopped
+    outcome = judge(tiny, 10, torque=torque, upright=lying(10), cycles=np.array(6))
+    assert outcome.rms_torque == pytest.approx(2.0)
+
+
+def test_a_root_mean_square_is_that_of_as_many_samples_as_there_are():
+    square = np.array([1.0, 3.0, 8.0])
+    for count, expected in [(0, 1.0), (1, 1.0), (2, 2.0), (3, 4.0), (9, 4.0)]:
+        assert compute_rms(square, np.array(count)) == pytest.approx(np.sqrt(expected))
+    assert compute_rms(np.zeros((2, 0)), np.array([0, 0])).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("extra", "is_long"), [(0, False), (1, True)])
+def test_saturation_is_the_longest_time_without_reserve(tiny: Robot, extra: int, is_long: bool):
+    """Interrupted once, then without a break until its overload protection may trip."""
+    longest = round(LONG_SATURATION / PERIOD) + extra
+    torque = np.zeros((200, 2))
+    torque[:20, 0] = torque[-longest:, 1] = 0.99
+    outcome = judge(tiny, 200, torque=torque * tiny.max_torque)
+    assert outcome.saturation == pytest.approx(longest * PERIOD)
+    assert outcome.overloaded == is_long
+
+
+def test_the_fastest_joint_may_turn_either_way(tiny: Robot):
+    speed = np.zeros((5, 2))
+    speed[2, 0], speed[4, 1] = 3.0, -4.0
+    assert judge(tiny, 5, joint_vel=speed).peak_velocity == 4.0
+
+
+# Contacts and violations ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("beyond", "count"), [(0.98, 0), (1.02, 1)])
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_joint_may_leave_its_range_by_what_a_soft_stop_yields(
+    tiny: Robot, beyond: float, count: int, way: int
+):
+    qpos = np.zeros((30, 9))
+    bound = tiny.upper[1] if way > 0 else tiny.lower[1]
+    qpos[12, 8] = bound + way * beyond * LIMIT_SLACK
+    assert judge(tiny, 30, qpos=qpos).limit_violations == count
+
+
+def test_an_overlap_is_a_collision_from_a_tenth_of_a_millimeter_on(tiny: Robot):
+    depth = np.zeros((3, 60))
+    depth[0, 10:50:13] = 0.00011  # four times, 0.13 s apart
+    depth[1, 10:50] = 0.00009
+    depth[2, 59] = 0.02
+    outcome = judge(tiny, 60, 3, overlap=depth)
+    assert outcome.overlap is not None
+    assert outcome.collides is not None
+    assert outcome.overlap.tolist() == [0.00011, 0.00009, 0.02]
+    assert outcome.collides.tolist() == [True, False, True]
+    assert np.asarray(outcome.self_collisions).tolist() == [4, 0, 1]
+
+
+def test_what_follows_the_end_of_a_run_is_no_collision(tiny: Robot):
+    depth = np.full(60, -1.0)
+    depth[[20, 40]] = 0.01
+    for cycles, count in [(20, 0), (21, 1), (41, 2)]:
+        outcome = judge(tiny, 60, ground_depth=depth, cycles=np.array(cycles))
+        assert outcome.ground_penetrations == count
+
+
+def test_a_fault_counts_once_until_it_stayed_away_long_enough():
+    flags = np.zeros((40, 2), dtype=bool)
+    flags[[3, 4, 5, 8, 30], 0] = True  # 8 follows 5 within the gap, 30 does not
+    assert count_episodes(flags.T, apart=12).tolist() == [2, 0]
+
+
+def test_a_fault_counts_again_only_after_more_than_the_gap():
+    flags = np.zeros((40, 1), dtype=bool)
+    flags[[0, 12, 25]] = True
+    assert count_episodes(flags.T, apart=12).tolist() == [2]
+
+
+def test_an_impact_is_as_fast_as_what_came_down_was_before_it(tiny: Robot):
+    touch = np.array([[1, 1, 0, 0, 1, 0, 1], [1, 1, 1, 1, 1, 1, 1]], dtype=bool)
+    speed = np.array([[9.0, 9.0, 0.5, 1.5, 0.1, 0.7, 9.0], [5.0] * 7])
+    # The first head leaves the ground and comes back with 1.5 and with 0.7 m/s; the second
+    # one lay there all the time. The torso does the same at half the speed.
+    outcome = judge(
+        tiny, 7, 2, head_touch=touch, head_speed=speed, torso_touch=touch, torso_speed=speed / 2.0
+    )
+    assert np.asarray(outcome.head_impact).tolist() == [1.5, 0.0]
+    assert np.asarray(outcome.torso_impact).tolist() == [0.75, 0.0]
+
+
+# The neck ---------------------------------------------------------------------------------------
+
+
+def test_a_knock_is_the_largest_change_of_the_necks_velocity(tiny: Robot):
+    """It moves at 1 m/s along x, then at 2 m/s along y: sqrt(5) m/s of change."""
+    neck = np.zeros((20, 3))
+    neck[:10, 0] = 1.0 * PERIOD * np.arange(10)
+    neck[10:, 0] = neck[9, 0]
+    neck[10:, 1] = 2.0 * PERIOD * np.arange(1, 11)
+    outcome = judge(tiny, 20, neck=neck, upright=lying(20))
+    assert outcome.neck_delta_v == pytest.approx(np.sqrt(5.0))
+    assert judge(tiny, 2, neck=neck[:2]).neck_delta_v == 0.0
+
+
+def test_constant_velocity_is_no_knock_and_constant_acceleration_a_small_one(tiny: Robot):
+    time = PERIOD * np.arange(30)
+    path = np.stack([3.0 * time, 0.5 * 4.0 * time**2, 0.0 * time], axis=-1)
+    outcome = judge(tiny, 30, neck=path, upright=lying(30))
+    assert outcome.neck_delta_v == pytest.approx(4.0 * PERIOD)
+    still = judge(tiny, 30, neck=path * [1.0, 0.0, 0.0], upright=lying(30))
+    assert still.neck_delta_v == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("at", "counts"), [(0, True), (8, True), (9, False), (200, False)])
+def test_a_knock_after_the_way_up_does_not_count(tiny: Robot, at: int, counts: bool):
+    """It stands from sample 9 on, so that ten samples are its way up."""
+    neck = np.zeros((400, 3))
+    neck[at + 1 :, 2] = 0.02  # a jump after sample `at`
+    outcome = judge(tiny, 400, neck=neck, upright=np.arange(400) >= 9)
+    assert outcome.stand_time == pytest.approx(0.1)
+    expected = 0.02 / PERIOD if counts else 0.0
+    assert outcome.neck_delta_v == pytest.approx(expected)

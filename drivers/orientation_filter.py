@@ -13,11 +13,11 @@ GRAVITY = 9.81  # m/s²
 # Of the correction of the integrated gyro by the accelerometer.
 TIME_CONSTANT = 1.0  # s
 # OpenCR's ICM-20648 as the OP3 uses it: 16.4 counts per deg/s, +-2000 deg/s; 16384 counts
-# per g, +-2 g (ROBOTIS-OP3 open_cr_module).
+# per g, +-2 g (ROBOTIS-OP3 open_cr_module); both in registers of 16 bits.
+MOST_COUNTS = 32767
 GYRO_STEP = np.radians(1.0 / 16.4)  # rad/s
-GYRO_RANGE = np.radians(2000.0)  # rad/s
+GYRO_RANGE_DEG = 2000.0  # degrees/s
 ACCELEROMETER_STEP = GRAVITY / 16384.0  # m/s²
-ACCELEROMETER_RANGE = 2.0 * GRAVITY  # m/s²
 # The accelerometer is rejected while its vertical differs by this much from the estimate
 # (impacts, hard acceleration), unless for so long that the estimate must be wrong.
 REJECTION_DEG = 10.0
@@ -36,7 +36,7 @@ class OrientationFilter:
         settings = imufusion.AhrsSettings()
         settings.convention = imufusion.CONVENTION_NWU
         settings.gain = 1.0 / time_constant
-        settings.gyroscope_range = np.degrees(GYRO_RANGE)
+        settings.gyroscope_range = GYRO_RANGE_DEG
         settings.acceleration_rejection = REJECTION_DEG
         settings.rejection_timeout = REJECTION_TIME
         settings.sample_rate = 1.0 / period

@@ -5,12 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from drivers.orientation_filter import (
-    ACCELEROMETER_RANGE,
-    ACCELEROMETER_STEP,
-    GYRO_RANGE,
-    GYRO_STEP,
-)
+from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP, MOST_COUNTS
 from drivers.twin.servo_model import SensorNoise, quantize
 from robots.quaternion import Array
 
@@ -58,12 +53,17 @@ class TwinImu:
     def _sense_gyro(self, rate_b: Array) -> Array:
         if self._noise.gyro:
             rate_b = rate_b + self._rng.normal(0.0, self._noise.gyro, 3)
-        return quantize(np.minimum(np.maximum(rate_b, -GYRO_RANGE), GYRO_RANGE), GYRO_STEP)
+        return _measure(rate_b, GYRO_STEP)
 
     def _sense_force(self, data: mujoco.MjData, acceleration: Array) -> Array:
         R = data.site_xmat[self._site].reshape(3, 3)
         force_b = (acceleration - self._model.opt.gravity) @ R
         if self._noise.accelerometer:
             force_b = force_b + self._rng.normal(0.0, self._noise.accelerometer, 3)
-        force_b = np.minimum(np.maximum(force_b, -ACCELEROMETER_RANGE), ACCELEROMETER_RANGE)
-        return quantize(force_b, ACCELEROMETER_STEP)
+        return _measure(force_b, ACCELEROMETER_STEP)
+
+
+def _measure(value: Array, step: float) -> Array:
+    """Round to whole steps, as many as a register holds."""
+    most = MOST_COUNTS * step
+    return quantize(np.minimum(np.maximum(value, -most), most), step)

@@ -98,7 +98,7 @@ class PolicyTrial:
     policy: PolicyDriver
     perturbation: Perturbation = Perturbation()
     seed: int = 0
-    """Of everything random: weak servos, pushes, the IMU's axis, noise."""
+    """Seed of weak servos, pushes, the IMU's axis and noise."""
     scene: Scene = FLAT_SCENE
     duration: float = DURATION
     """Of each rollout [s]."""
@@ -120,7 +120,7 @@ class PolicyTrial:
         return rollouts
 
     def _build_world(self) -> World:
-        """Build the world with what of the perturbation is a matter of the model."""
+        """Build the world with the perturbations of the model."""
         robot, perturbation = self.robot, self.perturbation
         variants: list[ModelVariant] = []
         if perturbation.physics:

@@ -25,26 +25,26 @@ from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import TrainingSim
 
 PolicyFunction = Callable[[Floats], tuple[Array, Array]]
-"""Maps observations (N, size) to actions (N, k) and to what it remembers of them (N, m)."""
+"""Maps observations (N, size) to actions (N, k) and to the memory (N, m)."""
 
 DURATION = 10.0  # s of a rollout, whose last 3 s must be a stand
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyDriver:
-    """A policy, and what it is given besides what sensors measure."""
+    """A policy, and its inputs besides sensors."""
 
     action: ActionSpec
     act: PolicyFunction
     style: StyleInput | None = None
-    """What the policy gets to follow style curves."""
+    """Inputs with which the policy follows style curves."""
     choose_style: StyleChoice | None = None
     """Chooses the curves that each robot follows."""
     sees_ground: bool = False
-    """Whether a policy with a height map gets one that is not flat."""
+    """Whether a policy with a height map gets the true one instead of a flat one."""
 
     def skip(self, count: int) -> PolicyDriver:
-        """Leave out the first starts, of which others took care."""
+        """Leave out the first starts."""
         choose = self.choose_style
         if choose is None:
             return self
@@ -71,7 +71,7 @@ class PolicyRollouts:
 
 
 class PolicySource:
-    """Sends robots what a policy wants, one policy step after the other."""
+    """Sends robots the targets of a policy, one policy step after the other."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class PolicySource:
         """Style features at the end of each policy step, (N, 3)."""
 
     def __call__(self) -> Array | None:
-        """Return what is sent in the next policy step, (N, cycles, n); None after the last."""
+        """Return the targets of the next policy step, (N, cycles, n); None after the last."""
         sensed = self._sense()
         if len(self.targets) == self._steps:
             return None
@@ -105,7 +105,7 @@ class PolicySource:
         return self._sim.make_targets(target, following)
 
     def _sense(self) -> Sensed:
-        """Read the sensors; robots that restart on other style curves remember nothing."""
+        """Read the sensors; clear the memory of robots that restart on other style curves."""
         if self.targets:
             self.features.append(self._sim.measure_features())
         sensed = self._sim.sense(self._rng)
@@ -116,7 +116,7 @@ class PolicySource:
         return sensed
 
     def _decide(self, sensed: Sensed, target: Array) -> Array:
-        """Let the policy act on what is measured and the last targets [rad], (N, n)."""
+        """Let the policy act on measurements and the last targets [rad], (N, n)."""
         sim, policy, robot = self._sim, self._policy, self._sim.robot
         more = self.follower.observe() if self.follower else []
         if policy.style and policy.style.height_map:

@@ -1,4 +1,4 @@
-"""What a benchmark returns: a head that all share, and the figures of each case."""
+"""Results of benchmarks: a common head, and the figures of each case."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Case = TypeVar("Case")
 
 
 class BenchHead(Struct, frozen=True, kw_only=True):
-    """What was measured, on which robot; JSON has what is set."""
+    """Head of a result: benchmark, robot and conditions; JSON omits unset fields."""
 
     name: str
     seed: int

@@ -1,4 +1,4 @@
-"""Rises in disturbed worlds, by strategies that know only the nominal one: same falls for all."""
+"""Rises in disturbed worlds by strategies that know only the nominal one, from the same falls."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ DISTURBANCES = {
     "supply 12.6 V": WorldChange(voltage=12.6),
     "start 10 deg off": WorldChange(start_angle=math.radians(10.0)),
 }
-"""What is measured, by how the tables name it."""
+"""The disturbances, by their names in tables."""
 
 
 class WeakTwin(Twin):
-    """A twin whose servos have a share of their torque and gain; its commands do not tell."""
+    """A twin with weaker servos: they have a share of their torque and gain."""
 
     def __init__(self, world: World, start: Posture, strength: Array, voltage: float | None):
-        """Build a twin in a world, at a start, with a strength of each servo, (n,)."""
+        """Build a twin in a world at a start; ``strength`` is the share of each servo, (n,)."""
         super().__init__(world, start, voltage=voltage)
         self._strength = strength
 
     def write(self, command: Command) -> Command:
-        """Hold a command for one period, as far as the servos can; return it as sent."""
+        """Apply a command for one period with the servos' strength; return it as sent."""
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
         weak = replace(
             command,
@@ -69,7 +69,7 @@ class WeakTwin(Twin):
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """A strategy that plays one plan, from every start."""
+    """A strategy that returns the same plan for every start."""
 
     world: World
     torque_limit: TorqueLimit
@@ -93,7 +93,7 @@ class DisturbedRise:
 
     @staticmethod
     def of(world: World, fall: Fall, change: WorldChange, seed: list[int]) -> DisturbedRise:
-        """Disturb a world and a fall; the same seed draws the same."""
+        """Disturb a world and a fall; a seed makes it reproducible."""
         rng, robot = np.random.default_rng(seed), world.robot
         direction = rng.uniform(0.0, 2.0 * math.pi)
         weak = int(rng.integers(robot.n))

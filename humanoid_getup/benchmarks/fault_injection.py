@@ -46,13 +46,13 @@ class FaultyError(Exception):
 
 @dataclass(frozen=True)
 class FaultTrial:
-    """One play of a motion with an injected fault."""
+    """One run of a motion with an injected fault."""
 
     ending: str
     """How the run ended."""
     reason: str
     succeeded: bool
-    """Whether it ended as its motion should, all the same."""
+    """Whether it ended as its motion should in spite of the fault."""
     safe: float | None
     """Time from the fault until torque was off or the servos held [s]; ``None`` if that never
     happened, or if the motion went on."""
@@ -63,7 +63,7 @@ class FaultTrial:
 
 
 class SafetySummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How plays with a fault ended, and when the robot was safe [s]."""
+    """How runs with a fault ended, and when the robot was safe [s]."""
 
     n: int
     succeeded: int = 0
@@ -86,14 +86,14 @@ class SafetySummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FaultSummary(SafetySummary, frozen=True, kw_only=True):
-    """How plays with an injected fault ended."""
+    """How runs with an injected fault ended."""
 
     reasons: dict[str, int]
     holds: int
 
 
 class KillSummary(SafetySummary, frozen=True, kw_only=True):
-    """How robots stopped whose program was killed."""
+    """How robots stopped after their program was killed."""
 
     tripped: int
     """Times that the bus watchdog of every servo had tripped."""
@@ -111,7 +111,7 @@ class KillTrial:
 
 @dataclass
 class FaultTarget:
-    """Interfaces that faults are injected into."""
+    """Interfaces for the injection of faults."""
 
     faults: FaultInjector
     guard: SafetyGuard

@@ -31,7 +31,7 @@ shares."""
 
 
 class MotionSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How a motion ends undisturbed, and how often it succeeds disturbed."""
+    """Outcome of a motion undisturbed, and its success under disturbances."""
 
     start_class: str
     end_class: str
@@ -75,7 +75,7 @@ def bench_motions(
 def bench_motion(
     world: World, motion: Motion, number: int, *, seed: int, each: int
 ) -> MotionSummary:
-    """Play one of several motions, by its number, as `bench_motions` does."""
+    """Measure one of several motions, by its number, as `bench_motions` does."""
     start = settle_posture(world, motion.posture(0))
     twin = Twin(world)
     twin.place(read_posture(world.robot, world.model, start))

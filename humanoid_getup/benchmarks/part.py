@@ -1,4 +1,4 @@
-"""A part of a benchmark that takes long: it is run, kept and resumed as a whole."""
+"""A part of a long benchmark, which is run, stored and resumed as a unit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class MethodRises(msgspec.Struct, frozen=True, kw_only=True):
     missing: dict[str, str]
     """Classes in which the robot does not come to lie, and why they were left out."""
     rises: list[dict[str, Any]]
-    """What is kept of each."""
+    """Stored figures of each rise."""
 
 
 class DisturbedRises(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,12 +37,12 @@ class Part:
     """A part of a benchmark, not yet run."""
 
     name: str
-    """Of its file, too."""
+    """Its name, also that of its file."""
     count: int
-    """Steps that it reports."""
+    """Number of steps that it reports."""
     depends: Mapping[str, object]
-    """What its result depends on."""
+    """Inputs on which its result depends."""
     kind: type[PartResult]
-    """What its result is."""
+    """Type of its result."""
     run: Callable[[Report], PartResult]
     """Runs it; reports each step."""

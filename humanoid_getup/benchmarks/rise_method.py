@@ -16,6 +16,6 @@ class RiseMethod:
     name: str
     make: Callable[[TorqueLimit], Strategy]
     fingerprint: str
-    """Checksum of what it depends on, besides the world."""
+    """Checksum of its inputs, besides the world."""
     preflight: bool = True
-    """Whether the preflight may refuse it; False for stored motions, to see whether they stand."""
+    """Whether the preflight may refuse it; False for stored motions, which are always played."""

@@ -40,7 +40,7 @@ class Way:
 
     make: Callable[[World], Strategy]
     preflight: bool = True
-    """Whether the preflight may refuse it; False for baselines, to see whether they stand."""
+    """Whether the preflight may refuse it; False for baselines, which are always played."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ def bench_scenes(
     scenes: Sequence[str] = SCENES,
     report: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> CaseBench[RefusableSummary]:
-    """Get up once from the same falls in every scene, by every way, on the twin.
+    """Rise once from the same falls in every scene, by every method, on the twin.
 
     Args:
         robot: Robot.

@@ -33,7 +33,7 @@ LIMITS = {
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbedStand:
-    """A disturbed stand, and what differs around it."""
+    """A disturbed stand, with friction and supply."""
 
     posture: Posture
     friction: float
@@ -42,7 +42,7 @@ class DisturbedStand:
 
 
 class SitSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How many ways down succeeded, and how hard they were."""
+    """Success of the ways down, and their impacts."""
 
     n: int
     succeeded: int

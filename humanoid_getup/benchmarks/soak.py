@@ -65,7 +65,7 @@ class Interpolation:
 
     @property
     def done(self) -> bool:
-        """Return whether way and hold are over."""
+        """Return whether movement and hold are over."""
         return self._now - self._begin >= self._duration + self._hold - 1e-9
 
     def reset(self, state: State) -> None:
@@ -88,7 +88,7 @@ class SoakCounts:
     stood: int = 0
     attempts: int = 0
     lay_down: int = 0
-    """Stands that were held, and ended with the robot lying softly."""
+    """Stands that were held and ended with the robot lying down softly."""
     holds: int = 0
     clips: int = 0
     reasons: list[str] = field(default_factory=list)
@@ -97,7 +97,7 @@ class SoakCounts:
 
 
 class SoakSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """What was counted on the bus, and how the process grew."""
+    """Counts of rises and bus traffic, and the growth of memory."""
 
     n: int
     bus_s: float

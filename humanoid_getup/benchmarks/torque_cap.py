@@ -21,7 +21,7 @@ class TorqueCap:
 
     @property
     def name(self) -> str:
-        """Return how tables name it."""
+        """Return its name in tables."""
         return "stall torque" if self.limit.value is None else f"{self.share:.0%}"
 
 

@@ -42,7 +42,7 @@ CASES = (
     "mass +10 %",
     "start 10 deg off",
 )
-"""Disturbances of the whole benchmark; no robot lacks a joint for them."""
+"""Disturbances of the whole benchmark, which every robot permits."""
 QUICK_CASES = CASES[:2]
 FEWER = 4  # times fewer falls of each class are disturbed
 KEPT = (
@@ -57,7 +57,7 @@ KEPT = (
 )
 """What is kept of each rise."""
 PLAYED, DISTURBED = "motion ", "disturbed "
-"""How names of parts begin that are not rises by a method."""
+"""Prefixes of the names of parts that are not rises by a method."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,9 +88,9 @@ class Pictures(msgspec.Struct, frozen=True, kw_only=True):
     strips: dict[str, str] = {}
     """Film strip of a rise of each class."""
     method: str | UnsetType = UNSET
-    """Whose rises are drawn."""
+    """Method whose rises are drawn."""
     reason: str = ""
-    """Why there are no strips."""
+    """Reason why there are no strips."""
 
 
 class WholeBench(CaseBench[CapSummary], frozen=True, kw_only=True):
@@ -100,7 +100,7 @@ class WholeBench(CaseBench[CapSummary], frozen=True, kw_only=True):
     motions: dict[str, MotionSummary]
     disturbed: dict[str, RefusableSummary]
     notes: list[str]
-    """What was not measured, and why."""
+    """Parts that were not measured, with reasons."""
     command: str
     """Command line that repeats it."""
     conditions: Conditions
@@ -109,12 +109,12 @@ class WholeBench(CaseBench[CapSummary], frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole:
-    """What the whole benchmark of a robot compares."""
+    """The whole benchmark of a robot: methods, caps and falls."""
 
     world: World
     methods: Sequence[RiseMethod]
     motions: Sequence[Motion]
-    """Those that are played from their own start."""
+    """Motions that are played from their own start."""
     caps: Sequence[TorqueCap]
     planner: PlannedRise | None
     """Plans for disturbed worlds; None without motions."""
@@ -135,7 +135,7 @@ class Whole:
         return [*self._rise_parts(), *self._motion_parts(), *self._disturbed_parts()]
 
     def repeat(self, method: RiseMethod, number: int) -> RiseResult:
-        """Rise from a fall again, under the first cap; it is the same rise."""
+        """Repeat the rise from a fall under the first cap."""
         strategy, fall = method.make(self.caps[0].limit), self.falls.falls[number]
         return rise_from(strategy, fall, number, self.seed, preflight=method.preflight)
 
@@ -222,7 +222,7 @@ def name_rises(method: str, cap: TorqueCap) -> str:
 
 
 def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:
-    """Sample as many falls of each class; those in which the robot never lies are left out.
+    """Sample equally many falls of each class; skip classes in which the robot never lies.
 
     Raises:
         FallError: if it lies in none.

@@ -1,4 +1,4 @@
-"""What a driver believes and what its virtual servos do, for benchmarks."""
+"""Comparison of a driver's reports with its virtual servos, for benchmarks."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class ServoTrace:
 
 
 class Witness(DynamixelBackend):
-    """A driver that compares what it reports with the virtual robot behind it, in lock-step.
+    """A driver that compares its reports with the virtual robot behind it, in lock-step.
 
     In lock-step nothing happens between a reply and the next request, so values that the
     driver reports as fresh must equal the encoder counts, tick for tick.
@@ -98,7 +98,7 @@ class Witness(DynamixelBackend):
         """Number of targets that moved faster than the joint's maximum speed."""
         self._sent: Command | None = None
         self.believed_wrong: list[str] = []
-        """Values that the driver reported as fresh and that were wrong."""
+        """Wrong values that the driver reported as fresh."""
 
     def read(self) -> State:
         """Measure, and compare with the ground truth."""

@@ -1,4 +1,4 @@
-"""World changes: how the world of a rise differs from the one for which it was planned."""
+"""World changes: differences of a rise's world from the one of its plan."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def disturb_world(world: World, change: WorldChange, direction: float) -> World:
 def disturb_start(
     world: World, start: Posture, change: WorldChange, rng: np.random.Generator
 ) -> Posture:
-    """Lay a robot that lies as `turn_head` lays it on disturbed ground, to settle there.
+    """Lay a robot, turned by `turn_head`, on disturbed ground, and let it settle.
 
     Args:
         world: Nominal world.

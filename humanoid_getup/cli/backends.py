@@ -1,4 +1,4 @@
-"""The robot that a command moves: simulated, behind a virtual bus, or real."""
+"""Backends: the robot that a command moves, simulated, behind a virtual bus, or real."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robots import Posture, TorqueLimit
 
 @dataclass(frozen=True, kw_only=True)
 class BackendChoice:
-    """A robot to move, and what else can be done with it."""
+    """A robot to move, and access to its simulation."""
 
     backend: Backend
     realtime: bool

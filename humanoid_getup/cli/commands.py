@@ -34,15 +34,15 @@ SECTIONS = {
 
 
 class TableEntry(NamedTuple):
-    """A command, or a group of commands, which has only a summary."""
+    """A command, or a group of commands, which has a summary only."""
 
     summary: str
     options: str = ""
-    """Where its options are: below ``cli.options``, or below ``jobs.requests``."""
+    """Class of its options: below ``cli.options``, or below ``jobs.requests``."""
     work: str = ""
-    """Where the function is that runs it, below the folder of its section."""
+    """Function that runs it, below the folder of its section."""
     json: bool = False
-    """Whether results of a request can be written as JSON, too."""
+    """Whether its results can be written as JSON."""
 
 
 COMMANDS = {
@@ -104,7 +104,7 @@ COMMANDS = {
         "make_motions.preview",
     ),
     "motions retarget": TableEntry(
-        "Take the keyframes of another robot.",
+        "Transfer the keyframes of another robot.",
         "requests.motions.RetargetRequest",
         "make_motions.retarget",
     ),
@@ -183,12 +183,12 @@ COMMANDS = {
         "calibrate.calibrate",
     ),
     "plan-cache": TableEntry(
-        "List the solved rises that are kept, or remove them.",
+        "List the stored plans of rises, or remove them.",
         "options.motions.ListPlanCache",
         "plan_cache.list_or_clear",
     ),
     "preflight": TableEntry(
-        "Judge if a motion may be played.", "options.motions.Preflight", "preflight.preflight"
+        "Check whether a motion may be played.", "options.motions.Preflight", "preflight.preflight"
     ),
     "replay": TableEntry(
         "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"
@@ -235,7 +235,7 @@ COMMANDS = {
     ),
 }
 DEFAULTS = {"robots": "robots list"}
-"""Commands that a group stands for when none of its own is named."""
+"""Default commands of groups."""
 HELP = ("-h", "--help")
 
 
@@ -272,7 +272,7 @@ def parse(arguments: Sequence[str]) -> Invocation:
 
 
 def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the command or group that words begin with, none for no such one; and the rest."""
+    """Return the command or group at the beginning of words, if any, and the other words."""
     for length in (2, 1):
         if len(words) >= length and (name := " ".join(words[:length])) in COMMANDS:
             rest = words[length:]

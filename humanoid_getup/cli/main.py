@@ -49,7 +49,7 @@ def _interrupt(_number: int, _frame: object) -> None:
 
 
 def _report_failure(error: Exception) -> int:
-    """Report what a user can mend in one line; raise the rest again."""
+    """Report errors that a user can correct in one line; raise all others again."""
     # MuJoCo chooses its GL when it is imported, and refuses a GL that does not exist.
     if isinstance(error, RuntimeError) and "MUJOCO_GL" in str(error):
         return _report(f"{error}, expected egl, osmesa, glfw or disable", BAD_INPUT)
@@ -72,7 +72,7 @@ def _report(message: str, code: int) -> int:
 
 
 def _discard_output() -> None:
-    """Let Python's own flush at exit succeed where standard output cannot be written."""
+    """Discard output, so that Python's flush at exit succeeds where it cannot be written."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,4 +1,4 @@
-"""Spellings of version 0.2.0, which are read in this version and answered with the new ones."""
+"""Old spellings of commands, which still work; a message shows the new one."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ LISTS: dict[str, Callable[[str], bool]] = {
     "--servo": _is_none,
     "--ways": _is_any,
 }
-"""Options whose items were words of their own, and which of the following words are items.
+"""Options whose items used to be separate words, and tests for such items.
 
 Each could be given more than once, too.
 """
 
 
 def modernize(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments in the spelling of this version."""
+    """Return the arguments in the present spelling."""
     words = list(arguments)
     if len(words) >= 2 and (moved := MOVED.get(" ".join(words[:2]))):
         words[:2] = moved.split()
@@ -73,7 +73,7 @@ def _rename(word: str, renamed: dict[str, str]) -> str:
 
 
 def _join_lists(words: list[str]) -> list[str]:
-    """Write the items of each list as one word, with commas between them."""
+    """Join the items of each list to one word, with commas between them."""
     joined: list[str] = []
     places: dict[str, int] = {}
     index = 0
@@ -97,7 +97,7 @@ def _join_lists(words: list[str]) -> list[str]:
 
 
 def _take_items(words: list[str], is_item: Callable[[str], bool]) -> list[str]:
-    """Take the words that are items: the first in any case, unless it is an option."""
+    """Remove and return the leading items; the first word is one unless it is an option."""
     items: list[str] = []
     for word in words:
         is_option = word.startswith("-") and not _is_number(word)

@@ -1,4 +1,4 @@
-"""How tyro reads values: lists with commas between their items; anything, to report it later."""
+"""Value parsers for tyro: comma-separated lists; invalid values are reported later."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, Pri
 from humanoid_getup.jobs.requests.values import find_items, list_choices, split_hint
 
 registry = ConstructorRegistry()
-"""Tells tyro to hand over what it cannot convert, so that all problems are reported at once."""
+"""Makes tyro accept invalid values, so that all problems are reported at once."""
 
 
 @registry.primitive_rule

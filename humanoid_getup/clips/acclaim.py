@@ -171,7 +171,7 @@ def _read_frames(lines: list[str], skeleton: AcclaimSkeleton) -> dict[str, Array
 
 
 def _place(skeleton: AcclaimSkeleton, frames: dict[str, Array]) -> dict[str, Array]:
-    """Compute where each bone begins in all frames, (T, 3)."""
+    """Compute the beginning of each bone in all frames, (T, 3)."""
     count = len(frames[ROOT])
     ends = {ROOT: frames[ROOT][:, :3]}
     turns = {ROOT: _turn(frames[ROOT][:, 3:])}

@@ -1,4 +1,4 @@
-"""A clip of motion capture: where the joints of a body are over time."""
+"""A clip of motion capture: positions of a body's joints over time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_BYTES = 64 * 2**20  # of a file: ten minutes of a body of 70 joints at 120 
 MOST_OF_SKELETON = 4 * 2**20  # bytes
 MOST_POSITIONS = 6_000_000  # of all joints in all frames
 READ_ERRORS = (ValueError, IndexError, KeyError, ZeroDivisionError)
-"""What the content of a file that is not a clip may raise."""
+"""Errors that the content of a file that is not a clip may raise."""
 
 
 def read_lines(file: Path, most: int = MOST_BYTES) -> list[str]:
@@ -37,7 +37,7 @@ def read_lines(file: Path, most: int = MOST_BYTES) -> list[str]:
 
 
 def read_numbers(lines: Sequence[str], columns: int) -> Array:
-    """Read lines of finite numbers, (T, columns), in little more memory than they have.
+    """Read lines of finite numbers, (T, columns), with little more memory than they take.
 
     Raises:
         ValueError: if they hold anything else.
@@ -62,7 +62,7 @@ def check_size(frames: int, joints: int) -> None:
 
 
 def explain(error: Exception) -> str:
-    """Say what is wrong with the content of a file, given one of `READ_ERRORS`."""
+    """Describe the problem of a file's content from one of `READ_ERRORS`."""
     if isinstance(error, KeyError):
         return f"{error} is missing"
     return "a word or number is missing" if isinstance(error, IndexError) else describe(error)
@@ -115,7 +115,7 @@ class Clip:
         return self.check_height("the middle of the hips", length)
 
     def check_height(self, what: str, height: float) -> float:
-        """Check how high something is over the feet in the rest pose [m], which is a stand.
+        """Check the height of a point over the feet in the rest pose [m], which must be a stand.
 
         Raises:
             ClipError: if it is not above them.
@@ -142,7 +142,7 @@ class Clip:
         return found[0]
 
     def lowest_foot(self, pose: Mapping[str, Array]) -> Array:
-        """Return where the lowest joint of a foot is in a pose, (3,)."""
+        """Return the position of the lowest foot joint in a pose, (3,)."""
         feet = [pose[name] for name in pose if is_foot(name)]
         if not feet:
             raise ClipError(f"clip {self.file}: it has no joint of a foot")

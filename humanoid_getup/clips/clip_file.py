@@ -1,4 +1,4 @@
-"""Files of motion capture: which reader takes which."""
+"""Reading of motion capture files by their kind."""
 
 from __future__ import annotations
 

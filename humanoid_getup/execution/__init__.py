@@ -1,1 +1,1 @@
-"""On a robot: a session of attempts, recovery between them, the stand and its end."""
+"""Sessions on a robot: attempts, recovery between them, the stand and its end."""

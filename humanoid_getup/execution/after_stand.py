@@ -1,4 +1,4 @@
-"""What a robot did after its stand, and what it was left with."""
+"""After the stand: hold, way down or hand-over of a robot, with their results."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from robots.servo import LimitMode
 
 @dataclass(frozen=True, kw_only=True)
 class HandOver:
-    """What a robot under torque is left with, for the program that goes on with it."""
+    """State of a robot that is handed over under torque to another program."""
 
     robot: Robot
     command: Command
-    """Last command that the servos were sent; no watchdog stops them if no other follows."""
+    """Last command sent to the servos; no watchdog stops them afterwards."""
     limit_by: LimitMode
-    """What the torque limits act on, and so in which operating mode the servos are."""
+    """What the torque limits act on, which determines the operating mode of the servos."""
 
     @property
     def p_gain(self) -> Array:
-        """Return the position P gains that the servos are left with, (n,)."""
+        """Return the present position P gains of the servos, (n,)."""
         return self.robot.p_gain * self.command.gain_scale
 
     def __str__(self) -> str:
-        """Say in one line what the next program finds."""
+        """Describe the state of the servos in one line."""
         command = self.command
         return (
             f"servos hold their targets, at most {command.torque_limit.max():.2f} N·m by "
@@ -58,15 +58,15 @@ class HandOver:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One part of what followed: holding, or sitting and lying down."""
+    """One step after the stand: holding, or sitting and lying down."""
 
     run: RunReport
     abort: Abort | None = None
-    """Why the supervisor aborted, if it did."""
+    """Reason of the supervisor's abort, if any."""
     outcome: Outcome | None = None
-    """None for a part that is not judged."""
+    """None for a step that is not judged."""
     succeeded: bool = True
-    """Whether it was judged to end as it should."""
+    """Whether the judge accepted its end."""
 
     @property
     def ran(self) -> bool:
@@ -80,12 +80,12 @@ class Step:
 
     @property
     def reason(self) -> str:
-        """Return in one line why it did not."""
+        """Return in one line why it failed."""
         if self.abort is not None:
             return f"aborted after {self.abort.time:.1f} s: {self.abort}"
         if self.run.ending is not Ending.DONE:
             return self.run.reason
-        return "it does not end as it should, by the judge"
+        return "the judge does not accept its end"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,18 +93,18 @@ class AfterStand:
     """What a robot did after its stand; its torque is off, unless it was handed over."""
 
     refusal: str | None = None
-    """Why nothing was begun."""
+    """Reason why nothing was started."""
     refused_by_fault: bool = False
-    """Whether that is a fault of the hardware."""
+    """Whether the reason is a hardware fault."""
     hold: Step | None = None
-    """Going on standing; None if it was not asked to."""
+    """The hold; None if it was not requested."""
     way_down: Step | None = None
-    """Sitting and lying down; None if it did not begin."""
+    """The way down; None if it did not begin."""
     hand_over: HandOver | None = None
 
     @property
     def succeeded(self) -> bool:
-        """Return whether all went as it should."""
+        """Return whether every step succeeded."""
         return self.refusal is None and self._find_failure() is None
 
     @property
@@ -115,7 +115,7 @@ class AfterStand:
 
     @property
     def reason(self) -> str:
-        """Return in one line how it went."""
+        """Return the result in one line."""
         if self.refusal is not None:
             return self.refusal
         failure = self._find_failure()

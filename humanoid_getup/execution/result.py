@@ -67,7 +67,7 @@ class Attempt:
     joint_figures: JointFigures | None = None
     """What the joints of a robot without an IMU measured, in place of an outcome."""
     abort: Abort | None = None
-    """Why the supervisor aborted, if it did."""
+    """Reason of the supervisor's abort, if any."""
     warnings: tuple[str, ...] = ()
     refusal: str | None = None
     """Why it was not played."""

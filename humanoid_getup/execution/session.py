@@ -21,7 +21,7 @@ from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
 
 Then = Literal["hold", "sit", "limp", "hand-over"]
-"""What a robot does after its judged stand: it goes on standing until it is released, then sits
+"""What a robot does after its judged stand: it keeps standing until it is released, then sits
 and lies down; sits and lies down at once; goes limp; or keeps its torque for another program."""
 
 

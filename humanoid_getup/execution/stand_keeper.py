@@ -87,7 +87,7 @@ class StandKeeper:
             backend.release = before
 
     def watch(self, cycle: Cycle) -> None:
-        """Take note of a cycle: its targets are those from which the next run goes on."""
+        """Note a cycle; the next run continues from its targets."""
         self._sent = cycle.sent
         if self._session.on_cycle is not None:
             self._session.on_cycle(cycle)

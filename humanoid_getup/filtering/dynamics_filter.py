@@ -127,7 +127,7 @@ class DynamicsFilter:
         """Search variations of a rollout's targets that stand under every disturbance.
 
         What stands in all the worlds it was searched in is checked in fresh ones. If it falls in
-        some, the search goes on from it in those. The budget is simulated time [s]. Returns the
+        some, the search continues from it in those. The budget is simulated time [s]. Returns the
         rollout of the best targets, and the share of their check in fresh worlds.
         """
         target = rollout.target[: rollout.moving]

@@ -106,7 +106,7 @@ def build_all(
 
 
 def open_log(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> SearchLog:
-    """Open the log of a search: the one that is there if work goes on, else a new one."""
+    """Open the log of a search: the existing one to resume, else a new one."""
     path = unfinished_file(robot.folder, keyframes.name, LOG)
     task = make_task(robot, keyframes, request.seed, request.prefer)
     return SearchLog.resume(path, task) if request.resume else SearchLog.begin(path, task)
@@ -142,11 +142,13 @@ def _keep_best(build: Build, robot: Robot) -> Path:
 def _count_done(
     robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> dict[str, int]:
-    """Count the generations in the logs, which are checked before any work; tell what goes on."""
+    """Count and report the generations in the logs, which are checked before any work."""
     with refusing():
         done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
     for name, count in done.items() if request.resume else ():
-        going_on = f"goes on after generation {count}" if count else "begins: there is no log of it"
+        going_on = (
+            f"continues after generation {count}" if count else "begins: there is no log of it"
+        )
         monitor.tell(f"{name} {going_on}")
     return done
 

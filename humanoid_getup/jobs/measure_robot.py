@@ -158,7 +158,7 @@ def _maker(
 
 
 def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
-    """Open the ledger of a part: the one that is there if work goes on, else a new one.
+    """Open the ledger of a part: the existing one to resume, else a new one.
 
     Raises:
         ValueError: if it is damaged, or that of another benchmark.

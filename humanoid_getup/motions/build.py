@@ -67,7 +67,7 @@ def build_motion(
 ) -> Build:
     """Optimize one set of keyframes and record it as a motion.
 
-    Without a preference, time and torque cost what the keyframes say. A search with a log goes on
+    Without a preference, time and torque cost what the keyframes say. A search with a log continues
     where the log ends.
     """
     world = World(robot)

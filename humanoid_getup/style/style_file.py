@@ -62,7 +62,7 @@ class StyleError(ValueError):
 
 
 def list_styles() -> list[str]:
-    """List the styles that have a name."""
+    """List the named styles."""
     return sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))
 
 

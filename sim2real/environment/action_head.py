@@ -1,4 +1,4 @@
-"""Action heads: how a network's outputs become actions, with a memory of the last ones."""
+"""Action heads: convert a network's outputs to actions, with a memory of the last ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robots.quaternion import Array
 
 
 class ActionHead(Protocol):
-    """Turns a network's outputs into actions of an :class:`ActionSpec`."""
+    """Converts a network's outputs to actions of an :class:`ActionSpec`."""
 
     @property
     def names(self) -> tuple[str, ...]:

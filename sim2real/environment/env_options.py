@@ -16,7 +16,7 @@ class EnvOptions:
     """Settings of a training environment."""
 
     robots: int = 512
-    """Number of robots that are simulated side by side."""
+    """Number of robots that are simulated at once."""
     randomization: DomainRandomization | None = None
     """``None``: every robot has its nominal parameters."""
     rewards: tuple[Reward, ...] = QUICK
@@ -28,12 +28,12 @@ class EnvOptions:
     """Initial upper limit of the assistive force, as a fraction of the weight; fades with
     success."""
     restarts: float = 0.0
-    """Fraction of episodes after a deviation from style curves that go on from where it led."""
+    """Fraction of episodes after a deviation from style curves that start where the last ended."""
     ends_early: float = 0.5
     """Fraction of episodes that end once the robot has stood for ``episodes.HELD``."""
     scene: str | Scene = "flat"
     origin: tuple[float, float] = (0.0, 0.0)
-    """Where robots are placed that start along motions: on flat ground [m]."""
+    """Position on flat ground of robots that start along motions [m]."""
     physics_step: float = PHYSICS_STEP
     """[s]"""
     threads: int = 0

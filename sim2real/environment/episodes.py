@@ -1,4 +1,4 @@
-"""The episodes of a training: how old they are, when they are over, whether robots stood."""
+"""The episodes of a training: their age, their end, and whether robots stood."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class EndedEpisodes:
     ended: NDArray[np.int_]
     """Robots whose episode is over."""
     starts: NDArray[np.int_]
-    """Rows in the pool of falls where those of them began that began with one."""
+    """Rows in the pool of falls of those that began with a fall."""
     stood: NDArray[np.bool_]
-    """Which of these ended standing."""
+    """Whether each of these ended standing."""
 
 
 @dataclass(eq=False)
@@ -45,7 +45,7 @@ class Episodes:
 
     @staticmethod
     def of(n: int, longest: int) -> Episodes:
-        """Make episodes of a length that have not begun."""
+        """Make unstarted episodes of a length."""
         return Episodes(
             age=np.zeros(n, dtype=int),
             length=np.full(n, longest),
@@ -62,7 +62,7 @@ class Episodes:
         self.start[ids], self.ends_early[ids] = start, ends_early
 
     def restart(self, ids: NDArray[np.int_]) -> None:
-        """Start episodes that go on from where the last ones led."""
+        """Start episodes from where the last ones ended."""
         self.age[ids] = self.held[ids] = 0
 
     def limit(self, ids: NDArray[np.int_], steps: Array) -> None:

@@ -50,7 +50,7 @@ FLOAT = np.float32
 
 
 class GetUpEnv(VectorEnv):
-    """Fallen robots that are rewarded for standing up, as a Gymnasium vector environment.
+    """Fallen robots that learn to stand up, as a Gymnasium vector environment.
 
     Actions are those of an :class:`ActionSpec`, from -1 to 1. Observations are computed by
     :func:`humanoid_getup.policy.observation.observe`; ``info["critic"]`` adds privileged state.
@@ -117,7 +117,7 @@ class GetUpEnv(VectorEnv):
         self._rng = np.random.default_rng(0)
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
-        """What each policy remembers of its last actions, (N, m)."""
+        """Memory of each policy about its last actions, (N, m)."""
         self._episodes = Episodes.of(n, round(LONGEST / self.step_time))
 
     @property
@@ -251,7 +251,7 @@ class GetUpEnv(VectorEnv):
     def _draw_restarting(
         self, ended: NDArray[np.int_], terminated: NDArray[np.bool_]
     ) -> NDArray[np.int_]:
-        """Draw those that restart of the robots whose episodes have ended, (m,)."""
+        """Draw the robots that restart among those whose episodes have ended, (m,)."""
         if self.style is None or not self.options.restarts:
             return ended[:0]
         drawn = self._rng.random(len(ended)) < self.options.restarts
@@ -259,7 +259,7 @@ class GetUpEnv(VectorEnv):
         return ids[self.style.library.find_near(self.style.tracker.features[ids])]
 
     def _restart(self, ids: NDArray[np.int_]) -> None:
-        """Start episodes of some robots on new curves from where they are, as on a robot."""
+        """Start episodes of some robots on new curves from their present state, as on a robot."""
         if self.style is None or not len(ids):
             return
         self._episodes.restart(ids)

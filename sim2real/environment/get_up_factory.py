@@ -18,7 +18,7 @@ from sim2real.environment.starts.settled_falls import make_pool, pool_rng
 
 @dataclass(frozen=True, kw_only=True)
 class GetUpChoices:
-    """What a training environment is made from, by names and numbers."""
+    """Choices for a training environment, as names and numbers."""
 
     robot: str = "op3"
     """Name of a robot, or a folder with a robot.toml."""
@@ -45,7 +45,7 @@ class GetUpChoices:
 
 
 def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
-    """Build a training environment of some robots side by side; ``choices`` are `GetUpChoices`.
+    """Build a training environment of some robots; ``choices`` are `GetUpChoices`.
 
     Raises:
         ValueError: if there is no such robot, reward or randomization.

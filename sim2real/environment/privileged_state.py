@@ -1,4 +1,4 @@
-"""Privileged state: what only a simulation can measure, for rewards and for the critic."""
+"""Privileged state: quantities of the simulation for rewards and critic."""
 
 from __future__ import annotations
 

@@ -25,14 +25,14 @@ class RewardInputs(PrivilegedState):
     requested: Array
     """Outputs of the network before clipping, as shares of the largest, (N, m)."""
     action: Array
-    """What the policy remembers of its actions, (N, m): the clipped actions, or filtered outputs
+    """Memory of the policy, (N, m): the clipped actions, or filtered outputs
     with style curves."""
     last_action: Array
     """The same of the last policy step, (N, m)."""
     away: Array
     """Angle of each joint from standing [rad], (N, n)."""
     style: StyleReward | None = None
-    """How near the robots are to style curves; ``None`` without any."""
+    """Closeness of the robots to style curves; ``None`` without curves."""
 
 
 def way_up(m: RewardInputs) -> Array:

@@ -1,1 +1,1 @@
-"""Motions from a learned policy: its rises, made smooth and tried without its feedback."""
+"""Motions from a learned policy: its rises, smoothed and replayed open loop."""

@@ -1,4 +1,4 @@
-"""Discovery: the motions of a robot, found in what a learned policy does."""
+"""Discovery: finds motions of a robot in the rises of a learned policy."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
 from sim2real.motion_discovery.shaping import SMOOTHINGS
 
 SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
-"""From which rises are sought; those from the right mirror those from the left."""
+"""Sides from which rises are searched; those from the right mirror those from the left."""
 FINALISTS = 4  # of each wanted motion: rises that are played in all disturbed worlds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discovery:
-    """What was found from one side."""
+    """Motions found from one side, and the counts of rises."""
 
     start_class: LyingSide
     tried: int
     learned: int
     """Rises of the policy that stood."""
     replayed: int
-    """Those that stand without the policy's feedback, undisturbed."""
+    """Those that stand open loop, undisturbed."""
     best_share: float
     """Largest share of disturbed worlds in which one of them stands."""
     motions: tuple[Motion, ...]
@@ -48,7 +48,7 @@ class MotionDiscovery:
     """
 
     def __init__(self, world: World, policy: OnnxPolicy, *, policy_name: str, seed: int) -> None:
-        """Prepare to search in a scene, with the random numbers of a seed."""
+        """Prepare to search in a scene; a seed makes it reproducible."""
         self._world, self._policy, self._seed = world, policy, seed
         self._policy_name = policy_name
         self._replayer = Replayer(world, seed)
@@ -60,7 +60,7 @@ class MotionDiscovery:
         most: int,
         report: Callable[[float], None] = lambda _: None,
     ) -> Discovery:
-        """Find at most so many motions in rises from so many postures on one side.
+        """Find motions in rises from a number of postures on one side, up to a count.
 
         The work done is reported in postures, in steps.
         """
@@ -82,7 +82,7 @@ class MotionDiscovery:
         )
 
     def _replay(self, rise: PolicyRise) -> list[Replay]:
-        """Play a rise as smooth as it stands undisturbed; return it in more worlds, or nothing."""
+        """Replay a rise as smooth as it still stands, in more worlds; None if it never stands."""
         for smoothing in SMOOTHINGS:
             tried = self._replayer.play(rise, smoothing, FIRST)
             if tried.stood.all():
@@ -90,7 +90,7 @@ class MotionDiscovery:
         return []
 
     def _judge(self, replayed: Sequence[Replay], most: int) -> list[Replay]:
-        """Play the best of each kind in all disturbed worlds; return the best first."""
+        """Replay the best of each kind in all disturbed worlds; return the best first."""
         groups = [sorted(group, key=_rank) for group in group_rises(self._world, replayed)]
         turns = max((len(group) for group in groups), default=0)
         in_turn = [group[k] for k in range(turns) for group in groups if k < len(group)]
@@ -98,7 +98,7 @@ class MotionDiscovery:
         return sorted((self._replayer.repeat(each, ALL) for each in finalists), key=_rank)
 
     def _record(self, judged: Sequence[Replay], side: LyingSide, most: int) -> list[Motion]:
-        """Record the best of each kind that is sound and that a preflight passes."""
+        """Record the best robust rise of each kind that passes the preflight."""
         motions: list[Motion] = []
         sound = [each for each in judged if each.share >= SOUND]
         for group in sorted(group_rises(self._world, sound), key=lambda g: _rank(g[0])):
@@ -111,7 +111,7 @@ class MotionDiscovery:
         return motions
 
     def _make_motion(self, replay: Replay, name: str) -> Motion | None:
-        """Make a motion with its entries; None if it cannot be entered at rest, or is refused."""
+        """Make a motion; None if it has no entry frames, or if the preflight refuses it."""
         world = self._world
         motion = record_motion(
             world,

@@ -1,4 +1,4 @@
-"""Rises of policies: what one sent to the servos on its way from lying to a stand."""
+"""Rises of policies: the targets sent to the servos from lying to a stand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PolicyRise:
     """Targets of the servos at each control period [rad], (T, n); the first are the angles of the
     lying robot, the last ones still balance it."""
     stand_time: float
-    """When the stand that it held began [s]."""
+    """Time at which its held stand began [s]."""
 
 
 def collect_rises(

@@ -1,4 +1,4 @@
-"""Replays: the targets of a learned rise played open loop, without the policy, disturbed."""
+"""Replays: the targets of a learned rise played open loop, disturbed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sim2real.motion_discovery.shaping import shape
 
 LIMIT_SHARE = 0.75  # of the strongest servo's torque: the torque limit that a motion must stand
 FIRST, MORE, ALL = 2, 12, 48
-"""Rollouts of a replay: undisturbed, enough to compare, and as many as judge a built motion."""
+"""Counts of rollouts: undisturbed alone, for a comparison, and for a final judgment."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,21 +46,21 @@ class Replay:
 
 
 class Replayer:
-    """Plays learned rises of one robot in one scene open loop."""
+    """Replays learned rises of one robot in one scene open loop."""
 
     def __init__(self, world: World, seed: int, *, threads: int = 0) -> None:
-        """Prepare to disturb by a seed: the same for all, so that they can be compared."""
+        """Draw the disturbances from a seed, the same for all rises, for comparison."""
         self._world, self._seed = world, seed
         self._experiment = Experiment(world, threads=threads)
         self.torque_limit = LIMIT_SHARE * float(world.robot.max_torque.max())
-        """At which motions must stand [N·m]."""
+        """Torque limit under which motions must stand [N·m]."""
 
     def play(self, rise: PolicyRise, smoothing: float, count: int) -> Replay:
-        """Play a rise that is smoothed by a deviation [s], in so many rollouts."""
+        """Replay a rise smoothed with a standard deviation [s], in a number of rollouts."""
         return self._play(rise, shape(self._world.robot, rise, smoothing), count)
 
     def repeat(self, replay: Replay, count: int) -> Replay:
-        """Play a rise again in so many rollouts."""
+        """Replay a rise again in a number of rollouts."""
         return self._play(replay.rise, replay.target, count)
 
     def _play(self, rise: PolicyRise, target: Array, count: int) -> Replay:

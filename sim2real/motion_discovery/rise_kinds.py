@@ -1,4 +1,4 @@
-"""Kinds of rises: which of many take the same way from lying to a stand."""
+"""Kinds of rises: groups that take the same way from lying to a stand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UPRIGHT = "upright"
 
 
 def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
-    """Group rises that pass over the same sides by similar joint angles."""
+    """Group rises that pass over the same sides with similar joint angles."""
     groups: dict[tuple[str, int], list[Replay]] = {}
     ways = [_sample_angles(world, each).ravel() for each in rises]
     for each, label in zip(rises, _cluster(ways), strict=True):
@@ -42,7 +42,7 @@ def name_kind(world: World, rise: Replay) -> str:
 
 
 def _cluster(ways: Sequence[Array]) -> list[int]:
-    """Label rises, (d,) each, so that those of a label differ by little on average."""
+    """Label rises, (d,) each; those with the same label differ little on average."""
     if len(ways) < 2:
         return [1] * len(ways)
     distance = SAME_WAY * np.sqrt(len(ways[0]))

@@ -1,4 +1,4 @@
-"""Shaping: from what a policy sent to targets that a motion may have."""
+"""Shaping: converts the targets of a policy to targets of a motion."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def shape(robot: Robot, rise: PolicyRise, smoothing: float) -> Array:
 
 
 def _smooth(target: Array, deviation: float) -> Array:
-    """Filter targets (T, n) by a Gaussian of that many frames; both ends stay."""
+    """Filter targets (T, n) by a Gaussian with a width in frames; both ends stay."""
     if deviation <= 0.0:
         return target
     smooth = gaussian_filter1d(target, deviation, axis=0, mode="nearest")
@@ -50,7 +50,7 @@ def _smooth(target: Array, deviation: float) -> Array:
 
 
 def _limit_steps(target: Array, most: Array) -> Array:
-    """Follow targets (T, n) by steps of at most so much, (n,)."""
+    """Follow targets (T, n) by limited steps, (n,)."""
     followed = target.copy()
     for k in range(1, len(target)):
         followed[k] = followed[k - 1] + np.clip(target[k] - followed[k - 1], -most, most)

@@ -65,7 +65,7 @@ class PosePrior:
     latent_sign: Array
     """Sign of each latent parameter when left and right are exchanged, (k,)."""
     latent_mean: Array
-    """Mean of what the encoder yields over the postures, (k,)."""
+    """Mean of the encoder's output over the postures, (k,)."""
     latent_std: Array
     """Standard deviation of the same, (k,)."""
     pos_mean: Array

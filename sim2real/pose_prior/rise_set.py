@@ -33,7 +33,7 @@ class CollectedRise:
     """One rise on flat ground: MuJoCo positions every `PERIOD`, from lying to standing."""
 
     source: str
-    """Where it comes from, such as "planned: sit-up" or "policy: robust"."""
+    """Its source, such as "planned: sit-up" or "policy: robust"."""
     qpos: Array
     """(T, nq)"""
     joint_target: Array
@@ -52,7 +52,7 @@ class RiseSet:
     first: NDArray[np.int_]
     """Row of each rise's first frame, and the number of frames, (R + 1,)."""
     sources: tuple[str, ...]
-    """Where each rise comes from, (R,)."""
+    """Source of each rise, (R,)."""
 
     def __len__(self) -> int:
         return len(self.sources)

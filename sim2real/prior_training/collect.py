@@ -32,7 +32,7 @@ LONGEST = 8.0  # s of a policy's rollout
 AFTER = 4  # frames of the stand that belong to a rise
 SHORTEST = 12  # frames of a rise
 LEDGER = "ledger.json"
-"""Which rises were planned, and whether each stands."""
+"""Ledger of the planned rises and of whether each stands."""
 PHYSICS_STEP = 0.002  # s, the twin's
 
 

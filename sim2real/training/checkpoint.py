@@ -20,7 +20,7 @@ from sim2real.training.ppo import AVERAGE, UPDATES
 CHECKPOINT = "checkpoint.pt"
 """Name of the file in a training's folder."""
 MAX_BYTES = 2**30
-"""Of a checkpoint, packed and unpacked; those of 512 robots have some megabytes."""
+"""Limit for a checkpoint, packed and unpacked; those of 512 robots have some megabytes."""
 
 
 class CheckpointError(ValueError):
@@ -62,7 +62,7 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
 
 
 def _check_unpacked_size(content: BytesIO) -> None:
-    """Refuse an archive that unpacks to more than a checkpoint may have, as torch reads it."""
+    """Refuse an archive that torch would unpack to more than the limit of a checkpoint."""
     if zipfile.is_zipfile(content):
         size = sum(entry.file_size for entry in zipfile.ZipFile(content).infolist())
         if size > MAX_BYTES:
@@ -71,7 +71,7 @@ def _check_unpacked_size(content: BytesIO) -> None:
 
 
 def restore_like(template: Any, stored: Any) -> Any:
-    """Give what was read from a checkpoint the types of a template of the same structure.
+    """Convert content of a checkpoint to the types of a template with the same structure.
 
     Raises:
         CheckpointError: if the structures differ.

@@ -32,7 +32,7 @@ class StyleRecipe:
     motions: float = 0.4
     """Share that starts along a rise; the rest starts standing."""
     restarts: float = 0.0
-    """Share of episodes after a deviation that go on from where it led, on new curves."""
+    """Share of episodes that, after a deviation, continue from there on new curves."""
     height_map: bool = False
     """Whether the policy may observe the ground around it."""
 
@@ -193,7 +193,7 @@ class TrainingRecord:
 
     @property
     def provenance(self) -> dict[str, Fact]:
-        """Return how the policy is made, for its contract."""
+        """Return the provenance of the policy, for its contract."""
         named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
         facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
         about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}

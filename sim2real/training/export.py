@@ -152,7 +152,7 @@ def _write(network: Any, size: int, contract: PolicyContract, file: Path) -> Non
 
 
 def _sample_observations(actor: MLPModel) -> torch.Tensor:
-    """Draw observations as an actor is used to, (N, size)."""
+    """Draw observations from the actor's own statistics, (N, size)."""
     normalizer: Any = actor.obs_normalizer
     if isinstance(normalizer, MirroredNormalizer):
         normalizer = normalizer.normalizer

@@ -1,4 +1,4 @@
-"""Imitation: before it explores, a policy is trained on planned motions.
+"""Imitation: a policy is trained on planned motions before it explores.
 
 Robots replay the motions in the training environment under its domain randomization; what the
 policy would observe is stored with the outputs that lead to the motion's next targets. Then the
@@ -34,7 +34,7 @@ NOISE = 0.1  # of the outputs while motions are replayed
 
 @dataclass(frozen=True)
 class Example:
-    """Observations of N robots, and the outputs that are right there."""
+    """Observations of N robots, and the correct outputs for them."""
 
     observation: torch.Tensor
     outputs: torch.Tensor
@@ -62,7 +62,7 @@ def imitate(actor: MLPModel, env: RslEnv, rng: np.random.Generator) -> list[floa
 def _collect(
     actor: MLPModel | None, env: RslEnv, task: StyleTask, rng: np.random.Generator, steps: int
 ) -> list[Example]:
-    """Collect examples while an actor moves the robots, or without one their motions do."""
+    """Collect examples while an actor, or without one their motions, move the robots."""
     examples = []
     for _ in range(steps):
         outputs, known = find_outputs(env.env, task)

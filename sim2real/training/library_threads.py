@@ -1,4 +1,4 @@
-"""Threads of numpy and torch: small arrays are faster on one than on all."""
+"""Threads of numpy and torch: small arrays are faster on one thread."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class AveragingPPO(PPO):
         return losses
 
     def save(self) -> dict[str, Any]:
-        """Return all that a resumed training needs."""
+        """Return the state that a resumed training needs."""
         state = {AVERAGE: self.average.module.state_dict(), UPDATES: int(self.average.n_averaged)}
         return super().save() | state
 

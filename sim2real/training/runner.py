@@ -35,7 +35,7 @@ Mirrors = tuple[Mirror, Mirror, Mirror]
 
 
 class TrainingRunner(OnPolicyRunner):
-    """rsl-rl's runner with checkpoints that hold all that a resumed training depends on."""
+    """rsl-rl's runner with checkpoints that hold the complete state of a training."""
 
     env: RslEnv
 

@@ -32,7 +32,7 @@ TERRAIN_SEED = 7_002  # makes the terrain of training differ from every scene's
 
 
 def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: Path) -> Path:
-    """Find the folder with the prior of a training, and check what is in it.
+    """Find the folder with the prior of a training, and check its content.
 
     That is the one that is given, or else the parent's, or else the training's own.
 

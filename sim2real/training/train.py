@@ -69,7 +69,7 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingInputs:
-    """What a training begins with, and what it runs on."""
+    """Parent, prior and device of a training."""
 
     parent: Path | None = None
     """Folder of a training, or file of a policy, that gives the initial policy."""
@@ -146,7 +146,7 @@ def train(
 def check_inputs(
     robot: Robot, recipe: Recipe, folder: Path, parent: Path | None, prior: Path | None
 ) -> Path | None:
-    """Check what a training begins with; return the folder of its pose prior, if it needs one.
+    """Check the inputs of a training; return the folder of its pose prior, if it needs one.
 
     Raises:
         OSError: if a file cannot be read.
@@ -159,7 +159,7 @@ def check_inputs(
         return None
     if recipe.style.height_map and parent is None:
         raise TrainingFolderError(
-            f"{folder}: a training with a height map goes on from one without, expected --parent"
+            f"{folder}: a training with a height map continues one without, expected --parent"
         )
     return check_prior(robot, prior, parent, folder)
 
@@ -213,7 +213,7 @@ def write_recipe(
     parent: Path | None = None,
     outputs: tuple[str, ...] | None = None,
 ) -> None:
-    """Write the recipe file, or check that the one in its place is the same.
+    """Write the recipe file, or check that an existing one is the same.
 
     Raises:
         OSError: if the parent cannot be read.

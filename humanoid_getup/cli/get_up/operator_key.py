@@ -1,4 +1,4 @@
-"""The operator's key: it releases a robot that is held standing, and stops one that moves."""
+"""The operator's key: it ends the hold of a standing robot, and stops a moving one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class OperatorKey:
     """
 
     def __init__(self, *, realtime: bool, terminal: int | None = None) -> None:
-        """Prepare for a robot that keeps the wall clock's time, or simulated time.
+        """Prepare for a robot in real time, or in simulated time.
 
         The terminal is a file descriptor; ``None`` for standard input.
         """
@@ -35,11 +35,11 @@ class OperatorKey:
         self._released = threading.Event()
 
     def is_released(self) -> bool:
-        """Return whether a robot that is held may sit down."""
+        """Return whether a held robot may sit down."""
         return self._released.is_set() or not (self._is_watched and self._key.has_terminal)
 
     def note(self, change: PhaseChange) -> None:
-        """Take note of a phase that begins: a key means something else while the robot stands."""
+        """Note the beginning of a phase: a key has another meaning while the robot stands."""
         self._is_holding = change.phase is Phase.HOLDING
 
     @contextmanager

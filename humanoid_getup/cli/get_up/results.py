@@ -35,7 +35,7 @@ NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 
 @contextmanager
 def reporting_hand_over(after: AfterStand | None) -> Iterator[None]:
-    """Say that a robot was handed over under torque if its results cannot be written."""
+    """Report that a robot was handed over under torque even if its results cannot be written."""
     try:
         yield
     except KeyboardInterrupt:
@@ -120,7 +120,7 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
 
 
 def _measure_keys(result: RiseResult, world: World) -> list[dict[str, Any]]:
-    """Return the records of the key postures, those that were kept with the error as played."""
+    """Return the records of the key postures; kept ones have their error as played."""
     outcome, kept = result.outcome, [key for key in result.plan.keys if key.kept]
     played = dict[int, float]()
     if outcome is not None and kept:

@@ -1,4 +1,4 @@
-"""`getup rise`, `run` and `play`: one way to get a robot up, with a strategy each."""
+"""`getup rise`, `run` and `play`: rises by different strategies."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def play(command: Play) -> int:
 
 
 def _select_strategy(command: Rise, world: World) -> Strategy:
-    """Load what the method needs, before any robot is touched."""
+    """Load the strategy of the method, before any robot is touched."""
     request = StrategyRequest(
         method=command.method,
         torque_limit=make_torque_limit(command, world.robot),
@@ -105,7 +105,7 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
 
 
 def _use_cache(command: Rise, planner: PlannedRise) -> Strategy:
-    """Give a planner the cache of a command; rises through key postures have none.
+    """Add the plan cache of a command to a planner; rises through key postures have none.
 
     Raises:
         BadInputError: if the command names a folder that holds damaged entries. Those of the
@@ -134,7 +134,7 @@ def _get_up(
     without_imu: bool = False,
     extra: dict[str, Any],
 ) -> int:
-    """Get the robot of a command up and hand the result over; return the exit code.
+    """Get the robot of a command up and write the result; return the exit code.
 
     The extra keys are those of the report.
     """

@@ -81,7 +81,7 @@ def run_session(
 
 
 def _locate(command: RunOptions) -> dict[str, Any]:
-    """Return what tells a session where a real robot lies; a simulated one knows."""
+    """Return the locator of a session for a real robot; a simulated one needs none."""
     if command.at is None:
         return {}
     x, y, heading = command.at
@@ -101,6 +101,6 @@ def _choose_start(
 
 
 def _settle_start(world: World, motion: Motion) -> Posture:
-    """Return where a motion begins, at rest."""
+    """Return the start posture of a motion, at rest."""
     at_rest = settle_posture(world, motion.posture(0))
     return read_posture(world.robot, world.model, at_rest)

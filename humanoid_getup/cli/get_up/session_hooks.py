@@ -1,4 +1,4 @@
-"""What sessions of commands report: phases to terminal, flight log and stop key, and cycles."""
+"""Hooks of sessions: phases and cycles for terminal, flight log and stop key."""
 
 from __future__ import annotations
 

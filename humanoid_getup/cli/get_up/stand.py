@@ -1,4 +1,4 @@
-"""`getup sit` and `getup hold`: what a robot that stands does next."""
+"""`getup sit` and `getup hold`: for a robot that stands already."""
 
 from __future__ import annotations
 

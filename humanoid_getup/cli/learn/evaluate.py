@@ -1,4 +1,4 @@
-"""`getup eval POLICY`: how often, how fast and how hard a policy gets up."""
+"""`getup eval POLICY`: measures success, time and load of a policy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COLUMNS = {
 }
 """Headings of the printed tables, and keys of the JSON."""
 FOLLOWED = ("height_error", "angle_error_deg", "restarts")
-"""Keys of how a style was followed."""
+"""Keys of the figures of a followed style."""
 LEGEND = (
     "median (95th percentile); times and torques are those of rises that stood, all else of all"
 )

@@ -42,7 +42,7 @@ def train(command: TrainRequest) -> int:
         if trained.share < LEARNED:
             console_for().print(
                 f"it has not learned to get up yet; `getup robots check {command.robot}` names "
-                "joints that are too weak, and the same command with more --iterations goes on",
+                "joints that are too weak, and the same command with more --iterations continues",
                 markup=False,
             )
     return DID_IT

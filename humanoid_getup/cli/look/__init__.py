@@ -1,1 +1,1 @@
-"""Commands that look at what was done: `replay` and `bench`."""
+"""Commands that show results: `replay` and `bench`."""

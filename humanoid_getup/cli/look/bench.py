@@ -76,7 +76,7 @@ def bench(command: JobRequest) -> int:
 
 
 def bench_all(command: BenchAll) -> int:
-    """Run the whole benchmark, or go on with it; say where its page is."""
+    """Run or resume the whole benchmark; print the place of its page."""
     with hinting("bench all", command):
         code = bench(command)
     console_for(command).print(f"written to {command.out / PAGE}", markup=False)

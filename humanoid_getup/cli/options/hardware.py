@@ -33,7 +33,7 @@ class ServeBus(BodyOption, SceneOptions):
     voltage: Annotated[float | None, positive("V", at_most=48.0), arg(metavar="V")] = None
     """Supply [V]; default: the robot's nominal voltage."""
     latency: Annotated[float, between(0.0, 0.1, "s"), arg(metavar="S")] = 0.0
-    """Latency timer of the USB adapter [s]; FTDI adapters are shipped with 0.016."""
+    """Latency timer of the USB adapter [s]; FTDI adapters: 0.016 as shipped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Scan(JsonOption):
     """Try every baud rate that a servo may have: ten seconds a port."""
 
     def find_problems(self) -> list[str]:
-        """Report options that exclude each other, too."""
+        """Report options that exclude each other as well."""
         problems = super().find_problems()
         if self.baud is not None and self.all_bauds:
             problems.append("--baud and --all-bauds exclude each other, expected one of them")
@@ -63,7 +63,7 @@ class ServiceOptions(JsonOption, RobotOption):
     """Serial port; of a robot with several, NAME=PATH of each."""
 
     def find_problems(self) -> list[str]:
-        """Report missing ports, too."""
+        """Report missing ports as well."""
         missing = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
         return super().find_problems() + ([] if self.port else [missing])
 

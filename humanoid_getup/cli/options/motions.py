@@ -28,7 +28,7 @@ class ListScenes(BodyOption, JsonOption, RobotOption):
     """List the scenes in which a robot may lie, or draw them."""
 
     scene: Positional[str] = ""
-    """Name of a scene or a scene file (.toml); default: all that have a name."""
+    """Name of a scene, or a scene file (.toml); default: all named scenes."""
     seed: Seed = 0
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
     """Picture to write of a robot that lies in each scene; of one scene alone, in each of its
@@ -37,16 +37,16 @@ class ListScenes(BodyOption, JsonOption, RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class ListPlanCache(JsonOption):
-    """List the solved rises that are kept, or remove them."""
+    """List the stored plans of rises, or remove them."""
 
     robot: str | None = None
     """Name of a robot; default: all."""
     cache_folder: CacheFolder = None
     clear: bool = False
-    """Remove them, damaged ones too."""
+    """Remove them, including damaged ones."""
 
     def find_problems(self) -> list[str]:
-        """Report a folder that does not exist, too."""
+        """Report a missing folder as well."""
         problems = super().find_problems()
         if self.cache_folder is not None and not self.cache_folder.is_dir():
             problems.append(f"--cache-folder is {self.cache_folder}, expected an existing folder")
@@ -69,7 +69,7 @@ class ShowMotion(BodyOption, RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class Preflight(TorqueOptions, WorldOptions):
-    """Judge a motion by limits, speed, torque at a supply, heat and self-collision."""
+    """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
 
     motion: Positional[MotionName]
     voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
@@ -119,7 +119,7 @@ class RecordMotion(NewKeysOptions, BackendOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PreviewMotion(RobotOption):
-    """Draw the keys of a motion, play them once as they are, and say how that ends.
+    """Draw the keys of a motion, play them once as they are, and print the outcome.
 
     Above, each key without physics; below, the rollout, undisturbed and at full torque.
     """

@@ -21,7 +21,7 @@ class Plan(JsonOption, PlanRequest):
     """Plan a path from a lying posture to a stored motion, or to any posture; no physics."""
 
     keep_partial: bool = False
-    """If no path is found, save how far the best one leads."""
+    """If no path is found, save the collision-free beginning of the best one."""
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder for path.npz and strip.png."""
 

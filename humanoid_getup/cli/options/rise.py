@@ -28,7 +28,7 @@ class Rise(BodyOption, PreferenceOptions, RunOptions):
     attempts: Count = 3
     """Number of attempts before giving up."""
     method: Literal["plan", "policy", "auto"] = "plan"
-    """Plan a motion, run a policy, or use what has the better track record for the start."""
+    """Plan a motion, run a policy, or use the one with the better track record for the start."""
     policy: PolicyName | None = None
     """With --method policy or auto; default: robust, or styled with --style."""
     style: StyleOption = None
@@ -38,11 +38,11 @@ class Rise(BodyOption, PreferenceOptions, RunOptions):
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
     key: Keys = ()
     plan_cache: bool = True
-    """Begin with the plan of a solved rise whose start was near, and keep new ones."""
+    """Try the stored plan with the nearest start first, and store new plans."""
     cache_folder: CacheFolder = None
 
     def find_problems(self) -> list[str]:
-        """Report an option that does not fit the backend or another one, too."""
+        """Report options that do not fit the backend or each other as well."""
         problems = super().find_problems() + self._find_unused()
         if self.is_real and not self.filtering:
             problems.append("--no-filtering requires a simulated robot")
@@ -52,7 +52,7 @@ class Rise(BodyOption, PreferenceOptions, RunOptions):
         return problems
 
     def _find_unused(self) -> list[str]:
-        """Report options of a plan for a policy, and the other way round."""
+        """Report options of plans given for a policy, and the reverse."""
         problems = []
         if self.method == "plan" and self.policy is not None:
             problems.append(f"--policy is {self.policy}, expected --method policy or auto with it")
@@ -99,14 +99,14 @@ class Play(BodyOption, RunOptions):
     held in the end, a key press switches torque off."""
 
     def find_problems(self) -> list[str]:
-        """Report an option that does not fit the backend, too."""
+        """Report an option that does not fit the backend as well."""
         problems = super().find_problems()
         if self.is_real and not self.preflight:
             problems.append("--no-preflight requires a simulated robot")
         return problems + (self._find_blind_problems() if self.without_imu else [])
 
     def _find_blind_problems(self) -> list[str]:
-        """Report what requires an orientation."""
+        """Report options that require an orientation."""
         problems = []
         if self.then not in (None, "hold", "limp"):
             problems.append(

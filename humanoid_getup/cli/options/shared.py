@@ -1,4 +1,4 @@
-"""Options that only the command line has: where results go, and what moves a robot."""
+"""Options of the command line alone: output of results, and backends."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ A_REAL_ROBOT = "a real robot has the body that it has"
 
 @dataclass(frozen=True, kw_only=True)
 class JsonOption(JobRequest):
-    """Where the results go."""
+    """Option for the results as JSON."""
 
     json: JsonTarget = None
 
@@ -56,25 +56,25 @@ class JsonOption(JobRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class PictureOption(JobRequest):
-    """Whether something is drawn, and where."""
+    """Option for a picture."""
 
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
     """Picture to write."""
 
     def find_problems(self) -> list[str]:
-        """Report a picture that cannot be written, too."""
+        """Report a picture that cannot be written as well."""
         problems = super().find_problems()
         return problems if self.picture is None else problems + find_file_problems(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions(BodyOption, JsonOption, SceneOptions):
-    """Robot, body, scene, seed, and where the results go."""
+    """Robot, body, scene, seed, and the results as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BackendOptions(SceneOptions):
-    """Which robot a command connects to, simulated or real."""
+    """The robot to which a command connects, simulated or real."""
 
     backend: Literal["twin", "virtual", "dynamixel"] = "twin"
     """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
@@ -85,7 +85,7 @@ class BackendOptions(SceneOptions):
     """Run a simulated robot in real time."""
 
     def find_problems(self) -> list[str]:
-        """Report ports that do not fit, too."""
+        """Report wrong ports as well."""
         problems = super().find_problems()
         if self.backend == "twin" and self.port:
             ports = ", ".join(self.port)
@@ -96,7 +96,7 @@ class BackendOptions(SceneOptions):
 
     @property
     def is_real(self) -> bool:
-        """Whether the robot may be a real one."""
+        """Return whether the robot may be a real one."""
         return bool(self.port)
 
 
@@ -109,7 +109,7 @@ class MoveOptions(TorqueOptions, JsonOption, BackendOptions):
     of a policy with style curves, style.png."""
 
     def find_problems(self) -> list[str]:
-        """Report a torque limit or a folder that does not fit, too."""
+        """Report a wrong torque limit or folder as well."""
         problems = super().find_problems()
         if self.backend != "twin" and self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
@@ -138,7 +138,7 @@ class RunOptions(MoveOptions):
     """Whether a simulated robot has no start of its own."""
 
     def find_problems(self) -> list[str]:
-        """Report a start that does not fit, too."""
+        """Report a wrong start as well."""
         problems = super().find_problems()
         if self.at is not None and not all(math.isfinite(value) for value in self.at):
             problems.append(f"--at is {self.at}, expected three finite numbers")
@@ -164,7 +164,7 @@ class RunOptions(MoveOptions):
 
 @cache
 def with_json(request: type[JobRequest]) -> type[JobRequest]:
-    """Return the options of a command: a request, and where its results go."""
+    """Return the options of a command: a request, with an option for JSON."""
     namespace = {"__doc__": request.__doc__}
     bases = (JsonOption, request)
     name = request.__name__

@@ -22,7 +22,7 @@ StyleName = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class ListStyles(BodyOption, JsonOption, RobotOption):
-    """List the styles that have a name."""
+    """List the named styles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +32,10 @@ class ShowStyles(BodyOption, JsonOption, RobotOption):
     styles: Annotated[Positional[tuple[str, ...]], arg(metavar="STYLE...")]
     """Names of styles, or style files."""
     picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
-    """Picture to write of the curves: each style's mean, and how several ways of lying differ."""
+    """Picture of the curves to write: each style's mean, and the spread over ways of lying."""
 
     def find_problems(self) -> list[str]:
-        """Report a picture that cannot be written, and no style at all, too."""
+        """Report a picture that cannot be written, or missing styles, as well."""
         problems = super().find_problems()
         if not self.styles:
             problems.append("there is no STYLE, expected one or more names or files")
@@ -56,14 +56,14 @@ class EditStyle(StyleOutput):
     faster: Annotated[float | None, positive(), arg(metavar="FACTOR")] = None
     """Divisor of the duration."""
     sooner: Annotated[float | None, positive("s"), arg(metavar="S")] = None
-    """Raise the neck so much sooner [s]; the duration stays."""
+    """Time by which the neck rises sooner [s]; the duration stays."""
     later: Annotated[float | None, positive("s"), arg(metavar="S")] = None
-    """Raise the neck so much later [s]; the duration stays."""
+    """Time by which the neck rises later [s]; the duration stays."""
     hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
-    """Hold what is wanted at a time [s] for so long [s]."""
+    """Time whose targets are held [s], and duration of the hold [s]."""
 
     def find_problems(self) -> list[str]:
-        """Report edits that contradict each other, or none, too."""
+        """Report contradicting or missing edits as well."""
         problems = super().find_problems()
         for one, other in (("slower", "faster"), ("sooner", "later")):
             if getattr(self, one) is not None and getattr(self, other) is not None:

@@ -77,7 +77,7 @@ def open_presses() -> Iterator[PressSource]:
 
 
 def make_sequence(name: str, keys: list[Array], robot: Robot) -> KeySequence:
-    """Make a sequence of joint angles [rad], (n,) each; the time between them is their distance's.
+    """Make a sequence of joint angles [rad], (n,) each; times follow from their distances.
 
     A person's own time says nothing: each posture is held until a key is pressed.
     """
@@ -96,7 +96,7 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
 
 
 def _tolerate_silence(robot: Robot) -> GuardLimits:
-    """Let a robot be silent for longer: without torque no harm comes of it."""
+    """Tolerate a longer silence of a robot, which is harmless without torque."""
     cycles = round(LONGEST_SILENCE / robot.control_period)
     limits = GuardLimits.of(robot)
     return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LONGEST_SILENCE)

@@ -42,7 +42,7 @@ SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
 
 
 def preview(command: PreviewMotion) -> int:
-    """Play the keys once and draw them; 0 if that ends as it should."""
+    """Play the keys once and draw them; return 0 if they end as they should."""
     robot = load_robot(command)
     (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
     path = command.picture or Path(f"{keyframes.name}.png")
@@ -62,13 +62,13 @@ def preview(command: PreviewMotion) -> int:
 
 
 def build(command: BuildRequest) -> int:
-    """Build the motions; report those that do not end as they should."""
+    """Build the motions; report those that fail."""
     with hinting("motions build", command), showing() as report:
         return _print_built(build_all(command, report))
 
 
 def retarget(command: RetargetRequest) -> int:
-    """Take another robot's keys; 0 if every motion stands."""
+    """Transfer another robot's keys; return 0 if every motion stands."""
     with hinting("motions retarget", command), showing() as report:
         found = transfer_all(command, report)
     if found.improved is not None:
@@ -85,14 +85,14 @@ def _print_built(found: BuiltMotions) -> int:
 
 
 def discover(command: DiscoverRequest) -> int:
-    """Search from each side; 1 if there is no motion from one of them."""
+    """Search from each side; return 1 if a side has no motion."""
     with showing() as report:
         found = search_all(command, report)
     return DID_IT if all(each.motions for each in found) else DID_NOT_STAND
 
 
 def import_motion(command: ImportKeysRequest) -> int:
-    """Add the keys of a file, and say what they are."""
+    """Add the keys of a file, and print them."""
     with showing() as report:
         added = import_keys(command, report)
     print_added(added, command)
@@ -100,7 +100,7 @@ def import_motion(command: ImportKeysRequest) -> int:
 
 
 def print_added(added: AddedKeys, command: NewKeysOptions) -> None:
-    """Print what keyframes were added, how they end, and what to do next."""
+    """Print the added keyframes, their outcome, and the next step."""
     console = console_for()
     for found, trial in zip(added.imported, added.trials, strict=True):
         keyframes = trial.keyframes
@@ -119,7 +119,7 @@ def print_added(added: AddedKeys, command: NewKeysOptions) -> None:
 
 
 def import_clip(command: ClipRequest) -> int:
-    """Retarget a clip, and say how far the motion is from it."""
+    """Retarget a clip, and print the deviation of the motion."""
     with showing(command) as report:
         found = make_motion(command, report)
     write_json(DescribedClip.of(found), command)
@@ -143,7 +143,7 @@ class Spread(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DescribedClip(msgspec.Struct, frozen=True, kw_only=True):
-    """A motion made of a clip, and how far its limbs point off the clip's."""
+    """A motion made from a clip, and the deviation of its limbs."""
 
     name: str
     robot: str

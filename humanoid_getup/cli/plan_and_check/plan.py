@@ -1,4 +1,4 @@
-"""`getup plan`: plan a path, without physics, and say how the search went."""
+"""`getup plan`: plans a path without physics, and prints figures of the search."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robots.kinematics import place_postures
 
 
 class DescribedConnection(msgspec.Struct, frozen=True, kw_only=True):
-    """The frame of a motion that a path leads to."""
+    """The frame of a motion to which a path leads."""
 
     motion: str
     frame: int
@@ -37,7 +37,7 @@ class DescribedConnection(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DescribedKey(msgspec.Struct, frozen=True, kw_only=True):
-    """A key posture, and when the path leaves it."""
+    """A key posture, and the time at which the path leaves it."""
 
     name: str
     time: float | None = msgspec.field(name="time_s")
@@ -155,7 +155,7 @@ def _describe(found: PlannedPath, command: Plan, no_strip: str | None) -> Descri
 
 
 def _print(record: DescribedPath, files: list[str], command: Plan) -> None:
-    """Print one line that says how it ended, and the figures."""
+    """Print the outcome in one line, and the figures."""
     console = console_for(command)
     effort = f"{record.checks} checks in {record.time:.1f} s"
     if not record.found:

@@ -18,7 +18,7 @@ AGES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 
 
 def list_or_clear(command: ListPlanCache) -> int:
-    """Print a table or JSON of the solved rises, or remove them."""
+    """Print a table or JSON of the stored plans, or remove them."""
     with refusing():
         cache = open_plan_cache(command.cache_folder)
         if command.clear:

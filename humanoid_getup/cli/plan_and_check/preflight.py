@@ -26,7 +26,7 @@ SHOWN = 6  # joints in the table, the most loaded first
 
 
 def preflight(command: Preflight) -> int:
-    """Roll out, judge, report; 0 if the motion may be played, 1 if it is refused."""
+    """Check a motion; return 0 if it may be played, 1 if it is refused."""
     world = load_world(command)
     robot, motion = world.robot, find_motion(world.robot, command.motion)
     limit = make_torque_limit(command, robot)

@@ -68,7 +68,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
 
 
 def _draw(robot: Robot, scenes: list[Scene], file: Path, seed: int) -> None:
-    """Draw a robot that lies in each scene, in every way that it has if there is one alone."""
+    """Draw a robot that lies in each scene; in a single scene, in every way of lying."""
     if problems := find_file_problems(file):
         raise BadInputError("; ".join(problems))
     pictures, captions = [], []

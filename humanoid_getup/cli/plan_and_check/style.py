@@ -139,7 +139,7 @@ def _print_points(style: DescribedStyle) -> None:
 
 
 def _print_times(file: Path, before: Style | None, curves: tuple[StyleCurves, ...]) -> None:
-    """Print duration and time of the rise of each curve, and what they were before."""
+    """Print duration and time of the rise of each curve, now and before."""
     console = console_for()
     for number, curve in enumerate(curves):
         name = f"{file}, {curve.start}" if curve.start else str(file)

@@ -40,7 +40,7 @@ from robots.quaternion import Array
 ZERO, STANDING = "zero", "standing"
 NOT_SAVED = "nothing is saved"
 HEADINGS = ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is")
-REHEARSAL_FILE = "calibration.virtual.toml"
+VIRTUAL_FILE = "calibration.virtual.toml"
 
 
 def calibrate(command: Calibrate) -> int:
@@ -48,8 +48,8 @@ def calibrate(command: Calibrate) -> int:
     robot = _load_robot(command)
     joints, joint_pos = _choose_joints(command, robot), _choose_posture(command, robot)
     ports = name_ports(robot, command.port)
-    is_rehearsal = any(map(is_pseudo_terminal, ports.values()))
-    path = command.out or robot.folder / (REHEARSAL_FILE if is_rehearsal else CALIBRATION_FILE)
+    is_virtual = any(map(is_pseudo_terminal, ports.values()))
+    path = command.out or robot.folder / (VIRTUAL_FILE if is_virtual else CALIBRATION_FILE)
     check_folder(path.parent)
     console = console_for(command)
     prompt = open_prompt(console)
@@ -77,8 +77,8 @@ def calibrate(command: Calibrate) -> int:
     if not saved:
         return _leave(console)
     console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
-    if is_rehearsal and command.out is None:
-        console.print("rehearsed on a virtual bus: the robot's own calibration is unchanged")
+    if is_virtual and command.out is None:
+        console.print("measured on a virtual bus: the robot's own calibration is unchanged")
     return DID_IT
 
 
@@ -143,13 +143,13 @@ class TerminalPrompt:
 
 
 def open_prompt(console: Console) -> Prompt | None:
-    """Return the person at the terminal, ``None`` if there is none."""
+    """Return the person at the terminal, ``None`` without a terminal."""
     is_terminal = sys.stdin is not None and sys.stdin.isatty()
     return TerminalPrompt(console) if is_terminal else None
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder in which nothing can be saved, before a person does the work."""
+    """Refuse a folder that cannot be written, before a person does the work."""
     if not os.access(folder, os.W_OK | os.X_OK):
         raise _no_folder(folder, "permission denied or read-only")
 

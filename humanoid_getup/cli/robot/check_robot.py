@@ -1,4 +1,4 @@
-"""`getup robots check`: what is wrong with a robot's description, and what its body can do."""
+"""`getup robots check`: checks a robot's description and abilities."""
 
 from __future__ import annotations
 

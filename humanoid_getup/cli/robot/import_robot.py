@@ -10,7 +10,7 @@ from humanoid_getup.jobs.requests.robots import ImportRequest
 
 
 def import_robot(command: ImportRequest) -> int:
-    """Import the model, and report what was found and guessed."""
+    """Import the model, and report findings and guesses."""
     with showing(command) as report:
         found = make_folder(command, report)
     write_json(found, command)

@@ -1,1 +1,1 @@
-"""What all commands share: console, exit codes, and where results go."""
+"""Code that all commands share: console, exit codes, output."""

@@ -1,4 +1,4 @@
-"""What people see: lines and tables on standard output, progress on standard error."""
+"""The console: lines and tables on standard output, progress on standard error."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def showing(command: JobRequest | None = None) -> Iterator[Report]:
 
 
 class ProgressDisplay:
-    """A text for what is not counted, a bar for every phase that is, and lines for findings."""
+    """Shows a text or a bar for each phase, and lines for findings."""
 
     def __init__(self, findings: Console) -> None:
         """Show progress on standard error, and findings on a console."""
@@ -74,7 +74,7 @@ class ProgressDisplay:
         self._tasks: dict[str, TaskID] = {}
 
     def show(self, progress: Progress) -> None:
-        """Show how far the work has come."""
+        """Show the progress of the work."""
         if progress.message:
             self.stop()
             self._findings.print(progress.message, markup=False, soft_wrap=True)
@@ -84,7 +84,7 @@ class ProgressDisplay:
             self._show_bar(progress)
 
     def stop(self) -> None:
-        """Leave the terminal to lines; progress that follows is shown again."""
+        """Clear the progress, so that lines can be printed; later progress is shown again."""
         if self._status is not None:
             self._status.stop()
         if self._bars is not None:

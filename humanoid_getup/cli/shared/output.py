@@ -1,4 +1,4 @@
-"""Where results go: the names of files, and JSON."""
+"""Output of results: names of files, and JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def find_json_target(command: JobRequest | None) -> str | None:
 
 
 def write_json(result: object, command: JobRequest) -> None:
-    """Write a result as JSON where a command wants it: to a file, to standard output, or nowhere.
+    """Write a result as JSON to the target of a command: a file, standard output, or none.
 
     Raises:
         BadInputError: if the file cannot be written.

@@ -1,4 +1,4 @@
-"""The command line that asks for a request, exactly as it is typed."""
+"""The exact command line of a request."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from humanoid_getup.jobs.requests.shared import JobRequest
 
 
 def write_command(name: str, request: JobRequest) -> str:
-    """Write the command line of a request: what differs from the defaults."""
+    """Write the command line of a request, without defaults."""
     hints = get_type_hints(type(request), include_extras=True)
     words, options = ["getup", *name.split()], list[str]()
     for field in fields(request):
@@ -30,12 +30,12 @@ def write_command(name: str, request: JobRequest) -> str:
 
 @contextmanager
 def hinting(name: str, request: Any) -> Iterator[None]:
-    """Say what goes on with work that is interrupted (`KeyboardInterrupt`)."""
+    """Add the command that resumes the work to an interrupt (`KeyboardInterrupt`)."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
         again = write_command(name, replace(request, resume=True))
-        raise KeyboardInterrupt(f"{again} goes on") from interrupt
+        raise KeyboardInterrupt(f"{again} continues") from interrupt
 
 
 def _find_default(field: Field[Any]) -> Any:
@@ -43,7 +43,7 @@ def _find_default(field: Field[Any]) -> Any:
 
 
 def _find_name(name: str, hint: Any) -> str:
-    """Return the name of an option: another than its field's if its type says so."""
+    """Return the name of an option, which its type may override."""
     names = (getattr(note, "name", None) for note in get_args(hint))
     renamed = next((name for name in names if isinstance(name, str)), None)
     return (renamed or name).replace("_", "-")

@@ -51,11 +51,11 @@ class BuildRequest(RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class RetargetRequest(BuildRequest):
-    """Take the keyframes of another robot: point the limbs the same way, keep the motions that
-    stand so, and improve the others as `getup motions build` does."""
+    """Transfer the keyframes of another robot: point the limbs the same way, keep the motions
+    that stand, and improve the others as `getup motions build` does."""
 
     source: Annotated[str, arg(metavar="NAME|DIR")] = "op3"
-    """Robot whose keyframes are taken."""
+    """Robot whose keyframes are transferred."""
     improve: bool = True
     """Improve the motions that do not stand as they are."""
 

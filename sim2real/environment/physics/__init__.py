@@ -1,1 +1,1 @@
-"""Robots of a training: their physics, and how they differ."""
+"""Robots of a training: their physics and their differences."""

@@ -1,4 +1,4 @@
-"""Model variants: physics that differ from those of training, to evaluate policies in."""
+"""Model variants: physics other than those of training, for the evaluation of policies."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ NOISE = ObservationNoise(joint_pos=0.003, joint_vel=0.08, gyro=0.05, gravity=0.0
 
 
 def _symmetric(largest: float) -> Uniform:
-    """Return errors up to a largest one, both ways."""
+    """Return a distribution of errors between minus and plus a bound."""
     return Uniform(-largest, largest)
 
 
@@ -82,7 +82,7 @@ TORQUE = Disturbance(friction=GROUND_FRICTION, torque_share=Mixture(0.7, 1.0, Un
 
 @dataclass(frozen=True, kw_only=True)
 class DomainRandomization:
-    """What differs between the robots of training, drawn for every episode, and in its course."""
+    """Differences between the robots of training, drawn for every episode and during it."""
 
     disturbance: Disturbance
     push_interval: float = 2.5

@@ -93,7 +93,7 @@ class TrainingSim(VecSim):
         return self.advance(self.make_targets(target, following), self._hold, record)
 
     def make_targets(self, target: Array, following: Array) -> Array:
-        """Make what servos are sent in such a step, by what they know of their joints, (N, T, n).
+        """Interpolate the targets of a step from the joint angles that servos measure, (N, T, n).
 
         T is the number of control periods, where the physics step divides them.
         """
@@ -221,7 +221,7 @@ Whole = NDArray[np.integer[Any]]
 
 
 class DelayBuffers:
-    """Fills the buffers of placed robots as if they had always been in their present state.
+    """Fills the buffers of placed robots as if they had always rested in their present state.
 
     A buffer in mjData.history is two numbers of bookkeeping, the sample times, then the samples.
     """

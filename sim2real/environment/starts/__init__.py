@@ -1,1 +1,1 @@
-"""Where the episodes of a training begin."""
+"""Initial states of training episodes."""

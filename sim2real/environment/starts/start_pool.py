@@ -1,4 +1,4 @@
-"""Pools of initial states, of which hard ones are drawn more often."""
+"""Pools of initial states; hard ones are drawn more often."""
 
 from __future__ import annotations
 

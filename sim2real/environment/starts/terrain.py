@@ -36,7 +36,7 @@ class Patch:
     level: int
     """Row in `LEVELS`."""
     region: StartRegion
-    """Where robots fall on it."""
+    """Region in which robots fall on it."""
 
 
 @dataclass(frozen=True, kw_only=True)

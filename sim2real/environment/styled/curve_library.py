@@ -84,7 +84,7 @@ class CurveLibrary:
         return self.pieces[:, 0, 3]
 
     def find_near(self, features: Array) -> NDArray[np.bool_]:
-        """Find measured features (m, 3) near to which any curve begins, (m,)."""
+        """Find measured features (m, 3) near the beginning of any curve, (m,)."""
         distance = angle_distance(features[:, None], self.starts[None])
         return np.any(distance <= NEAR, axis=1)
 

@@ -37,7 +37,7 @@ class PriorHead:
     def act(
         self, outputs: Array, memory: Array, tracker: CurveTracker | None
     ) -> tuple[Array, Array]:
-        """Filter the outputs, decode the posture, add offsets and what balances the robot.
+        """Filter the outputs, decode the posture, add offsets and the ankle balance.
 
         Raises:
             ValueError: without curves.
@@ -49,7 +49,7 @@ class PriorHead:
     def decode(
         self, outputs: Array, memory: Array, wanted: Array, measured: Array
     ) -> tuple[Array, Array]:
-        """Compute actions and memory from style features that are wanted and measured, (N, 3)."""
+        """Compute actions and memory from wanted and measured style features, (N, 3)."""
         new = np.clip(outputs, -self.limit, self.limit)
         memory = FILTER_SHARE * new + (1.0 - FILTER_SHARE) * memory
         scaled = memory * scale_near_stance(measured)
@@ -59,7 +59,7 @@ class PriorHead:
         return (pos - self._action.home) / self._action.scale, memory
 
     def invert(self, target: Array, memory: Array, wanted: Array, measured: Array) -> Array:
-        """Compute outputs (N, m) that lead to joint targets [rad], (N, n), or near to them.
+        """Compute outputs (N, m) that lead to joint targets [rad], (N, n), or close to them.
 
         What the latent parameters do not reach is left to the offsets.
         """
@@ -68,7 +68,7 @@ class PriorHead:
         return np.clip(outputs, -self.limit, self.limit)
 
     def remember(self, target: Array, wanted: Array, measured: Array) -> Array:
-        """Compute the memory (N, m) of a robot whose joint targets are and were [rad], (N, n)."""
+        """Compute the memory (N, m) for the present and the last joint targets [rad], (N, n)."""
         scale = scale_near_stance(measured)
         target = target - self.balance.correct(wanted, measured)
         most = MOST_LATENT * scale

@@ -53,7 +53,7 @@ def reward_style(
     phase = np.exp(-PHASE_WEIGHT * np.maximum(1.0 - wanted[:, 0], 0.0))
 
     def count_at_end(value: Array) -> Array:
-        """Weight a factor by how near its end the curve is, equations (7) and (9)."""
+        """Weight a factor by the progress along the curve, equations (7) and (9)."""
         return (1.0 - phase) + phase * value
 
     offset = np.abs(offsets).mean(axis=1) / MOST_OFFSET

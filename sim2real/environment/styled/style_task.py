@@ -1,4 +1,4 @@
-"""The style task: which curves robots follow in training, and when they deviate too much."""
+"""The style task: the curves that robots follow in training, and the end of deviations."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class StyleTask(SavedArrays):
         return duration - time + STAND_TIME
 
     def remember(self, ids: NDArray[np.int_], target: Array) -> Array:
-        """Compute the memory of robots whose targets are and were those [rad], (m, n)."""
+        """Compute the memory for the present and the last targets [rad], (m, n)."""
         tracker = self.tracker
         return self.head.remember(target, tracker.wanted[ids], tracker.features[ids])
 
@@ -92,7 +92,7 @@ class StyleTask(SavedArrays):
         return *terms, np.where(self._knows[:, np.newaxis], sim.measure_height_map(), UNKNOWN)
 
     def follow(self, sim: TrainingSim, sensed: Sensed, memory: Array) -> StyleReward:
-        """Advance the curves by a policy step; compute how well the robots follow them."""
+        """Advance the curves by a policy step; compute the reward for following them."""
         self._age = self._age + sim.step_time
         self.tracker.advance(sim.step_time)
         self.tracker.measure(sensed.gravity, sensed.joint_pos)

@@ -1,4 +1,4 @@
-"""Input extension: more inputs for a network, which acts as before until they are trained."""
+"""Input extension: adds inputs of zero weight to a network."""
 
 from __future__ import annotations
 

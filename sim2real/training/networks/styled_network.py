@@ -88,7 +88,7 @@ class StyledNetwork(nn.Module):
         return (pos - self.home) / self.scale, memory
 
     def _balance(self, x: torch.Tensor) -> torch.Tensor:
-        """Compute what `AnkleBalance` adds to the joint targets."""
+        """Compute the correction of `AnkleBalance` to the joint targets."""
         measured = x[:, self.measured]
         share = ((measured[:, :1] - BEGIN) / (FULL - BEGIN)).clamp(0.0, 1.0)
         error = (x[:, self.wanted] - measured)[:, 1:]
@@ -101,7 +101,7 @@ class StyledNetwork(nn.Module):
 
 
 def list_prior_arrays(prior: PosePrior) -> dict[str, Array]:
-    """List what a graph holds of a pose prior, by the names of its arrays, in single precision."""
+    """List the arrays of a pose prior that a graph holds, by name, in single precision."""
     arrays = dict(_list_statistics(prior))
     layers = zip(prior.decoder.weights, prior.decoder.biases, strict=True)
     for number, (weight, bias) in enumerate(layers):

@@ -126,7 +126,7 @@ class SymmetricNetwork(nn.Module):
 
 
 def split(exchange: Exchange) -> tuple[torch.Tensor, torch.Tensor]:
-    """Find orthonormal combinations that an exchange keeps, (p, d), and others that it turns.
+    """Find orthonormal combinations that an exchange keeps, (p, d), and those that it negates.
 
     The sign of the latter, (q, d), is changed; p and q add up to d.
     """

@@ -1,4 +1,4 @@
-"""A search that was interrupted goes on as if it had not been."""
+"""A search that was interrupted continues as if it had not been."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -199,7 +199,7 @@ def test_a_build_that_fails_keeps_its_best_try_and_goes_on(run: Run, op3_folder:
     assert len(load_keyframes(unfinished / "kick.toml", load_robot(op3_folder))) == 1
     code, out, _ = run(*build, "--generations", "2", "--resume")
     assert code == 1
-    assert "kick goes on after generation 1" in out
+    assert "kick continues after generation 1" in out
     assert len(json.loads((unfinished / "kick.json").read_text())["generations"]) == 2
     code, _, error = run(*build, "--resume", "--seed", "5")
     assert code == 2

@@ -241,7 +241,7 @@ def test_no_zero_beyond_the_servos_turn_reaches_a_file(tmp_path):
 # Rehearsals ----------------------------------------------------------------------------------
 
 
-def test_a_rehearsal_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder, capsys):
+def test_calibrating_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder, capsys):
     own = 'robot = "tiny"\n[joints.r_hip]\nzero_ticks = 1010\nsign = -1\n'
     (folder / "calibration.toml").write_text(own)
     with real_robot() as served:
@@ -249,8 +249,8 @@ def test_a_rehearsal_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder
     told = " ".join(capsys.readouterr().out.split())
     assert code == 0
     assert (folder / "calibration.toml").read_text() == own
-    rehearsed = tomllib.loads((folder / "calibration.virtual.toml").read_text())
-    assert rehearsed["joints"]["l_hip"] == {"zero_ticks": 2100, "sign": 1}
+    measured = tomllib.loads((folder / "calibration.virtual.toml").read_text())
+    assert measured["joints"]["l_hip"] == {"zero_ticks": 2100, "sign": 1}
     assert "virtual bus" in told and "calibration.virtual.toml" in told
     assert load_robot(folder).joints[1].servo.zero_ticks == 1010
 

@@ -33,7 +33,7 @@ def _is_command(name: str) -> bool:
     return name in COMMANDS and bool(COMMANDS[name].options)
 
 
-def test_an_interrupted_build_says_exactly_what_goes_on(
+def test_an_interrupted_build_prints_the_command_that_continues_it(
     run: Run, copied_op3: Path, monkeypatch: pytest.MonkeyPatch
 ):
     def interrupt(*_: object) -> None:
@@ -43,5 +43,5 @@ def test_an_interrupted_build_says_exactly_what_goes_on(
     wanted = ("squat_to_stand", "--robot", str(copied_op3), "--seed", "3")
     code, _, error = run("motions", "build", *wanted)
     assert code == 130
-    again = f"getup motions build squat_to_stand --robot {copied_op3} --seed 3 --resume goes on"
+    again = f"getup motions build squat_to_stand --robot {copied_op3} --seed 3 --resume continues"
     assert error.splitlines()[-1] == f"getup: interrupted: {again}"

@@ -11,6 +11,7 @@ from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.variation import Variation
+from humanoid_getup.motions.population import EvolutionStrategy
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
@@ -18,7 +19,6 @@ from robots.quaternion import Array
 SAMPLES = 10  # variations of a generation
 HARDEST = 4  # worlds in which every variation is rolled out
 RIVALS = 2  # best variations of a generation that may be rolled out in the other worlds
-PARENTS = 5  # best variations of a generation, about whose mean the next one is sampled
 STEP = 0.4  # standard deviation of a generation's genes
 EFFORT = 0.02  # of 1 s of a preference's cost; a stand is worth 1, what comes near it up to 1
 NO_STAND = 10.0  # s, cost of a rise that fails, beside the stand that it misses
@@ -56,10 +56,6 @@ class FoundTargets:
 class TargetSearch:
     """An evolution strategy over variations, in the hardest worlds first.
 
-    Each generation is sampled about the weighted mean of the best of the one before,
-    (μ/μ_w, λ) of Hansen, "The CMA evolution strategy", 2016. Its covariance is fixed: a search
-    ends within a few generations, before CMA-ES would have learned one.
-
     Disturbed worlds differ much in how hard they are, and most variations fail. So each is
     rolled out in the nominal world and in those that are hardest for the best targets so far; only
     one that stands in all of them is rolled out in the others, too.
@@ -69,7 +65,7 @@ class TargetSearch:
         """Prepare for searches in a world."""
         self.preference = preference
         self.experiment = Experiment(world, threads=threads)
-        self._robot, self._layout = world.robot, world.robot.layout(world.model)
+        self.world = world
 
     def search(
         self, scenarios: Scenarios, target: Array, budget: float, rng: np.random.Generator
@@ -79,36 +75,25 @@ class TargetSearch:
         The search ends when they stand in all worlds, of which the first is the nominal one, or
         when the budget of simulated time [s] is spent.
         """
-        start = scenarios.starts[0, self._layout.qpos]
-        outcome = self.experiment.compare(scenarios, [target])
-        rollouts, simulated, generations = len(scenarios), outcome.record.duration, 0
+        tries = _Tries(self, scenarios, target, STEP, rng)
+        outcome = tries.compare(scenarios, [target])
         best, share, hardest = target, _share(outcome), _find_hardest(outcome)
-        mean = np.zeros(Variation.size(self._robot))
-        while share < 1.0 and simulated < budget:
-            generations += 1
-            genes = mean + STEP * rng.normal(size=(SAMPLES, len(mean)))
-            motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.experiment.compare(scenarios.take(hardest), motions)
-            rollouts += outcome.stood.size
-            simulated += outcome.record.duration
-            cost = self._weigh(outcome)
-            order = np.argsort(cost, kind="stable")
-            mean = _weights() @ genes[order[:PARENTS]]
-            for i in order[:RIVALS]:
-                if not outcome.stood[i].all():
+        while share < 1.0 and tries.simulated < budget:
+            generation = tries.vary(scenarios.take(hardest))
+            for i in generation.order[:RIVALS]:
+                if not generation.outcome.stood[i].all():
                     break
-                whole = self.experiment.compare(scenarios, [motions[i]])
-                rollouts += len(scenarios)
-                simulated += whole.record.duration
+                motion = generation.motions[i]
+                whole = tries.compare(scenarios, [motion])
                 if _share(whole) > share:
-                    best, share, hardest = motions[i], _share(whole), _find_hardest(whole)
+                    best, share, hardest = motion, _share(whole), _find_hardest(whole)
                     break
         return FoundTargets(
             target=best,
             share=share,
-            generations=generations,
-            rollouts=rollouts,
-            simulated=simulated,
+            generations=tries.generations,
+            rollouts=tries.rollouts,
+            simulated=tries.simulated,
         )
 
     def improve(
@@ -119,38 +104,82 @@ class TargetSearch:
         The budget is simulated time [s]. The search ends before it is spent when no cheaper one
         is wanted.
         """
-        start = scenarios.starts[0, self._layout.qpos]
-        outcome = self.experiment.compare(scenarios, [target])
-        rollouts, simulated = len(scenarios), outcome.record.duration
-        mean = np.zeros(Variation.size(self._robot))
-        begun = float(self._weigh(outcome)[0])
+        tries = _Tries(self, scenarios, target, FINE_STEP, rng)
+        outcome = tries.compare(scenarios, [target])
+        begun = float(self.weigh(outcome)[0])
         best = [(begun, target)]
         content = self._is_content(outcome, 0)
-        while not content and simulated < budget:
-            genes = mean + FINE_STEP * rng.normal(size=(SAMPLES, len(mean)))
-            motions = [Variation.of(g).apply(target, start, self._robot) for g in genes]
-            outcome = self.experiment.compare(scenarios, motions)
-            rollouts += outcome.stood.size
-            simulated += outcome.record.duration
-            cost = self._weigh(outcome)
-            order = np.argsort(cost, kind="stable")
-            mean = _weights() @ genes[order[:PARENTS]]
+        while not content and tries.simulated < budget:
+            generation = tries.vary(scenarios)
+            outcome, order, motions = generation.outcome, generation.order, generation.motions
             stands = np.asarray(outcome.stood.all(axis=1))
-            best += [(float(cost[i]), motions[i]) for i in order if stands[i]]
+            best += [(float(generation.cost[i]), motions[i]) for i in order if stands[i]]
             best = sorted(best, key=lambda one: one[0])[:FINALISTS]
             content = best[0][1] is motions[order[0]] and self._is_content(outcome, order[0])
-        cheaper = [motion for cost, motion in best[:FINALISTS] if cost < begun]
-        return Improvement(targets=cheaper, rollouts=rollouts, simulated=simulated)
+        cheaper = [motion for cost, motion in best if cost < begun]
+        return Improvement(targets=cheaper, rollouts=tries.rollouts, simulated=tries.simulated)
 
     def _is_content(self, outcome: Outcome, i: int | np.int_) -> bool:
         """Return whether nothing cheaper than a motion is wanted."""
         return not (self.preference.always_improves or np.any(np.asarray(outcome.collides)[i]))
 
-    def _weigh(self, outcome: Outcome) -> Array:
+    def weigh(self, outcome: Outcome) -> Array:
         """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""
         cost = np.where(outcome.stood, self.preference.cost(outcome), NO_STAND)
         gain = outcome.stood + outcome.progress - EFFORT * cost  # (S, K)
         return -gain.mean(axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Generation:
+    """Variations of a generation, and how they ended."""
+
+    motions: list[Array]
+    """Their targets [rad], each (T, n)."""
+    outcome: Outcome
+    """(S, K)"""
+    cost: Array
+    """(S,)"""
+    order: NDArray[np.int_]
+    """Their rows, the cheapest first."""
+
+
+class _Tries:
+    """Rolls variations of targets out, and counts what that takes."""
+
+    def __init__(
+        self,
+        search: TargetSearch,
+        scenarios: Scenarios,
+        target: Array,
+        step: float,
+        rng: np.random.Generator,
+    ) -> None:
+        """Begin at targets [rad], (T, n), with a standard deviation of the genes."""
+        self._search, self._target, self._robot = search, target, search.world.robot
+        self._start = scenarios.starts[0, self._robot.layout(search.world.model).qpos]
+        genes = np.zeros(Variation.size(self._robot))
+        self._population = EvolutionStrategy(genes, step, SAMPLES, rng)
+        self.generations = self.rollouts = 0
+        self.simulated = 0.0
+        """Simulated time [s]."""
+
+    def compare(self, scenarios: Scenarios, motions: list[Array]) -> Outcome:
+        """Roll motions out in worlds."""
+        outcome = self._search.experiment.compare(scenarios, motions)
+        self.rollouts += outcome.stood.size
+        self.simulated += outcome.record.duration
+        return outcome
+
+    def vary(self, scenarios: Scenarios) -> _Generation:
+        """Roll the variations of the next generation out in worlds."""
+        self.generations += 1
+        variations = [Variation.of(genes) for genes in self._population.ask()]
+        motions = [one.apply(self._target, self._start, self._robot) for one in variations]
+        outcome = self.compare(scenarios, motions)
+        cost = self._search.weigh(outcome)
+        order = self._population.tell(cost)
+        return _Generation(motions=motions, outcome=outcome, cost=cost, order=order)
 
 
 def _share(outcome: Outcome) -> float:
@@ -168,9 +197,3 @@ def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:
         merit = (outcome.stood + outcome.progress)[0, others]
         others = others[np.argsort(merit, kind="stable")]
     return np.sort(np.concatenate([[0], others[: HARDEST - 1]]))
-
-
-def _weights() -> Array:
-    """Return the weights of the parents, best first, (PARENTS,)."""
-    weight = np.log(PARENTS + 0.5) - np.log(np.arange(1, PARENTS + 1))
-    return weight / weight.sum()

@@ -25,22 +25,22 @@ class KeyframePopulation:
         import cma
 
         options = {"popsize": size, "seed": seed + 1, "verbose": -9}
-        self._search = cma.CMAEvolutionStrategy(keyframes.genes / self._scale, step, options)
+        self._evolution = cma.CMAEvolutionStrategy(keyframes.genes / self._scale, step, options)
         self._genes: list[Array] = []
 
-    def sample(self) -> list[Keyframes]:
+    def ask(self) -> list[Keyframes]:
         """Sample the candidates of the next generation."""
-        self._genes = self._search.ask()
+        self._genes = self._evolution.ask()
         return [self._decode(genes) for genes in self._genes]
 
-    def learn(self, cost: Array) -> None:
+    def tell(self, cost: Array) -> None:
         """Take the costs of the candidates that were sampled last, (size,)."""
-        self._search.tell(self._genes, cost.tolist())
+        self._evolution.tell(self._genes, cost.tolist())
 
     @property
     def mean(self) -> Keyframes:
         """Return the keyframes about which it samples."""
-        return self._decode(self._search.mean)
+        return self._decode(self._evolution.mean)
 
     def _decode(self, genes: Array) -> Keyframes:
         return self._keyframes.with_genes(genes * self._scale, self._robot)

@@ -12,7 +12,6 @@ from humanoid_getup.experiments.disturbances.distributions import Normal
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance, Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.motions.first_success import FirstSuccess
 from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
@@ -31,6 +30,8 @@ from robots.quaternion import Array
 SCENARIOS = 5  # rollouts of each candidate: nominal, with full torque, three disturbed
 LIMIT_SHARES = (0.73, 0.61)  # of stall torque, limits of disturbed rollouts beside the motion's own
 FIRST_SHARE = 4  # generations that may look for a first success, for each of the search's own
+FIRST_POPULATION = 24  # candidates of such a generation, each rolled out once
+FIRST_STEP = 1.5  # of the first step sizes of the search for robust motions
 FINAL_SCENARIOS = 48
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
@@ -57,8 +58,8 @@ class TrajectoryOptimizer:
         self._disturbance = MARGIN if wants_margin else USUAL
         coarse = World(world.robot, world.scene, model=copy.copy(world.model))
         coarse.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
-        self._search = Experiment(coarse, threads=threads)
-        self._final = Experiment(world, threads=threads)
+        self._coarse = Experiment(coarse, threads=threads)
+        self._fine = Experiment(world, threads=threads)
 
     def optimize(
         self,
@@ -70,20 +71,17 @@ class TrajectoryOptimizer:
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
 
-        Keyframes that fail even undisturbed are first changed until they succeed once. After each
-        generation its number, best cost and share that stood are reported. Generations that the
-        log has are not rolled out again; others are added to it.
+        After each generation its number, best cost and share that stood are reported. Generations
+        that the log has are not rolled out again; others are added to it.
         """
-        first = FirstSuccess(self.world, self.start)
-        if not first.succeeds(keyframes):
-            keyframes = first.find(keyframes, FIRST_SHARE * generations, seed) or keyframes
+        keyframes = self.find_success(keyframes, FIRST_SHARE * generations, seed) or keyframes
         rng = np.random.default_rng(seed)
         population = KeyframePopulation(keyframes, self.world.robot, size=POPULATION, seed=seed)
         finalists = [keyframes]
         for generation in range(generations):
-            candidates = population.sample()
+            candidates = population.ask()
             found = self._evaluate(candidates, generation, rng, log)
-            population.learn(found.cost)
+            population.tell(found.cost)
             report(generation, float(found.cost.min()), found.stood)
             if generation >= generations - FINALISTS:
                 finalists.append(candidates[int(np.argmin(found.cost))])
@@ -91,6 +89,31 @@ class TrajectoryOptimizer:
         judged = [self.judge(finalist, seed) for finalist in finalists]
         best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
         return finalists[best], judged[best][1]
+
+    def find_success(self, keyframes: Keyframes, generations: int, seed: int) -> Keyframes | None:
+        """Change keyframes until they succeed once, undisturbed, at full torque.
+
+        A search that wants robust motions learns nothing from candidates that all fail; this one
+        is cheap. None if it finds none within so many generations.
+        """
+        nominal = Scenarios.nominal(self._coarse.world, self.start)
+
+        def try_once(candidates: list[Keyframes]) -> tuple[Array, np.ndarray]:
+            cost, stood = self._roll_out(self._coarse, candidates, nominal, SEARCH_HOLD, lead_in=0)
+            return cost, stood[:, 0]
+
+        if try_once([keyframes])[1][0]:
+            return keyframes
+        population = KeyframePopulation(
+            keyframes, self.world.robot, size=FIRST_POPULATION, seed=seed, step=FIRST_STEP
+        )
+        for _ in range(generations):
+            candidates = population.ask()
+            cost, succeeded = try_once(candidates)
+            if succeeded.any():
+                return candidates[int(np.argmin(np.where(succeeded, cost, np.inf)))]
+            population.tell(cost)
+        return None
 
     def _evaluate(
         self,
@@ -100,10 +123,12 @@ class TrajectoryOptimizer:
         log: SearchLog | None,
     ) -> Generation:
         """Return the costs of a generation: from the log, else by rollouts."""
+        scenarios = self._make_scenarios(candidates[0], SCENARIOS, rng)
         if log is not None and generation < len(log.generations):
-            self._make_scenarios(candidates[0], SCENARIOS, rng)  # draws what they were drawn from
             return log.generations[generation]
-        cost, stood = self._roll_out(self._search, candidates, SCENARIOS, rng, SEARCH_HOLD)
+        cost, stood = self._roll_out(
+            self._coarse, candidates, scenarios, SEARCH_HOLD, self.preference
+        )
         if log is None:
             return Generation(cost=cost, stood=float(stood.mean()))
         log.add(cost, float(stood.mean()))
@@ -115,7 +140,8 @@ class TrajectoryOptimizer:
         The share is 0 if it fails undisturbed, at its own torque limit or at full torque.
         """
         rng = np.random.default_rng([seed, 1])
-        cost, stood = self._roll_out(self._final, [keyframes], FINAL_SCENARIOS, rng, HOLD_TIME)
+        scenarios = self._make_scenarios(keyframes, FINAL_SCENARIOS, rng)
+        cost, stood = self._roll_out(self._fine, [keyframes], scenarios, HOLD_TIME, self.preference)
         share = float(stood.mean()) if stood[0, :2].all() else 0.0
         return float(cost.mean()), share
 
@@ -123,25 +149,27 @@ class TrajectoryOptimizer:
         self,
         experiment: Experiment,
         candidates: list[Keyframes],
-        each: int,
-        rng: np.random.Generator,
+        scenarios: Scenarios,
         hold: float,
+        preference: Preference | None = None,
+        *,
+        lead_in: float = LEAD_IN,
     ) -> tuple[Array, np.ndarray]:
-        """Roll candidates out ``each`` times; return mean cost and successes, (C,), (C, each).
+        """Roll candidates out in K scenarios; return mean cost and successes, (C,), (C, K).
 
         A success is a stand that lasts the last ``hold`` seconds, or lying as it should.
         """
-        robot = self.world.robot
-        lead = round(LEAD_IN / robot.control_period)
+        robot, each = self.world.robot, len(scenarios)
+        lead = round(lead_in / robot.control_period)
         plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]
         length = max(len(play) for play in plays)
         targets = np.array(
             [np.concatenate([np.repeat(p[:1], lead, 0), hold_last(p, length)]) for p in plays]
         )
-        scenarios, n = self._make_scenarios(candidates[0], each, rng), len(candidates)
+        n = len(candidates)
         record = experiment.play(scenarios.tile(n), np.repeat(targets, each, axis=0))
         durations = np.repeat([c.duration.sum() for c in candidates], each)
-        cost, stood = score(record, self.world, candidates[0], hold, self.preference, durations)
+        cost, stood = score(record, self.world, candidates[0], hold, preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)
 
     def _make_scenarios(

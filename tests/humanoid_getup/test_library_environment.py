@@ -27,7 +27,7 @@ from robots.kinematics import place
 from tiny_policies import state_of
 
 robot = load_robot("op3")
-KeyframePopulation(load_robot_keyframes(robot)[0], robot, size=4, seed=0).sample()
+KeyframePopulation(load_robot_keyframes(robot)[0], robot, size=4, seed=0).ask()
 policy, model = OnnxPolicy.load(find_policy(robot, "robust"), robot), World(robot).model
 policy.reset(state_of(robot))
 for cycle in range(100):

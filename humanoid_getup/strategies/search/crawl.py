@@ -11,12 +11,13 @@ from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Sce
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.variation import limit_targets
+from humanoid_getup.motions.population import CrossEntropy
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 
-SAMPLES, ELITES, GENERATIONS = 20, 5, 4
+SAMPLES, GENERATIONS = 20, 4
 WORLDS = 3  # in which each move is tried, the first one undisturbed
 KNOTS = 4  # postures of a move
 MOVE, REST = 2.4, 0.6  # s of a move, and of the rest after it
@@ -77,28 +78,30 @@ class Crawl:
         lying = place(robot, self._world.model, start)
         scenarios = self._disturbance.sample(self._world, lying, WORLDS, rng, self._limit)
         held = start.joint_pos
-        mean, spread = np.tile(held, (KNOTS, 1)), np.full((KNOTS, robot.n), SPREAD)
+        knots = CrossEntropy(
+            np.tile(held, (KNOTS, 1)),
+            SPREAD,
+            SAMPLES,
+            rng,
+            least_spread=LEAST_SPREAD,
+            bounds=(robot.lower, robot.upper),
+        )
         best: Move | None = None
         for _ in range(GENERATIONS):
-            knots = mean + spread * rng.normal(size=(SAMPLES, KNOTS, robot.n))
-            knots = np.clip(knots, robot.lower, robot.upper)
-            targets = np.array([self._interpolate(held, one) for one in knots])
+            targets = np.array([self._interpolate(held, one) for one in knots.ask()])
             outcome = self._play(scenarios, targets)
             qpos = outcome.record.qpos.reshape(SAMPLES, len(scenarios), len(targets[0]), -1)
             costs = cost(qpos[:, :, -1, robot.layout(self._world.model).root_position])
             saturated = (outcome.saturation > MOST_SATURATION).reshape(SAMPLES, -1)
             diverged = outcome.record.diverged.reshape(SAMPLES, -1)
             costs = np.where(diverged, np.inf, costs + SATURATION_COST * saturated).max(axis=1)
-            order = np.argsort(costs, kind="stable")
-            cheapest = order[0]
+            cheapest = knots.tell(costs)[0]
             if costs[cheapest] < (best.cost if best else np.inf):
                 best = Move(
                     target=targets[cheapest],
                     qpos=qpos[cheapest, 0].copy(),
                     cost=float(costs[cheapest]),
                 )
-            elite = knots[order[:ELITES]]
-            mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST_SPREAD)
         return best
 
     def _interpolate(self, held: Array, knots: Array) -> Array:

@@ -26,7 +26,7 @@ def test_its_candidates_are_those_of_cma_es_on_scaled_genes(op3: Robot, keyframe
     options = {"popsize": SIZE, "seed": 4, "verbose": -9}
     search = cma.CMAEvolutionStrategy(keyframes.genes / scale, 1.5, options)
     expected = [keyframes.with_genes(g * scale, op3) for g in search.ask()]
-    candidates = KeyframePopulation(keyframes, op3, size=SIZE, seed=3, step=1.5).sample()
+    candidates = KeyframePopulation(keyframes, op3, size=SIZE, seed=3, step=1.5).ask()
     assert len(candidates) == SIZE
     for candidate, other in zip(candidates, expected, strict=True):
         np.testing.assert_array_equal(candidate.keys, other.keys)
@@ -37,5 +37,5 @@ def test_it_moves_towards_what_costs_less(op3: Robot, keyframes: Keyframes):
     population = KeyframePopulation(keyframes, op3, size=SIZE, seed=0)
     before = float(keyframes.duration.sum())
     for _ in range(8):
-        population.learn(np.array([one.duration.sum() for one in population.sample()]))
+        population.tell(np.array([one.duration.sum() for one in population.ask()]))
     assert float(population.mean.duration.sum()) < 0.9 * before

@@ -8,7 +8,7 @@ from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.build import settle
 from humanoid_getup.motions.motion import hold_last
-from humanoid_getup.motions.optimization import make_scenarios
+from humanoid_getup.motions.optimization import TrajectoryOptimizer, make_scenarios
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import score
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -56,6 +56,20 @@ def test_a_success_costs_less_than_any_failure(world, keyframes, trace, prefer):
     cost, stood = score(trace, world, keyframes, HOLD, preference)
     assert stood.tolist() == [True, False]
     assert cost[0] < 0.7 * cost[1]
+
+
+def test_what_succeeds_undisturbed_is_no_first_success_to_find(world, keyframes, start):
+    assert TrajectoryOptimizer(world, start).find_success(keyframes, 0, 0) is keyframes
+
+
+def test_keyframes_that_fail_are_changed_until_they_succeed_once(world, keyframes, start):
+    away = np.random.default_rng(0).normal(0.0, 0.9, len(keyframes.genes))
+    failing = keyframes.with_genes(keyframes.genes + away, world.robot)
+    optimizer = TrajectoryOptimizer(world, start)
+    assert optimizer.find_success(failing, 0, 3) is None
+    found = optimizer.find_success(failing, 8, 3)
+    assert found is not None
+    assert optimizer.find_success(found, 0, 0) is found
 
 
 def test_each_way_down_is_weighed_by_its_own_duration(world, keyframes, trace):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import make_task, settle
 from humanoid_getup.motions.keyframes import Keyframes
@@ -94,10 +95,10 @@ def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_pat
     search(world, keyframes, log)
     optimizer = TrajectoryOptimizer(world, settle(world, keyframes))
     played = []
-    play = optimizer._search.play
-    monkeypatch.setattr(optimizer._search, "play", lambda *a: played.append(0) or play(*a))
+    play = Experiment.play
+    monkeypatch.setattr(Experiment, "play", lambda *a: played.append(len(a[1])) or play(*a))
     optimizer.optimize(keyframes, GENERATIONS + 1, 7, log=log)
-    assert len(played) == 1
+    assert played.count(POPULATION * optimization.SCENARIOS) == 1
     assert len(log.generations) == GENERATIONS + 1
     assert all(len(each.cost) == POPULATION for each in log.generations)
 

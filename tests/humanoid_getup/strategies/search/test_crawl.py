@@ -1,18 +1,19 @@
 """Moves go where they cost less, within the servos' limits, and a seed repeats them."""
 
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from records import make_record
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies import crawl
 from humanoid_getup.strategies.rise_motion import make_move
+from humanoid_getup.strategies.search import crawl
 from humanoid_getup.strategies.search.crawl import (
     MOST_SATURATION,
     MOVE,
@@ -85,29 +86,29 @@ def test_a_move_that_overloads_a_servo_is_beaten_by_a_shorter_one(
     world: World, start: Posture, monkeypatch: pytest.MonkeyPatch
 ):
     """Of the moves that get anywhere, every other one has all its torque for too long."""
-    crawl = Crawl(world, FULL_TORQUE, CHECK_DISTURBANCE)
-    best_fair = 0.4
+    robot, best_fair = world.robot, 0.4
 
-    def play(scenarios: Scenarios, targets: Array) -> SimpleNamespace:
-        count = len(targets)
-        reach = np.linspace(0.1, 0.5, count)
-        overloads = np.arange(count) % 2 == 1  # the one that gets farthest among them
-        reach[-2] = best_fair
-        qpos = np.tile(scenarios.starts[None, :, None], (count, 1, targets.shape[1], 1))
-        root = world.robot.layout(world.model).root_qpos
-        qpos[:, :, -1, root : root + 3] = start.position
-        qpos[:, :, -1, root] += reach[:, None]
-        record = SimpleNamespace(
-            qpos=qpos.reshape(-1, *qpos.shape[2:]),
-            diverged=np.zeros(count * len(scenarios), dtype=bool),
-        )
-        saturation = np.where(overloads, MOST_SATURATION + 0.1, MOST_SATURATION - 0.1)
-        return SimpleNamespace(record=record, saturation=np.repeat(saturation, len(scenarios)))
+    class PretendExperiment:
+        def __init__(self, world: World, threads: int) -> None:
+            pass
 
-    monkeypatch.setattr(crawl, "_play", play)
-    move = crawl.search(start, ahead, np.random.default_rng(0))
-    assert move is not None
-    assert -move.cost == pytest.approx(start.position[0] + best_fair)
+        def play(self, scenarios: Scenarios, sent: Array) -> Record:
+            runs, samples, _ = sent.shape
+            row = np.arange(runs) // crawl.WORLDS
+            reach = np.linspace(0.1, 0.5, crawl.SAMPLES)
+            reach[-2] = best_fair  # the one after it gets farther, and overloads a servo
+            qpos = np.tile(scenarios.starts[:, np.newaxis], (1, samples, 1))
+            root = robot.layout(world.model).root_qpos
+            qpos[:, :, root] = start.position[0] + reach[row, np.newaxis]
+            seconds = MOST_SATURATION + np.where(row % 2 == 1, 0.1, -0.1)
+            is_full = np.arange(samples) * robot.control_period < seconds[:, np.newaxis]
+            torque = np.where(is_full[..., np.newaxis], robot.max_torque, 0.0)
+            return make_record(
+                robot, (runs, samples), robot.control_period, qpos=qpos, torque=torque
+            )
+
+    monkeypatch.setattr(crawl, "Experiment", PretendExperiment)
+    assert -search(world, start).cost == pytest.approx(start.position[0] + best_fair)
 
 
 def test_a_move_that_is_played_has_the_place_and_heading_of_its_rollout(

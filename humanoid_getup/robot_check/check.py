@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
 from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.robot_check.hold_check import check_hold
-from humanoid_getup.robot_check.model_check import check_body, check_mirrors
+from humanoid_getup.robot_check.model_check import check_body, check_mirrors, check_turns
 from humanoid_getup.robot_check.readiness_check import check_readiness
 from humanoid_getup.robot_check.stance_check import check_soles, check_stance
 from humanoid_getup.simulation.world import World
@@ -68,6 +68,7 @@ def _has_fault(findings: Iterable[CheckFinding]) -> bool:
 
 def _check_description(world: World, limbs: Limbs) -> Iterator[CheckFinding]:
     yield from check_body(limbs)
+    yield from check_turns(limbs)
     yield from check_soles(limbs.robot)
     yield from check_mirrors(limbs)
     yield from check_stance(world, limbs)

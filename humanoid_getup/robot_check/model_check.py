@@ -9,7 +9,7 @@ import numpy as np
 
 from humanoid_getup.robot_check.finding import CheckFinding
 from robots import Robot
-from robots.body.limb import ARMS
+from robots.body.limb import ARMS, LEGS
 from robots.body.limbs import Limbs
 from robots.body.mirror_pairs import MirrorImages
 from robots.quaternion import Array
@@ -22,6 +22,7 @@ FARTHEST_IMU = 0.5  # from the torso's center of mass, over the neck height
 CLEAR = 0.5  # cosine from which an axis is said to turn one way or the other
 FAR = 0.15  # share of the neck height by which a joint may be off its mirror image's place
 UNEQUAL = np.radians(5.0)
+FULL_TURN = 2.0 * np.pi - 1e-3  # rad; shoulders may turn so far, legs do not
 
 
 def check_body(limbs: Limbs) -> Iterator[CheckFinding]:
@@ -120,6 +121,20 @@ def _check_neck(limbs: Limbs) -> Iterator[CheckFinding]:
 
 def _name(model: mujoco.MjModel, body: int) -> str:
     return model.body(body).name or f"number {body}"
+
+
+def check_turns(limbs: Limbs) -> Iterator[CheckFinding]:
+    """Find joints whose range is a full turn, as an import gives those without range."""
+    robot = limbs.robot
+    turning = np.flatnonzero(robot.upper - robot.lower >= FULL_TURN)
+    legs = {k for name in LEGS for k in limbs.all[name].joints}
+    if len(turning):
+        yield CheckFinding(
+            level="ok" if legs.isdisjoint(turning.tolist()) else "warning",
+            subject="ranges",
+            text=f"a full turn is that of {', '.join(robot.joint_names[k] for k in turning)}",
+            remedy="give joints that cannot turn so far their ranges in the model",
+        )
 
 
 def check_mirrors(limbs: Limbs) -> Iterator[CheckFinding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -17,8 +17,12 @@ from robots.model_import.source import (
     check_size,
 )
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
+from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
+
+HINGE = mujoco.mjtJoint.mjJNT_HINGE
+FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 
 def read_mjcf(path: Path) -> ModelSource:
@@ -47,15 +51,16 @@ def read_mjcf(path: Path) -> ModelSource:
         stance = {
             model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]])
             for j in range(model.njnt)
-            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+            if model.jnt_type[j] == HINGE
         }
-    actuators = _list_actuators(model)
+    actuators, ranges = _list_actuators(model), _list_ranges(model)
     ties = list_ties(model, qpos)
     if folds := find_folds(model, ties):
         fold(spec, folds)
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
         actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
+    notes = [*(_list_separate(ties, folds) if folds else ()), *_set_ranges(model, ranges)]
     return ModelSource(
         path=path,
         model=model,
@@ -64,7 +69,7 @@ def read_mjcf(path: Path) -> ModelSource:
         folds=tuple(folds),
         ties=() if folds else tuple(tie for tie in ties if not tie.is_loop),
         loops=tuple(_list_loops(model)),
-        notes=tuple(_list_separate(ties, folds)) if folds else (),
+        notes=tuple(notes),
     )
 
 
@@ -123,6 +128,31 @@ def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:
             effort = float(np.abs(model.jnt_actfrcrange[joint]).max())
             found[model.joint(joint).name] = ActuatorFigures(effort=effort)
     return found
+
+
+def _list_ranges(model: mujoco.MjModel) -> dict[str, Array]:
+    """List the ranges of position actuators on joints without range, (2,) each, by joint [rad]."""
+    found: dict[str, Array] = {}
+    for i in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
+        joint, gear = int(model.actuator_trnid[i, 0]), float(model.actuator_gear[i, 0])
+        stiffness = float(model.actuator_gainprm[i, 0])
+        is_position = stiffness > 0.0 and model.actuator_biasprm[i, 1] == -stiffness
+        is_open = model.jnt_type[joint] == HINGE and not model.jnt_limited[joint]
+        if is_position and is_open and model.actuator_ctrllimited[i] and gear:
+            bounds = np.sort(model.actuator_ctrlrange[i] / gear)
+            if 0.0 < np.ptp(bounds) < FULL_TURN:
+                found[model.joint(joint).name] = bounds
+    return found
+
+
+def _set_ranges(model: mujoco.MjModel, ranges: Mapping[str, Array]) -> Iterator[str]:
+    """Give joints of a model, if they are still there, ranges [rad]; say of which."""
+    kept = [j for j in range(model.njnt) if model.joint(j).name in ranges]
+    for joint in kept:
+        model.jnt_range[joint], model.jnt_limited[joint] = ranges[model.joint(joint).name], True
+    if kept:
+        names = ", ".join(model.joint(j).name for j in kept)
+        yield f"ranges of position actuators for joints without range: {names}"
 
 
 def _actuator_effort(model: mujoco.MjModel, i: int) -> float | None:

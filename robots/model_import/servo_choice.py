@@ -18,6 +18,7 @@ CLOSE = np.log(1.25)  # ratio of torques up to which a known type is taken for w
 SPEED_WEIGHT = 0.5
 SQUAT_SHARE = 0.25  # of weight times leg length: about the knee's torque in a deep squat
 RESERVE = 2.0  # times that torque a servo should have at standstill
+HEAVY = 0.75  # share of the robot's mass that its servos may weigh; OP3's are 0.53 of it
 WILD = 20.0  # times that torque: a limit of a simulation, not of a motor
 ENDLESS = 1000.0  # N·m, which models state of motors that they know nothing of
 GRAVITY = 9.81
@@ -76,7 +77,7 @@ def choose_servos(
     guesses: list[str] = []
     supply = _choose_supply(joints, stated, named, RESERVE * need)
     types, own = [], {}
-    by_weight = _choose_by_weight(need, supply)
+    by_weight = _choose_by_weight(need, supply, HEAVY * weight / len(joints))
     for joint in joints:
         if joint in named:
             types.append(named[joint])
@@ -99,6 +100,12 @@ def choose_servos(
         guesses.append(
             f"servos {kinds} at {supply:g} V: the types nearest to the model's limits of torque "
             "and speed; set others with --servo TYPE=PATTERN"
+        )
+    mass = sum(own[kind]["mass"] if kind in own else servo_models()[kind].mass for kind in types)
+    if guesses and mass > HEAVY * weight:
+        guesses.append(
+            f"its {len(types)} servos weigh {mass:.1f} kg, and it weighs {weight:.1f} kg with "
+            "them: check its masses, or set lighter types with --servo TYPE=PATTERN"
         )
     return ServoChoice(types=tuple(types), supply=supply, own=own, guesses=tuple(guesses))
 
@@ -224,14 +231,20 @@ def describe_motor(effort: float, speed: float, supply: float) -> dict[str, floa
     }
 
 
-def _choose_by_weight(need: float, supply: float) -> str:
-    """Choose the weakest type with enough torque; describe such a motor if there is none."""
+def _choose_by_weight(need: float, supply: float, most_mass: float) -> str:
+    """Choose the weakest type with enough torque; describe such a motor if there is none.
+
+    Types above a mass [kg] are too heavy, unless all others are too weak to hold a squat.
+    """
     usable = {n: m for n, m in servo_models().items() if m.accepts_supply(supply)}
     torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
     enough = [name for name in torque if torque[name] >= RESERVE * need]
-    if enough:
-        return min(enough, key=lambda name: torque[name])
-    return _name_motor(_round(RESERVE * need))
+    if not enough:
+        return _name_motor(_round(RESERVE * need))
+    light = [name for name in torque if usable[name].mass <= most_mass and torque[name] >= need]
+    if light and not set(light) & set(enough):
+        return max(light, key=lambda name: torque[name])
+    return min(set(light) & set(enough) or enough, key=lambda name: torque[name])
 
 
 def _round(torque: float) -> float:

@@ -3,10 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tiny_robots import LEGS, limb, make_robot
 
-from humanoid_getup.robot_check.model_check import check_body, check_mirrors
+from humanoid_getup.robot_check.model_check import check_body, check_mirrors, check_turns
 from robots.body.limbs import Limbs
 
 ARMS = "".join(
@@ -33,6 +34,18 @@ def test_a_model_in_other_units_is_named(tmp_path: Path):
     (found, *_) = check_body(Limbs(make_robot(tmp_path, heavy)))
     assert found.subject == "body"
     assert "check the units" in found.remedy
+
+
+@pytest.mark.parametrize(("name", "level"), [("l_arm", "ok"), ("l_knee", "warning")])
+def test_a_full_turn_is_named_and_of_a_leg_warned(limbs: Limbs, name: str, level: str):
+    assert not [*check_turns(limbs)]
+    turned = [
+        replace(joint, lower=-np.pi, upper=np.pi) if joint.name == name else joint
+        for joint in limbs.robot.joints
+    ]
+    limbs.robot = replace(limbs.robot, joints=tuple(turned))
+    (found,) = check_turns(limbs)
+    assert (found.level, found.text) == (level, f"a full turn is that of {name}")
 
 
 def test_a_neck_below_the_shoulders_is_named(tmp_path: Path):

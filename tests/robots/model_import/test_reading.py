@@ -44,6 +44,33 @@ def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
+    ("actuator", "hinge", "expected"),
+    [
+        ('<position joint="knee" ctrlrange="-1 0.5"/>', "", (-1.0, 0.5)),
+        ('<position joint="knee" ctrlrange="-1 0.5" gear="-2"/>', "", (-0.25, 0.5)),
+        ('<position joint="knee" ctrlrange="-1 0.5"/>', 'range="-30 60"', (-0.5236, 1.0472)),
+        ('<position joint="knee" ctrlrange="-3.1416 3.1416"/>', "", None),
+        ('<position joint="knee"/>', "", None),
+        ('<motor joint="knee" ctrlrange="-1 0.5"/>', "", None),
+        ('<velocity joint="knee" ctrlrange="-1 0.5"/>', "", None),
+    ],
+)
+def test_a_joint_without_range_has_that_of_its_position_actuator(
+    tmp_path: Path, actuator: str, hinge: str, expected: tuple[float, float] | None
+):
+    path = tmp_path / "model.xml"
+    text = LEGS.format(more=f"<actuator>{actuator}</actuator>", knee=hinge)
+    path.write_text(text.replace('name="knee" range="-60 60"', 'name="knee"'))
+    source = read_model(path)
+    knee = source.model.joint("knee")
+    assert bool(source.model.jnt_limited[knee.id]) == (expected is not None)
+    if expected is not None:
+        assert knee.range == pytest.approx(expected, abs=1e-4)
+    told = ("ranges of position actuators for joints without range: knee",)
+    assert source.notes == (() if hinge or expected is None else told)
+
+
+@pytest.mark.parametrize(
     ("keys", "hip"),
     [
         ('<key name="first" qpos="0 0 0 1 0 0 0 .1 0"/>', 0.1),

@@ -56,6 +56,25 @@ def test_a_robot_that_no_servo_lifts_has_motors_of_its_own():
     assert choice.supply == 48.0
 
 
+def test_a_lighter_type_is_guessed_if_the_others_would_outweigh_the_robot():
+    """OP3 has 20 servos and weighs 3.1 kg; 20 XH540 that its weight asks for would be 3.3 kg."""
+    joints, size = [f"joint_{k}" for k in range(20)], {"weight": 3.1, "leg_length": 0.28}
+    choice = choose_servos(joints, {}, (), **size)
+    assert set(choice.types) == {"XM430-W350"}  # which OP3 has
+    (guess,) = choice.guesses
+    assert "4.3 N·m" in guess
+    assert guess.endswith("set the types with --servo TYPE=PATTERN")
+
+
+def test_servos_that_outweigh_the_robot_are_told():
+    joints = [f"joint_{k}" for k in range(60)]
+    choice = choose_servos(joints, {}, (), **SMALL)
+    mass = 60 * servo_models()[choice.types[0]].mass
+    guess = choice.guesses[-1]
+    assert f"its 60 servos weigh {mass:.1f} kg, and it weighs 3.0 kg with them" in guess
+    assert guess.endswith("set lighter types with --servo TYPE=PATTERN")
+
+
 def test_limits_that_no_motor_has_are_none():
     assert set(choose(dict.fromkeys(JOINTS, 1e6)).types) == set(choose().types)
 

@@ -92,7 +92,7 @@ def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float
     n = task.recipe.robots
     env = task.make_env(n, task.threads)
     env.reset(seed=0)
-    env.ages[:] = rng.integers(0, env.longest, n)
+    env.episodes.age[:] = rng.integers(0, env.longest, n)
     bare_batch = Batch(env.sim.model, n, task.threads)
     recorder = Recorder(env.sim.batch)
     env.sim.batch = recorder  # pyright: ignore[reportAttributeAccessIssue]

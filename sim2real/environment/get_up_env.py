@@ -118,17 +118,12 @@ class GetUpEnv(VectorEnv):
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
         """Memory of each policy about its last actions, (N, m)."""
-        self._episodes = Episodes.of(n, round(LONGEST / self.step_time))
-
-    @property
-    def ages(self) -> NDArray[np.int_]:
-        """Return the age of each episode in policy steps, (N,), writable."""
-        return self._episodes.age
+        self.episodes = Episodes.of(n, round(LONGEST / self.step_time))
 
     @property
     def longest(self) -> int:
         """Return the maximum length of an episode in policy steps."""
-        return int(self._episodes.length[0])
+        return int(self.episodes.length[0])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -171,7 +166,7 @@ class GetUpEnv(VectorEnv):
         reward[self.sim.diverged] = 0.0
         self._push()
         terminated = self._find_terminated(inputs)
-        over = self._episodes.advance(
+        over = self.episodes.advance(
             inputs.standing, terminated, self.sim.diverged, round(HELD / self.step_time)
         )
         report = self._note(over)
@@ -236,7 +231,7 @@ class GetUpEnv(VectorEnv):
         self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
         self.target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self.memory[ids] = 0.0  # as on a robot that lies
-        self._episodes.begin(ids, start, rng.random(count) < o.ends_early)
+        self.episodes.begin(ids, start, rng.random(count) < o.ends_early)
         self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
             library = self.style.library
@@ -244,7 +239,7 @@ class GetUpEnv(VectorEnv):
             rows = np.where(along, library.state_curve[states], -1)
             share = np.where(along, library.state_share[states], np.where(start >= 0, 0.0, 1.0))
             left = self.style.begin(ids, rows, share, self.sensed, rng)
-            self._episodes.limit(ids, left / self.step_time)
+            self.episodes.limit(ids, left / self.step_time)
             on_the_way = ids[start < 0]
             self.memory[on_the_way] = self.style.remember(on_the_way, self.target[on_the_way])
 
@@ -262,12 +257,12 @@ class GetUpEnv(VectorEnv):
         """Start episodes of some robots on new curves from their present state, as on a robot."""
         if self.style is None or not len(ids):
             return
-        self._episodes.restart(ids)
+        self.episodes.restart(ids)
         self.memory[ids] = 0.0
         left = self.style.begin(
             ids, np.full(len(ids), -1), np.zeros(len(ids)), self.sensed, self._rng
         )
-        self._episodes.limit(ids, left / self.step_time)
+        self.episodes.limit(ids, left / self.step_time)
 
     def _observe(self) -> Floats:
         share = compute_torque_share(self.robot, self.action, self.sim.parameters.torque_limit)
@@ -300,7 +295,7 @@ class GetUpEnv(VectorEnv):
             "target": self.target.copy(),
             "memory": self.memory.copy(),
             "sensed": self.sensed,
-            "episodes": copy.deepcopy(self._episodes),
+            "episodes": copy.deepcopy(self.episodes),
             "style": self.style.save_state() if self.style else None,
         }
 
@@ -313,10 +308,10 @@ class GetUpEnv(VectorEnv):
         self._terrain.restore_state(state["terrain"])
         self.target, self.memory = state["target"].copy(), state["memory"].copy()
         self.sensed = state["sensed"]
-        self._episodes = copy.deepcopy(state["episodes"])
+        self.episodes = copy.deepcopy(state["episodes"])
         if self.style is not None:
             self.style.restore_state(state["style"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
-        state, held = self.sim.measure_privileged_state(), self._episodes.held * self.step_time
+        state, held = self.sim.measure_privileged_state(), self.episodes.held * self.step_time
         return observe_privileged(self._critic_terms, observation, state, self.sim.parameters, held)

@@ -49,17 +49,17 @@ class RslEnv(VecEnv):
     def begin(self, seed: int, rng: np.random.Generator) -> None:
         """Start all episodes at random ages, so that they do not end together."""
         observation, info = self.env.reset(seed=seed)
-        self.env.ages[:] = rng.integers(0, self.env.longest, self.num_envs)
+        self.env.episodes.age[:] = rng.integers(0, self.env.longest, self.num_envs)
         self.observations = self._pack(observation, info["critic"])
 
     @property
     def episode_length_buf(self) -> torch.Tensor:
         """Return the age of each episode in policy steps."""
-        return torch.as_tensor(self.env.ages)
+        return torch.as_tensor(self.env.episodes.age)
 
     @episode_length_buf.setter
     def episode_length_buf(self, ages: torch.Tensor) -> None:
-        self.env.ages[:] = ages.numpy()
+        self.env.episodes.age[:] = ages.numpy()
 
     def get_observations(self) -> TensorDict:
         """Return the last observations of actor and critic."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from robots import Robot, load_robot
+from robots.body.joint_view import JointView
 from robots.body.sides import JointSides, remove_side
 
 
@@ -83,6 +84,8 @@ def test_op3s_left_joints_are_those_named_l(op3: Robot):
     left = [op3.joint_names[joint] for joint in sides.left]
     assert left == [name for name in op3.joint_names if name.startswith("l_")]
     # Names and places agree on a robot that has both.
-    anonymous = JointSides(op3)._sideways[0]
+    view = JointView.of(op3)
+    view.look(op3.standing.joint_pos)
+    aside = view.data.xanchor[view.ids, 1]
     partner = op3.mirror_index[list(sides.left)]
-    assert np.all(anonymous[list(sides.left)] > anonymous[partner])
+    assert np.all(aside[list(sides.left)] > aside[partner])

@@ -62,7 +62,7 @@ def test_one_seed_is_one_story_and_another_seed_another(op3, action, pool, optio
 def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step(op3, action, pool):
     env = GetUpEnv(op3, action, pool, FALLEN)
     env.reset(seed=0)
-    env.ages[:4] = env.longest - 2
+    env.episodes.age[:4] = env.longest - 2
     idle = np.zeros((8, action.size))
     _, _, _, cut, _ = env.step(idle)
     assert not cut.any()
@@ -73,7 +73,7 @@ def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step(op3, actio
     assert np.array_equal(info["_final_obs"], cut)
     assert not np.array_equal(info["final_obs"][:4], observation[:4])
     assert np.array_equal(info["final_obs"][4:], observation[4:])
-    assert env.ages.tolist() == [0] * 4 + [2] * 4
+    assert env.episodes.age.tolist() == [0] * 4 + [2] * 4
     start = (env.terms[0].size + env.terms[1].size) + np.arange(op3.n)
     seen = observation[:4, start] + op3.standing.joint_pos
     known = pool.qpos[:, op3.layout(env.sim.model).qpos]
@@ -113,7 +113,7 @@ def test_a_robot_whose_simulation_diverges_earns_nothing_and_is_reset(
     observation, reward, _, cut, info = env.step(idle)
     assert reward.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     assert np.flatnonzero(cut).tolist() == [2]
-    assert env.ages.tolist() == [2, 2, 0, 2, 2, 2, 2, 2]
+    assert env.episodes.age.tolist() == [2, 2, 0, 2, 2, 2, 2, 2]
     assert info["stood"] == 0
     seen = (observation, info["final_obs"], info["critic"])
     assert all(np.isfinite(values).all() for values in seen)
@@ -159,7 +159,7 @@ def test_actions_beyond_one_count_as_one(op3, action, pool):
 def test_a_restored_environment_goes_on_to_the_bit(op3, action, pool, options):
     env = GetUpEnv(op3, action, pool, options)
     env.reset(seed=0)
-    env.ages[:] = env.longest - np.arange(8)
+    env.episodes.age[:] = env.longest - np.arange(8)
     rng = np.random.default_rng(0)
     plan = rng.uniform(-1.0, 1.0, (9, 8, action.size))
     for actions in plan[:3]:

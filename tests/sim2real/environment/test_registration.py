@@ -63,7 +63,7 @@ def test_gymnasiums_own_check_of_seeds_passes(env):
 def test_gymnasiums_wrappers_count_its_episodes(env):
     counting = RecordEpisodeStatistics(env)
     counting.reset(seed=0)
-    env.unwrapped.ages[:] = env.unwrapped.longest - 1
+    env.unwrapped.episodes.age[:] = env.unwrapped.longest - 1
     _, reward, _, cut, info = counting.step(np.zeros(env.action_space.shape))
     assert cut.all()
     assert info["episode"]["r"] == pytest.approx(reward)

@@ -33,7 +33,7 @@ def test_episodes_begin_at_different_ages(env: RslEnv):
     assert len(set(ages)) > 1
     assert all(0 <= age < env.max_episode_length for age in ages)
     env.episode_length_buf = torch.tensor([1, 2, 3, 4])
-    assert env.env.ages.tolist() == [1, 2, 3, 4]
+    assert env.env.episodes.age.tolist() == [1, 2, 3, 4]
 
 
 def test_an_episode_whose_time_is_up_is_done_and_not_terminated(env: RslEnv):

@@ -37,10 +37,10 @@ def env(op3: Robot, pool: StartPool, head: PriorHead) -> GetUpEnv:
     return make_styled_env(op3, pool, head)
 
 
-def step_on(task: StyleTask) -> None:
-    """Advance the curves by a policy step."""
-    task.tracker.advance(STEP)
-    task._age = task._age + STEP
+def step_on(env: GetUpEnv) -> StyleTask:
+    """Advance the curves by a policy step in which the robots stay as they are."""
+    env.style.follow(env.sim, env.sensed, env.memory)
+    return env.style
 
 
 def reward(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
@@ -132,13 +132,11 @@ def test_named_styles_are_drawn_as_often_as_asked(op3, pool):
 
 
 def test_a_robot_that_deviates_from_its_curves_ends_its_episode_after_a_while(env):
-    task = env.style
     ends = []
     lost = SimpleNamespace(task=np.where(np.arange(12) == 4, 0.05, 0.5))
     state = SimpleNamespace(head_contact=np.zeros(12, dtype=bool))
     while not ends or not ends[-1].any():
-        step_on(task)
-        ends.append(task.find_terminated(lost, state, STEP))
+        ends.append(step_on(env).find_terminated(lost, state, STEP))
     assert np.flatnonzero(ends[-1]).tolist() == [4]
     assert len(ends) * STEP == pytest.approx(max(TERMINATION_TIME, GRACE), abs=1.01 * STEP)
 
@@ -156,14 +154,14 @@ def test_a_robot_that_deviated_restarts_where_it_is(env, monkeypatch, share):
     assert terminated.all()
     assert ended == [list(range(5 if share else 0, 12))], "the others are reset"
     assert np.abs(env.sim.read("qpos") - before).max() < 0.5
-    assert env.ages.tolist() == [0] * 12
+    assert env.episodes.age.tolist() == [0] * 12
     ends = np.cumsum([term.size for term in env.terms])
     at = [term.name for term in env.terms].index("last_action")
     seen = observation[:5, ends[at - 1] : ends[at]]
     assert not share or np.all(seen == 0.0), "it begins again without memory"
     assert task.tracker.time[:5].max() == 0.0 or not share
     left = task.tracker.duration - task.tracker.time
-    assert env._episodes.length * STEP == pytest.approx(left + 3.0, abs=STEP)
+    assert env.episodes.length * STEP == pytest.approx(left + 3.0, abs=STEP)
 
 
 def test_a_head_on_the_ground_counts_once_the_neck_should_be_up(env):
@@ -174,12 +172,10 @@ def test_a_head_on_the_ground_counts_once_the_neck_should_be_up(env):
     assert early
     for _ in range(8):
         task.tracker.time[early] = 0.0
-        step_on(task)
-        lost = task.find_terminated(fine, down, STEP)
+        lost = step_on(env).find_terminated(fine, down, STEP)
     assert not lost[early].any()
     for _ in range(120):
-        step_on(task)
-        lost = task.find_terminated(fine, down, STEP)
+        lost = step_on(env).find_terminated(fine, down, STEP)
     assert lost.all()
 
 
@@ -198,7 +194,7 @@ def test_an_interrupted_environment_goes_on_to_the_bit(env, head):
 
 
 def test_episodes_last_as_long_as_their_curves_and_a_stand(env):
-    task, episodes = env.style, env._episodes
+    task, episodes = env.style, env.episodes
     left = task.tracker.duration - task.tracker.time
     assert episodes.length * env.step_time == pytest.approx(left + 3.0, abs=env.step_time)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from humanoid_getup.filtering.ground_fit import GroundFit
-from humanoid_getup.motions.motion import Motion, Trajectory, hold_last, join
+from humanoid_getup.motions.course import Course
+from humanoid_getup.motions.motion import Motion, Trajectory, hold_last
 from humanoid_getup.motions.posture_metric import best_yaw
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -55,23 +56,6 @@ def straight_path(start: Posture, goal: Posture, speed: float, period: float) ->
     )
 
 
-def align_motion(
-    motion: Motion, frame: int, posture: Posture, *, keep_height: bool = True
-) -> tuple[Array, Array]:
-    """Turn and shift a motion so that its frame has a posture's place and heading.
-
-    Heights are the motion's own, or else those that lead on from the posture's.
-    Returns positions (T, 3) and orientations (T, 4).
-    """
-    yaw = best_yaw(motion.orientation[frame], posture.orientation)
-    turn = quaternion.from_yaw(yaw)
-    offset = motion.position - motion.position[frame]
-    position = quaternion.rotate(turn, offset)
-    position[:, :2] += posture.position[:2]
-    position[:, 2] = motion.position[:, 2] if keep_height else posture.position[2] + offset[:, 2]
-    return position, quaternion.multiply(turn, motion.orientation)
-
-
 def compose(
     world: World,
     path: Trajectory,
@@ -83,36 +67,21 @@ def compose(
 ) -> Reference:
     """Chain a path and a motion from a frame on into one reference, lying to stand.
 
-    On the path the targets compensate the servos' back-EMF: a position servo that follows a
-    speed v stays ``(K²/R) / kp * v`` behind its target. This is velocity-driven tracking for
-    position servos: v_d = v_ref + (kp R / K²) (q_ref - q). In the motion, the lead is that of
-    its own targets, blended in. The path is played at ``tempo``, a share of its own speed. Legs fit
-    ground that is not level.
+    The path is played at ``tempo``, a share of its own speed; in the motion, the lead over the
+    servos' back-EMF is that of its own targets, blended in. Legs fit ground that is not level.
     """
     robot, period = world.robot, world.robot.control_period
     path = resample(path, tempo, period)
-    speed = np.zeros_like(path.joint_pos)
-    if len(path.time) > 1:
-        speed = np.gradient(path.joint_pos, period, axis=0)
-    approach = path.joint_pos + robot.compute_lag(speed)
-    position, orientation = align_motion(motion, frame, path.posture(-1))
-    joined = join(motion, frame, path.joint_pos[-1], period)
-    rows = np.minimum(np.arange(len(joined)) + frame, len(motion.time) - 1)
-    model = world.model
-    ramp = np.minimum(np.arange(len(joined)) * period / RAMP, 1.0)[:, None]
-    at = (position[rows], orientation[rows])
+    approach = Course.tracking(path, robot)
+    entered = Course.entering(motion, frame, path.posture(-1), path.joint_pos[-1], period)
+    at = (entered.position, entered.orientation)
     if seen is not None:
         at = _follow(*at, seen)
-    joined = joined + ramp * (fit or GroundFit(world)).shift(*at, motion.joint_pos[rows])
-    com_path = center_of_mass(robot, model, path.position, path.orientation, path.joint_pos)
-    com_motion = center_of_mass(
-        robot, model, position[rows], orientation[rows], motion.joint_pos[rows]
-    )
-    return Reference(
-        target=np.concatenate([approach, joined]),
-        com=np.concatenate([com_path, com_motion]),
-        joined=len(approach),
-    )
+    ramp = np.minimum(np.arange(len(entered)) * period / RAMP, 1.0)[:, None]
+    shift = ramp * (fit or GroundFit(world)).shift(*at, entered.joint_pos)
+    whole = approach.then(replace(entered, joint_target=entered.joint_target + shift))
+    com = center_of_mass(robot, world.model, whole.position, whole.orientation, whole.joint_pos)
+    return Reference(target=whole.joint_target, com=com, joined=len(approach))
 
 
 def _follow(position: Array, orientation: Array, seen: Array) -> tuple[Array, Array]:

@@ -15,9 +15,10 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.motions.course import join
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
-from humanoid_getup.motions.motion import NO_END, Motion, hold_last, join
+from humanoid_getup.motions.motion import NO_END, Motion, hold_last
 from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.motions.search_log import SearchLog, SearchTask

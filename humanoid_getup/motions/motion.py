@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from robots import Posture, Robot, quaternion
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
-from robots.smooth_step import smooth_step
 from robots.storage.arrays import NUMBERS, load_arrays, save_arrays, to_text
 
 Bools = NDArray[np.bool_]
@@ -251,17 +250,3 @@ def _check_values(motion: Motion) -> list[str]:
 def hold_last(rows: Array, length: int) -> Array:
     """Repeat the last row up to a length."""
     return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])
-
-
-BLEND = 0.32  # s over which the motion's load on the servos is blended in
-
-
-def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
-    """Compute the targets that enter a motion at a frame, (T, n).
-
-    The initial lead of the motion's targets over the joint angles ``joint_pos``, which is
-    the load on the servos there, is blended in smoothly.
-    """
-    time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
-    share = smooth_step((time - time[0]) / BLEND)[:, None]
-    return motion.sample(time) - (1.0 - share) * (motion.joint_target[frame] - joint_pos)

@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from humanoid_getup.motions.motion import Trajectory, hold_last
+from humanoid_getup.motions.course import Course
+from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.goal_placement import SUNK, GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions, PathResult, plan_path
@@ -84,23 +85,23 @@ def plan_via(
     """
     plan = partial(plan_path, checker=checker, rng=rng, options=options, report=report)
     period = checker.robot.control_period
-    path, legs, arrivals = _stay(start), list[PathResult](), list[int]()
+    course, legs, arrivals = Course.at(start), list[PathResult](), list[int]()
     if way_out is not None:
         checker.reset()
         checker.allow(start)
-        path, start = way_out.sample(checker), way_out.end
+        course, start = Course.of(way_out.sample(checker)), way_out.end
     for goal in stops:
         if not _is_same(start, goal):
             legs.append(plan(start, goal))
             further = legs[-1].trajectory or legs[-1].beginning
-            path = path if further is None else _append(path, further, period)
+            course = course if further is None else course.then(Course.of(further)[1:])
             if legs[-1].trajectory is None:
-                return _sum_up(legs, path, arrivals, leg=len(arrivals) + 1)
+                return _sum_up(legs, course.to_trajectory(period), arrivals, len(arrivals) + 1)
         start = goal
         if len(arrivals) < len(stops) - 1:
-            path = _rest(path, REST, period)
-            arrivals.append(len(path.time) - 1)
-    return _sum_up(legs, path, arrivals, leg=len(stops))
+            course = course.rest(REST, period)
+            arrivals.append(len(course) - 1)
+    return _sum_up(legs, course.to_trajectory(period), arrivals, len(stops))
 
 
 def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: int) -> ViaResult:
@@ -123,34 +124,3 @@ def _is_same(a: Posture, b: Posture) -> bool:
     """Return whether two postures are the same, but for sinking into what is under them."""
     turned = 1.0 - abs(float(a.orientation @ b.orientation))
     return bool(np.abs(a.joint_pos - b.joint_pos).max() < SAME_JOINTS and turned < SAME_JOINTS)
-
-
-def _stay(posture: Posture) -> Trajectory:
-    return Trajectory(
-        time=np.zeros(1),
-        position=posture.position[None],
-        orientation=posture.orientation[None],
-        joint_pos=posture.joint_pos[None],
-    )
-
-
-def _rest(path: Trajectory, duration: float, period: float) -> Trajectory:
-    """Hold the last posture of a path for a time [s]."""
-    length = len(path.time) + round(duration / period)
-    return Trajectory(
-        time=np.arange(length, dtype=float) * period,
-        position=hold_last(path.position, length),
-        orientation=hold_last(path.orientation, length),
-        joint_pos=hold_last(path.joint_pos, length),
-    )
-
-
-def _append(path: Trajectory, further: Trajectory, period: float) -> Trajectory:
-    """Chain two paths, of which the second begins where the first ends."""
-    joint_pos = np.concatenate([path.joint_pos, further.joint_pos[1:]])
-    return Trajectory(
-        time=np.arange(len(joint_pos), dtype=float) * period,
-        position=np.concatenate([path.position, further.position[1:]]),
-        orientation=np.concatenate([path.orientation, further.orientation[1:]]),
-        joint_pos=joint_pos,
-    )

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from humanoid_getup.experiments.starts.falls import LyingSide, classify
 from humanoid_getup.filtering.candidate import CandidateRollout
-from humanoid_getup.filtering.reference import align_motion
+from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.search.crawl import Move
-from robots import Posture, quaternion
+from robots import Posture
 from robots.kinematics import read_posture
 
 
@@ -58,20 +56,17 @@ def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
 
     The motion is turned and moved to the end of the path.
     """
-    robot, joined, frame = world.robot, connection.motion, connection.frame
-    count = len(path.time)
-    position, orientation = align_motion(joined, frame, path.posture(-1), keep_height=False)
-    angles = np.concatenate([path.joint_pos, joined.joint_pos[frame:]])
-    return Motion(
-        name=f"path_to_{joined.name}",
-        robot=robot.name,
-        start_class=classify(path.orientation[0]) or joined.start_class,
-        strategy=joined.strategy,
-        time=np.arange(len(angles), dtype=float) * robot.control_period,
-        position=np.concatenate([path.position, position[frame:]]),
-        orientation=quaternion.normalize(np.concatenate([path.orientation, orientation[frame:]])),
-        joint_pos=angles,
-        joint_target=np.concatenate([path.joint_pos, joined.joint_target[frame:]]),
-        provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
-        | name_body(robot),
+    joined, frame, count = connection.motion, connection.frame, len(path.time)
+    aligned = Course.aligned(joined, frame, path.posture(-1), keep_height=False)
+    return (
+        Course.of(path)
+        .then(aligned[frame:])
+        .to_motion(
+            joined,
+            world.robot.control_period,
+            name=f"path_to_{joined.name}",
+            start_class=classify(path.orientation[0]) or joined.start_class,
+            provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
+            | name_body(world.robot),
+        )
     )

@@ -12,8 +12,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from humanoid_getup.filtering.reference import align_motion
 from humanoid_getup.filtering.variation import limit_targets
+from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import best_yaw, measure_tilt
@@ -251,12 +251,12 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
     shift = start.position - motion.position[0]
     if max(np.abs(apart).max(), abs(float(yaw)), np.abs(shift).max()) < SAME_ANGLE:
         return motion
-    position, orientation = align_motion(motion, 0, start, keep_height=False)
+    aligned = Course.aligned(motion, 0, start, keep_height=False)
     angles = motion.joint_pos + _fade(motion.time - motion.time[0])[:, None] * apart
     return replace(
         motion,
-        position=position,
-        orientation=quaternion.normalize(orientation),
+        position=aligned.position,
+        orientation=quaternion.normalize(aligned.orientation),
         joint_pos=np.clip(angles, robot.lower, robot.upper),
         joint_target=limit_targets(motion.joint_target, start.joint_pos, robot),
     )

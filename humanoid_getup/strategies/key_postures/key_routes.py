@@ -1,22 +1,27 @@
-"""The ways through key postures that are worth a rollout, each planned in the scene."""
+"""The ways through key postures that are worth a rollout, each planned in the scene.
+
+A path of postures alone rolls no robot over and sits none up; a stored motion does. So a key
+posture is approached on a path, or by the motion that passes nearest to it.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from humanoid_getup.filtering.candidate import Candidate
+from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.key_posture import KeyPosture
-from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import REST, place_stops, plan_via
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_postures.key_route import Route, Stretch, find_stretches
 from robots import Posture
 
 STRETCHES = 2  # stored motions that may lead to a key, beside the path straight to it
@@ -24,6 +29,49 @@ CONNECTIONS = 2  # motions that may be joined after the last key
 MOST_WAYS = 8  # combinations that are planned
 CHECKS = 60_000  # postures that the search for one path may check
 RESTS = (REST, 0.0)  # s at each key: where none stands that rests, some may that go on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A stretch of a stored motion that leads from near one posture to near another."""
+
+    motion: Motion
+    first: int
+    last: int
+    distance: float
+    """Posture metric from the one posture to its first frame and from its last to the other."""
+
+
+def find_stretches(
+    database: MotionDatabase, start: Posture, key: Posture, count: int
+) -> list[Stretch]:
+    """Find the stretches of stored motions, one of each, that lead nearest from start to key.
+
+    They begin at an entry frame.
+    """
+    metric, found = database.metric, list[Stretch]()
+    for motion in database.rising:
+        far = metric.distance(key.orientation, key.joint_pos, motion.orientation, motion.joint_pos)
+        last = int(np.argmin(far))
+        entries = motion.entry_frames[motion.entry_frames < last]
+        if len(entries) == 0:
+            continue
+        near = metric.distance(
+            start.orientation,
+            start.joint_pos,
+            motion.orientation[entries],
+            motion.joint_pos[entries],
+        )
+        row = int(np.argmin(near))
+        found.append(
+            Stretch(
+                motion=motion,
+                first=int(entries[row]),
+                last=last,
+                distance=float(far[last] + near[row]),
+            )
+        )
+    return sorted(found, key=lambda stretch: stretch.distance)[:count]
 
 
 class KeyRoutes:
@@ -69,43 +117,42 @@ class KeyRoutes:
         joined: Connection,
         rest: float,
     ) -> Candidate | None:
-        path, route = None, Route(self._world, start)
+        robot, period = self._world.robot, self._world.robot.control_period
+        path, course = None, Course.at(start)
         for key, stretch in zip(keys, way, strict=True):
             if stretch is not None:
-                first = self._go(route, stretch.motion.posture(stretch.first))
+                first = self._go(course, stretch.motion.posture(stretch.first))
                 if first is None:
                     return None
-                path, route = self._begin(path, route, first)
-                route.play(stretch.motion, stretch.first, stretch.last)
-            leg = self._go(route, key.posture)
+                path, course = self._begin(path, course, first)
+                course = course.play(stretch.motion, stretch.first, stretch.last, period)
+            leg = self._go(course, key.posture)
             if leg is None:
                 return None
-            path, route = self._begin(path, route, leg)
-            route.rest(rest)
-        leg = self._go(route, joined.posture)
+            path, course = self._begin(path, course, leg)
+            course = course.rest(rest, period)
+        leg = self._go(course, joined.posture)
         if leg is None or path is None:
             return None
-        route.follow(leg)
-        route.play(joined.motion, joined.frame)
-        whole = Connection(route.to_motion(joined.motion), 0, joined.distance)
+        course = course.follow(leg, robot).play(joined.motion, joined.frame, None, period)
+        whole = Connection(course.to_motion(joined.motion, period), 0, joined.distance)
         return Candidate(path=path, connection=whole)
 
     def _begin(
-        self, path: Trajectory | None, route: Route, leg: Trajectory
-    ) -> tuple[Trajectory, Route]:
+        self, path: Trajectory | None, course: Course, leg: Trajectory
+    ) -> tuple[Trajectory, Course]:
         """Take the first leg as the path of the candidate, and follow the later ones."""
         if path is None:
-            return leg, Route(self._world, leg.posture(-1))
-        route.follow(leg)
-        return path, route
+            return leg, Course.at(leg.posture(-1))
+        return path, course.follow(leg, self._world.robot)
 
-    def _go(self, route: Route, goal: Posture) -> Trajectory | None:
-        """Plan a path from where a route has come to; ``None`` without one."""
-        (stop,) = place_stops(self._world, [goal], route.posture)
+    def _go(self, course: Course, goal: Posture) -> Trajectory | None:
+        """Plan a path from where a course has come to; ``None`` without one."""
+        (stop,) = place_stops(self._world, [goal], course.end)
         if stop is None:
             self.reason = "there is no place for it at the robot or beside it"
             return None
-        found = plan_via(route.posture, [stop], self._checker, self._rng, self._options)
+        found = plan_via(course.end, [stop], self._checker, self._rng, self._options)
         if found.status is not SearchStatus.SOLVED:
             self.reason = f"no path: {found.reason}"
         return found.trajectory

@@ -13,7 +13,7 @@ from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFi
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.variation import limit_targets
-from humanoid_getup.motions.motion import join
+from humanoid_getup.motions.course import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.domain_parameters import DomainParameters

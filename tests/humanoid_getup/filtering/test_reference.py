@@ -7,11 +7,11 @@ import pytest
 
 from humanoid_getup.filtering.reference import (
     Reference,
-    align_motion,
     compose,
     resample,
     straight_path,
 )
+from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.motion_database import load_database
 from robots import Posture, quaternion
@@ -79,7 +79,8 @@ def test_an_aligned_motion_has_the_place_and_heading_of_its_frame(motion):
         orientation=quaternion.multiply(turn, motion.orientation[frame]),
         joint_pos=motion.joint_pos[frame],
     )
-    position, orientation = align_motion(motion, frame, posture)
+    aligned = Course.aligned(motion, frame, posture)
+    position, orientation = aligned.position, aligned.orientation
     np.testing.assert_allclose(position[frame, :2], [3.0, -2.0], atol=1e-12)
     np.testing.assert_allclose(position[:, 2], motion.position[:, 2])
     assert quaternion.angle_between(orientation[frame], posture.orientation) < 1e-6
@@ -115,14 +116,14 @@ def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion
     row = reference.joined
     on_path = center_of_mass(op3, world.model, path.position, path.orientation, path.joint_pos)
     np.testing.assert_allclose(reference.com[:row], on_path)
-    position, orientation = align_motion(motion, frame, path.posture(-1))
+    aligned = Course.aligned(motion, frame, path.posture(-1))
     for ahead in (0, 5):
         at = frame + ahead
         here = center_of_mass(
             op3,
             world.model,
-            position[at : at + 1],
-            orientation[at : at + 1],
+            aligned.position[at : at + 1],
+            aligned.orientation[at : at + 1],
             motion.joint_pos[at : at + 1],
         )
         np.testing.assert_allclose(reference.com[row + ahead], here[0])

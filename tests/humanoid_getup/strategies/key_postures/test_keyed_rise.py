@@ -11,12 +11,11 @@ from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
-from humanoid_getup.motions.motion_database import find_motion, load_database
+from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.key_postures.key_record import CLOSE_JOINT, find_passes
-from humanoid_getup.strategies.key_postures.key_route import Route, find_stretches
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot, quaternion
@@ -150,34 +149,3 @@ def test_a_key_upside_down_is_not_passed_by_its_joints_alone(world: World, op3: 
     assert one.largest == pytest.approx(0.0)
     assert one.tilt == pytest.approx(np.pi)
     assert one.distance > 1.0
-
-
-def test_the_stretch_that_leads_to_a_frame_of_a_motion_is_from_that_motion(op3: Robot):
-    database = load_database(op3)
-    motion = find_motion(op3, "prone_push_up_gentle")
-    frame = len(motion.time) // 2
-    best = find_stretches(database, motion.posture(0), motion.posture(frame), 3)[0]
-    assert (best.motion.name, best.first, best.last) == (motion.name, 0, frame)
-    assert best.distance == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_route_that_plays_a_whole_motion_is_that_motion(world: World, op3: Robot):
-    motion = find_motion(op3, "squat_to_stand")
-    route = Route(world, motion.posture(0))
-    route.play(motion, 0)
-    put_together = route.to_motion(motion)
-    np.testing.assert_allclose(put_together.joint_pos, motion.joint_pos, atol=1e-9)
-    np.testing.assert_allclose(put_together.position, motion.position, atol=1e-9)
-    np.testing.assert_allclose(put_together.joint_target[-1], motion.joint_target[-1])
-
-
-def test_a_rest_keeps_posture_and_load(world: World, op3: Robot):
-    motion = find_motion(op3, "squat_to_stand")
-    route = Route(world, motion.posture(0))
-    route.play(motion, 0, 60)
-    before = route.length
-    route.rest(0.2)
-    rested = route.to_motion(motion)
-    assert route.length == before + round(0.2 / op3.control_period)
-    for rows in (rested.joint_pos, rested.joint_target):
-        np.testing.assert_allclose(rows[before:], rows[[before - 1]].repeat(25, axis=0))

@@ -1,4 +1,4 @@
-"""From names to strategies: what a user or a benchmark asks for, made for a world."""
+"""From names to strategies, made for a world; of several, the best by their track record."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
-from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.plan import RisePlan, Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET, PlannedRise, PlannerOptions
-from humanoid_getup.strategies.selection import StrategySelector
 from humanoid_getup.strategies.stored_motion import NearestMotion
 from humanoid_getup.strategies.styled_rise import PLANNED, StyledRise
 from humanoid_getup.strategies.track_record import (
@@ -52,6 +54,34 @@ class StrategyRequest:
     """What a policy that follows style curves follows: a style, its file, or ``planned``."""
 
 
+class StrategySelector:
+    """Selects, for each rise, the strategy with the best record for the class of its start.
+
+    Among equals the first is selected, so a default without a record comes first. Starts on no
+    side have no record.
+    """
+
+    def __init__(self, strategies: dict[StrategyId, Strategy], records: TrackRecord) -> None:
+        """Select among strategies for one world and one torque limit."""
+        self._strategies, self._records = strategies, records
+        default = next(iter(strategies.values()))
+        self.world, self.torque_limit = default.world, default.torque_limit
+
+    def select(self, start_class: str | None) -> StrategyId:
+        """Select the strategy for a class of starts, ``None`` for no side."""
+
+        def success(strategy: StrategyId) -> float:
+            if start_class is None:
+                return 0.0
+            return self._records.success(strategy, start_class, self.torque_limit)
+
+        return max(self._strategies, key=success)
+
+    def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
+        """Plan a rise by the selected strategy."""
+        return self._strategies[self.select(classify(start.orientation))].plan(start, rng)
+
+
 def choose_strategy(
     world: World,
     request: StrategyRequest,
@@ -63,25 +93,25 @@ def choose_strategy(
         ValueError: if motions, policy, style or track record cannot be loaded or do not fit.
     """
     robot, limit = world.robot, request.torque_limit
-    records = load_track_record(robot) if request.method == "auto" else TrackRecord()
-    strategies: dict[StrategyId, Strategy] = {}
-    if request.method != POLICY:
-        planner = PlannedRise(
-            world,
-            torque_limit=limit,
-            prefer=request.prefer,
-            search_budget=request.search_budget,
-            keys=request.keys,
-            options=request.options,
-        )
-        strategies[StrategyId(PLAN)] = cached(planner)
     name = request.policy or (STYLED_POLICY if request.style else DEFAULT_POLICY)
-    learned = StrategyId(POLICY, name)
-    is_known = records.knows(learned) and robot.body.is_original
-    if request.method == POLICY or is_known:
+    if request.method == POLICY:
         rise = LearnedRise(world, name, torque_limit=limit, name=name)
-        strategies[learned] = apply_style(rise, request.style)
-    return StrategySelector(strategies, records)
+        return apply_style(rise, request.style)
+    records = load_track_record(robot) if request.method == "auto" else None
+    planner = PlannedRise(
+        world,
+        torque_limit=limit,
+        prefer=request.prefer,
+        search_budget=request.search_budget,
+        keys=request.keys,
+        options=request.options,
+    )
+    planned, learned = cached(planner), StrategyId(POLICY, name)
+    if records is None or not (records.knows(learned) and robot.body.is_original):
+        return planned
+    rise = LearnedRise(world, name, torque_limit=limit, name=name)
+    known = {StrategyId(PLAN): planned, learned: apply_style(rise, request.style)}
+    return StrategySelector(known, records)
 
 
 def make_strategy(

@@ -16,7 +16,7 @@ USED = (
     "strategies.planned_rise",
     "strategies.learned_rise",
     "strategies.stored_motion",
-    "strategies.selection",
+    "strategies.choice",
 )
 
 

@@ -9,18 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.backend import Backend, Release
-from drivers.dynamixel.board import Board
-from drivers.dynamixel.bus import (
-    ANSWER_MARGIN,
-    LOCK_STEP_MARGIN,
-    TRIES,
-    BusStatistics,
-    DynamixelBus,
-)
+from drivers.dynamixel.bus import ANSWER_MARGIN, LOCK_STEP_MARGIN, TRIES, BusStatistics
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
+from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
@@ -32,11 +26,8 @@ from drivers.dynamixel.startup import (
     configure_servos,
     diagnose_robot,
     measure_once,
-    open_ports,
-    using_margin,
 )
 from drivers.errors import NotConnectedError, SetupError
-from drivers.imu.build import build_imu_source
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
@@ -44,7 +35,6 @@ from drivers.serial_port import MakePort, PortError, SerialPort
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import Joint, Robot
-from robots.imu import IMU_PORT
 from robots.servo import LimitMode
 
 READ_SHARE = 0.75  # of the period within which all reads must end
@@ -130,8 +120,15 @@ class DynamixelBackend(Backend):
         """Findings of `connect`."""
         self.unreleased: tuple[str, ...] = ()
         """Joints that did not confirm torque off at the last `close`."""
-        self.chains = self._build_chains(ports, options.make_port)
-        self.imu = None if without_imu else imu or self._find_imu(ports.get(IMU_PORT, ""))
+        built = build_ports(
+            robot,
+            ports,
+            options.make_port,
+            answer_margin=self._margin,
+            sleeps=self._clock.is_real,
+        )
+        self.chains = [ServoChain(port, robot, self._watchdog, self.limit_by) for port in built]
+        self.imu = None if without_imu else imu or find_imu(robot, built, ports)
         """Source of the IMU's samples; None without one."""
         self._connected = False
         self._reset()
@@ -146,8 +143,7 @@ class DynamixelBackend(Backend):
     @property
     def statistics(self) -> Mapping[str, BusStatistics]:
         """Return the traffic of each bus, by port name."""
-        ports = zip(self._bus_settings.ports, self.chains, strict=True)
-        return {name: chain.bus.statistics for name, chain in ports}
+        return {chain.name: chain.bus.statistics for chain in self.chains}
 
     @property
     def cycle_bytes(self) -> int:
@@ -342,31 +338,6 @@ class DynamixelBackend(Backend):
         states.note_rebooted(row, has_alert=pong.alert)
 
     # Helpers ----------------------------------------------------------------------------------
-
-    def _build_chains(self, ports: Mapping[str, str], make_port: MakePort) -> list[ServoChain]:
-        settings, chains = self._bus_settings, []
-        names = self.robot.joint_names
-        for port, joints in settings.ports.items():
-            bus = DynamixelBus(
-                make_port(ports[port], settings.baud),
-                answer_margin=self._margin,
-                sleeps=self._clock.is_real,
-            )
-            board = settings.board
-            here = None
-            if board and board.port == port:
-                here = Board(bus, board, carries_imu=self.robot.imu_kind == "board")
-            rows = np.sort([names.index(joint) for joint in joints])
-            chains.append(ServoChain(bus, self.robot, rows, self._watchdog, here, self.limit_by))
-        return chains
-
-    def _find_imu(self, port: str) -> ImuSource:
-        """Return the source of the IMU's samples: the board, or what is on a line of its own."""
-        board = next((chain.board for chain in self.chains if chain.board), None)
-        if board is not None and board.carries_imu:
-            return board
-        assert self.robot.imu is not None  # checked with the robot
-        return build_imu_source(self.robot.imu, port, SerialPort)
 
     def _check_connected(self) -> None:
         if not self._connected:

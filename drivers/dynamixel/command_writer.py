@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,7 +156,7 @@ class CommandWriter:
     def __init__(
         self,
         bus: DynamixelBus,
-        joints: list[Joint],
+        joints: Sequence[Joint],
         rows: np.ndarray,
         watchdog: int,
         limit_by: LimitMode,

@@ -9,8 +9,6 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 
 from drivers.dynamixel.background_read import BackgroundRead, has_time
-from drivers.dynamixel.board import Board
-from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.command_writer import GOAL_RANGES, CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import table_named
@@ -18,6 +16,7 @@ from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies, Request
+from drivers.dynamixel.robot_ports import RobotPort
 from drivers.dynamixel.servo_states import TORQUE, ServoStates
 from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
 from robots import Joint, Robot
@@ -43,36 +42,25 @@ class ServoChain:
     cyclic: CyclicRead
     """Reads position, velocity and current, of the servos that `set_facts` names."""
 
-    def __init__(
-        self,
-        bus: DynamixelBus,
-        robot: Robot,
-        rows: np.ndarray,
-        watchdog: int,
-        board: Board | None,
-        limit_by: LimitMode,
-    ) -> None:
-        """Prepare the chain of some of a robot's joints.
+    def __init__(self, port: RobotPort, robot: Robot, watchdog: int, limit_by: LimitMode) -> None:
+        """Prepare the chain of a robot's port.
 
-        Args:
-            bus: The bus behind the port.
-            robot: Robot that it is part of.
-            rows: Places of the joints in the robot's joint order.
-            watchdog: Register value of the bus watchdog under torque.
-            board: The controller board, if it is on this port.
-            limit_by: What the servos' torque limits act on.
+        ``watchdog`` is the register value of the bus watchdog under torque, and ``limit_by`` what
+        the servos' torque limits act on.
         """
-        self.bus, self.rows, self.board = bus, rows, board
-        self.joints: list[Joint] = [robot.actuators[row] for row in rows]
+        self.name, self.bus, self.joints, board = port.name, port.bus, port.joints, port.board
+        self.board = board
+        self.rows = np.array([robot.joint_names.index(joint.name) for joint in self.joints])
+        """Places of the joints in the robot's joint order."""
         self.is_lost = False
         self.eeprom_writes = 0
-        self.writer = CommandWriter(bus, self.joints, rows, watchdog, limit_by)
+        self.writer = CommandWriter(self.bus, self.joints, self.rows, watchdog, limit_by)
         self._limit_by: LimitMode = limit_by
         self._torque = table_named(self.joints[0].servo.model.name)[TORQUE]
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
         imu = board if board is not None and board.carries_imu else None
-        self._background = BackgroundRead(bus, self.joints, rows, imu)
+        self._background = BackgroundRead(self.bus, self.joints, self.rows, imu)
         self._cycle = 0
         self._reopen_at = 0.0
         self._bytes_in, self._bytes_in_at = -1, 0.0

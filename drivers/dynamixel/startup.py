@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from drivers.dynamixel.board import Board, check_board
-from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
+from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.diagnostics import (
     Diagnostics,
@@ -20,12 +19,12 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_all,
 )
+from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import NoBusError, SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
-from drivers.serial_port import PortError
 from robots import BusSettings, Joint, Robot
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode
@@ -80,38 +79,6 @@ def check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
     except ValueError as error:
         raise SetupError(str(error)) from error
     return by
-
-
-def open_ports(buses: Sequence[DynamixelBus]) -> None:
-    """Open the ports of some buses; after a failure, some stay open.
-
-    Raises:
-        SetupError: if some do not open; a `PortError` if it is one.
-    """
-    errors: list[PortError] = []
-    for bus in buses:
-        bus.return_delay = FACTORY_RETURN_DELAY
-        try:
-            bus.port.open()
-        except PortError as error:
-            errors.append(error)
-    if len(errors) == 1:
-        raise errors[0]
-    if errors:
-        raise SetupError("; ".join(map(str, errors)))
-
-
-@contextmanager
-def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]:
-    """Use another answer margin [s] on some buses inside the block."""
-    before = [(bus, bus.answer_margin) for bus in buses]
-    for bus, _ in before:
-        bus.answer_margin = margin
-    try:
-        yield
-    finally:
-        for bus, own in before:
-            bus.answer_margin = own
 
 
 def await_servos(servos: Iterable[tuple[DynamixelBus, Joint]]) -> None:

@@ -23,12 +23,13 @@ from drivers.dynamixel.diagnostics import (
     name_all,
 )
 from drivers.dynamixel.requests import Request
+from drivers.dynamixel.robot_ports import RobotPort
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import POLL_STEP, ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.serial_port import read_latency_timer
-from drivers.service.session import BusPort, RobotBus
+from drivers.service.session import RobotBus
 from robots import Joint, Robot
 from robots.description.calibration import CALIBRATION_FILE
 from robots.servo import LimitMode
@@ -147,7 +148,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
 
 
 def _examine_port(
-    bus: RobotBus, port: BusPort, servos: Sequence[ServoFacts], rounds: int
+    bus: RobotBus, port: RobotPort, servos: Sequence[ServoFacts], rounds: int
 ) -> PortReport:
     here = [servo for servo in servos if servo.joint in port.joints]
     wire, size, latency = port.bus.port, 0, None

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import TRIES, DynamixelBus
@@ -19,22 +18,11 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_of,
 )
-from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu, open_ports
-from drivers.imu.build import build_imu_source
+from drivers.dynamixel.robot_ports import RobotPort, build_ports, find_imu, open_ports
+from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, SerialPort
 from robots import Joint, Robot
-from robots.imu import IMU_PORT
-
-
-@dataclass(frozen=True)
-class BusPort:
-    """One port of a robot and its joints."""
-
-    name: str
-    """The port's name in the robot's description."""
-    bus: DynamixelBus
-    joints: tuple[Joint, ...]
 
 
 class RobotBus:
@@ -45,13 +33,8 @@ class RobotBus:
     are reset when the robot is switched off.
     """
 
-    def __init__(
-        self, robot: Robot, ports: tuple[BusPort, ...], imu: ImuSource | None = None
-    ) -> None:
-        """Check the board, the IMU and the servos' replies, through ports that are open.
-
-        Without an ``imu``, it is the board's.
-        """
+    def __init__(self, robot: Robot, ports: Sequence[RobotPort], imu: ImuSource | None) -> None:
+        """Check the board, the IMU and the servos' replies, through ports that are open."""
         self.robot, self.ports = robot, ports
         self.servos = [(port.bus, joint) for port in ports for joint in port.joints]
         """Each joint, and the bus of its servo."""
@@ -102,12 +85,10 @@ class RobotBus:
 
     def _check_board(self) -> None:
         """Check the board, and switch the servos' power on."""
-        settings = self.robot.bus.board if self.robot.bus else None
-        if settings is None:
+        board = next((port.board for port in self.ports if port.board), None)
+        if board is None:
             return
-        bus = next(port.bus for port in self.ports if port.name == settings.port)
-        board = Board(bus, settings, carries_imu=self.robot.imu_kind == "board")
-        was_off = settings.powers_servos and not board.is_powering()
+        was_off = board.settings.powers_servos and not board.is_powering()
         found = check_board(board, set_delay=False)
         self.findings += found
         if found:
@@ -119,10 +100,10 @@ class RobotBus:
 
     def _open_imu(self, imu: ImuSource | None) -> None:
         """Open the IMU, on the board or on its own line."""
-        if self.robot.imu_kind is None:
+        if imu is None:
             text, remedy = "names no IMU", "add an [imu] table, or [bus.board] for one on the bus"
             self.findings.append(Finding.error("robot.toml", text, remedy))
-        elif imu is None:
+        elif isinstance(imu, Board):
             self.imu = self.board
         elif found := open_imu(imu):
             self.findings += found
@@ -152,29 +133,18 @@ def open_robot_bus(
     ``ports`` names the device of each port, by its name in the robot's description.
 
     Raises:
+        NoBusError: if it has none.
         SetupError: if ports do not open, naming all of them.
     """
-    settings = robot.bus
-    assert settings is not None
-    joints = {joint.name: joint for joint in robot.actuators}
-    opened = tuple(
-        BusPort(
-            port,
-            DynamixelBus(make_port(ports[port], settings.baud), answer_margin=SETUP_MARGIN),
-            tuple(joints[name] for name in names),
-        )
-        for port, names in settings.ports.items()
-    )
-    imu = None
-    if robot.imu is not None and robot.imu_kind != "board":
-        imu = build_imu_source(robot.imu, ports.get(IMU_PORT, ""), SerialPort)
+    built = build_ports(robot, ports, make_port, answer_margin=SETUP_MARGIN)
+    imu = find_imu(robot, built, ports)
     try:
-        open_ports([port.bus for port in opened])
-        yield RobotBus(robot, opened, imu)
+        open_ports([port.bus for port in built])
+        yield RobotBus(robot, built, imu)
     finally:
         if imu is not None:
             imu.close()
-        for port in opened:
+        for port in built:
             port.bus.port.close()
 
 

@@ -1,0 +1,103 @@
+"""The ports of a robot: on each a bus with some of its servos, on one its board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from drivers.dynamixel.board import Board
+from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
+from drivers.errors import NoBusError, SetupError
+from drivers.imu.build import build_imu_source
+from drivers.imu.source import ImuSource
+from drivers.serial_port import MakePort, PortError, SerialPort
+from robots import Joint, Robot
+from robots.imu import IMU_PORT
+
+
+@dataclass(frozen=True)
+class RobotPort:
+    """One port of a robot, and what is on its bus."""
+
+    name: str
+    """The port's name in the robot's description."""
+    bus: DynamixelBus
+    joints: tuple[Joint, ...]
+    """Joints of its servos, in the robot's joint order."""
+    board: Board | None
+    """The controller board, if it is on this port."""
+
+
+def build_ports(
+    robot: Robot,
+    paths: Mapping[str, str],
+    make_port: MakePort,
+    *,
+    answer_margin: float,
+    sleeps: bool = True,
+) -> list[RobotPort]:
+    """Build the ports of a robot with a bus; nothing is opened yet.
+
+    ``paths`` names the device of each port, by its name in the robot's description; the other
+    parameters are those of `DynamixelBus`.
+
+    Raises:
+        NoBusError: if the robot has no bus.
+    """
+    settings, ports = robot.bus, list[RobotPort]()
+    if settings is None:
+        raise NoBusError(robot.name)
+    for name, joints in settings.ports.items():
+        wire = make_port(paths[name], settings.baud)
+        bus = DynamixelBus(wire, answer_margin=answer_margin, sleeps=sleeps)
+        board = None
+        if settings.board and settings.board.port == name:
+            board = Board(bus, settings.board, carries_imu=robot.imu_kind == "board")
+        here = tuple(joint for joint in robot.actuators if joint.name in joints)
+        ports.append(RobotPort(name, bus, here, board))
+    return ports
+
+
+def find_imu(
+    robot: Robot, ports: Iterable[RobotPort], paths: Mapping[str, str]
+) -> ImuSource | None:
+    """Return the source of the IMU's samples: the board, or what is on a line of its own.
+
+    None for a robot without an IMU.
+    """
+    if robot.imu_kind == "board":
+        return next(port.board for port in ports if port.board)
+    return robot.imu and build_imu_source(robot.imu, paths.get(IMU_PORT, ""), SerialPort)
+
+
+def open_ports(buses: Sequence[DynamixelBus]) -> None:
+    """Open the ports of some buses; after a failure, some stay open.
+
+    Raises:
+        SetupError: if some do not open; a `PortError` if it is one.
+    """
+    errors: list[PortError] = []
+    for bus in buses:
+        bus.return_delay = FACTORY_RETURN_DELAY
+        try:
+            bus.port.open()
+        except PortError as error:
+            errors.append(error)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise SetupError("; ".join(map(str, errors)))
+
+
+@contextmanager
+def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]:
+    """Use another answer margin [s] on some buses inside the block."""
+    before = [(bus, bus.answer_margin) for bus in buses]
+    for bus, _ in before:
+        bus.answer_margin = margin
+    try:
+        yield
+    finally:
+        for bus, own in before:
+            bus.answer_margin = own

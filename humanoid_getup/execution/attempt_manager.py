@@ -119,7 +119,7 @@ class AttemptManager:
         return AttemptStatus.NEEDS_HELP, f"{most} attempts failed: {reasons}"
 
     def _attempt(self, rng: np.random.Generator) -> Attempt:
-        """Plan and play, after moves to where there is room to rise if need be."""
+        """Plan and play, if necessary after moves to a place with room to rise."""
         moves: tuple[PlayedMove, ...] = ()
         refused: tuple[RisePlan, ...] = ()
         side: str | None = None
@@ -143,7 +143,7 @@ class AttemptManager:
             self._session.moved(plan)
 
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
-        """Settle and plan; return what controls the robot, ``None`` if nothing may be played.
+        """Settle and plan; return the controller, ``None`` if nothing may be played.
 
         A plan that was searched for and is refused by the preflight has moved no robot: another is
         made. So is one for a robot that has tipped over meanwhile, after it has settled again.
@@ -158,7 +158,7 @@ class AttemptManager:
     def _plan_until_passed(
         self, rng: np.random.Generator, refused: list[RisePlan]
     ) -> tuple[Attempt, Supervisor | None]:
-        """Settle, plan and run the preflight; the plans that are made again go to ``refused``."""
+        """Settle, plan and run the preflight; refused plans are appended to ``refused``."""
         state = self._settle()
         while True:
             posture = self._estimate(state)
@@ -179,7 +179,7 @@ class AttemptManager:
                 state = self._settle()
 
     def _describe(self, side: str, refused: int) -> str:
-        """Describe what is planned for, and why again."""
+        """Describe the planning: how the robot lies, and the reason to plan again."""
         text = f"the robot lies {side}"
         if self._moved:
             text += f", after {self._moved} move{'s' if self._moved > 1 else ''}"
@@ -188,7 +188,7 @@ class AttemptManager:
         return text
 
     def _has_tipped(self, planned_for: Posture) -> bool:
-        """Return whether the robot lies otherwise than when it was planned for."""
+        """Return whether the robot has tipped over since it was planned for."""
         return measure_tilt(self._locate().orientation, planned_for.orientation) > FAR_TILT
 
     def _judge(self, plan: RisePlan, state: State) -> tuple[Attempt, Supervisor | None]:
@@ -212,7 +212,7 @@ class AttemptManager:
         return attempt, controller
 
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
-        """Judge a plan, and without its feedback if it falls with it; return which is played."""
+        """Judge a plan, and again without feedback if it falls; return the one to play."""
         strategy = self._strategy
         verdict = plan.preflight(strategy, state, self._locate)
         other = plan.open_loop() if verdict.falls else None
@@ -223,7 +223,7 @@ class AttemptManager:
         return plan, verdict
 
     def _settle(self) -> State:
-        """Wait until the robot is still, and recover from faults meanwhile."""
+        """Wait until the robot is still; recover from faults in the meantime."""
         for _ in range(MOST_REMEDIES):
             self._report(Phase.SETTLING, Phase.SETTLING.value)
             if not (self._session.settle or self._moved):
@@ -305,7 +305,7 @@ def _has_moved(attempt: Attempt) -> bool:
 
 
 def _is_plan_to_blame(attempt: Attempt) -> bool:
-    """Return whether a plan would fail again: it fell, in the preflight or when it was played."""
+    """Return whether a plan would fail again: it fell in the preflight or in the run."""
     if attempt.run is not None:
         return attempt.run.ending is not Ending.FAULT
     return attempt.verdict is not None and attempt.verdict.falls

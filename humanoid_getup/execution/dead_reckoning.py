@@ -1,4 +1,4 @@
-"""Dead reckoning: where a robot without localization lies after it moved."""
+"""Dead reckoning: the place of a robot without localization after its moves."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from humanoid_getup.strategies.plan import MotionPlan, RisePlan
 
 
 class DeadReckoning:
-    """Estimates where a robot lies: at a given place at first, then where its moves should end.
+    """Estimates the place of a robot: a given one at first, then the planned ends of its moves.
 
     Attitude and joint angles are measured; an error in place or heading is not noticed.
     """
@@ -20,6 +20,6 @@ class DeadReckoning:
         return self._placement
 
     def move(self, plan: RisePlan) -> None:
-        """Go on to the end of a move."""
+        """Advance to the planned end of a move."""
         if isinstance(plan, MotionPlan):
             self._placement = Placement.of(plan.motion.posture(-1))

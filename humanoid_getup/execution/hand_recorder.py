@@ -1,4 +1,4 @@
-"""Recording by hand: a person moves a limp robot, and a key takes each posture."""
+"""Recording by hand: a person moves a limp robot, and a keypress stores each posture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FRESH = 0.1  # s; angles that are older may be those of another posture
 
 
 class Press(Enum):
-    """What a person asks for by a key."""
+    """Actions of a person, by keys."""
 
     TAKE = "take the posture"
     UNDO = "drop the last one"
@@ -37,7 +37,7 @@ PRESSES = {
 
 
 class PressSource(Protocol):
-    """Where presses come from."""
+    """Source of presses."""
 
     def poll(self) -> Press | None:
         """Return the next press; ``None`` if there is none yet."""
@@ -70,14 +70,14 @@ class HandRecorder:
         presses: PressSource,
         on_change: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """Prepare to record; ``on_change`` is called with the number of keys that there are."""
+        """Prepare to record; ``on_change`` is called with the number of keys so far."""
         self._limp, self._presses, self._on_change = Command.limp(robot.n), presses, on_change
         self.keys: list[Array] = []
-        """Joint angles that were taken [rad], (n,) each."""
+        """Recorded joint angles [rad], (n,) each."""
         self.done = False
         """Whether the person has finished."""
         self.is_kept = True
-        """Whether the person wants what was recorded."""
+        """Whether the recording is to be saved."""
 
     def reset(self, state: State) -> None:
         """Start over."""
@@ -86,7 +86,7 @@ class HandRecorder:
         self.done, self.is_kept = False, True
 
     def step(self, state: State) -> Command:
-        """Do what was asked for since the last measurement; keep every joint limp.
+        """Handle the presses since the last measurement; keep every joint limp.
 
         While the angles are old, what is asked for waits.
         """

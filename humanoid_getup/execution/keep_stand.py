@@ -1,4 +1,4 @@
-"""What a robot that stands does next: hold, sit and lie down, go limp, or be handed over."""
+"""Keeping a stand: hold, sit and lie down, go limp, or hand over."""
 
 from __future__ import annotations
 

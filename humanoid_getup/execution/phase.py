@@ -1,4 +1,4 @@
-"""Phases of getting up and of what follows, as they are reported."""
+"""Phases of getting up and of the stand, as they are reported."""
 
 from __future__ import annotations
 

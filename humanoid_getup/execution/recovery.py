@@ -1,4 +1,4 @@
-"""Recovery of a robot that its guard has stopped, with torque off: cooling, reboots, waiting."""
+"""Recovery of a robot with torque off after its guard stopped it: cooling, reboots, waiting."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class RebootBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class Cooling:
-    """How long a robot rests before it tries again."""
+    """Rest of a robot before it tries again."""
 
     temperature: float = 55.0
     """Highest temperature of any servo [°C]: 10 °C below where the guard derates."""

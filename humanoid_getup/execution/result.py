@@ -44,7 +44,7 @@ class AttemptStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PlayedMove:
-    """A move to where there is room to rise, as it was played."""
+    """A move to a place with room to rise, as played."""
 
     plan: RisePlan
     outcome: Outcome
@@ -76,7 +76,7 @@ class Attempt:
     moves: tuple[PlayedMove, ...] = ()
     """Moves that were played before."""
     refused: tuple[RisePlan, ...] = ()
-    """Plans that the preflight refused, after which another was made."""
+    """Plans that the preflight refused and that were made again."""
 
     @property
     def plans(self) -> tuple[RisePlan, ...]:
@@ -93,7 +93,7 @@ class Attempt:
 
     @property
     def is_unknown(self) -> bool:
-        """Return whether it was played to its end by a robot that cannot tell how it ended."""
+        """Return whether its end is unknown: it was played by a robot without an IMU."""
         if self.run is None or self.joint_figures is None:
             return False
         return self.run.ending is Ending.DONE and self.abort is None
@@ -129,10 +129,10 @@ class RiseResult:
     """Whether a hardware fault ended it, not a failed rise."""
     attempts: tuple[Attempt, ...] = ()
     has_imu: bool = True
-    """False for a robot that does not measure how it lies or stands."""
+    """False for a robot that cannot measure its orientation."""
 
     def __str__(self) -> str:
-        """Say in one line how it ended, by what, and who judged."""
+        """Describe in one line how it ended, by which motion, and how it was judged."""
         outcome, tries = self.outcome, len(self.attempts)
         name = f"{self.robot.name}, {self.start_class}"
         if not self.stood or outcome is None:
@@ -179,7 +179,7 @@ class RiseResult:
 
     @property
     def times_played(self) -> int:
-        """Return in how many attempts something was played."""
+        """Return the number of attempts in which something was played."""
         return sum(attempt.run is not None for attempt in self.attempts)
 
     def _describe_moves(self) -> dict[str, float | None]:
@@ -226,7 +226,7 @@ class RiseResult:
         return record if self.has_imu else record | self._describe_unknown()
 
     def _describe_unknown(self) -> dict[str, Any]:
-        """Return what joints alone tell, and None for what is not known without an IMU."""
+        """Return the figures of joints, and None for those that are unknown without an IMU."""
         last = self.attempts[-1] if self.attempts else Attempt(number=1)
         hold = self.after.hold if self.after else None
         verdict = last.verdict.warnings if last.verdict else ()

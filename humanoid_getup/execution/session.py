@@ -1,4 +1,4 @@
-"""A session: one robot behind its guard, what is to be done with it, and who is informed."""
+"""A session: one robot behind its guard, with its options and callbacks."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ and lies down; sits and lies down at once; goes limp; or keeps its torque for an
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions:
-    """What may be chosen for a session; the defaults suit a robot that lies on flat ground."""
+    """Options of a session; the defaults suit a robot that lies on flat ground."""
 
     then: Then | None = None
     """What follows a judged stand; None for limp in simulation, and for hold on servos."""
     is_released: Callable[[], bool] = lambda: True
-    """Whether a robot that is held may go on; called every cycle."""
+    """Returns whether the hold of a stand ends; called every cycle."""
     balance: bool = True
     """Whether the ankles balance the robot while it rises by a motion, and while it stands."""
     preflight: bool = True
@@ -52,11 +52,11 @@ class SessionOptions:
     simulation: Simulation | None = None
     """Ground truth for the judges; None for that of a twin, and else for sensors alone."""
     support: Support | None = None
-    """Ground on which a simulated robot is; None for that of the world that was planned in."""
+    """Ground under a simulated robot; None for that of the world of the plan."""
     locate: Callable[[], Placement] | None = None
     """Tells where in its scene the robot lies; a rise needs it unless the scene is flat."""
     moved: Callable[[RisePlan], None] = lambda _: None
-    """Called after a move to where there is room, for a `locate` that cannot look."""
+    """Called after a move to a place with room, for a `locate` that does not measure."""
     place: Callable[[], None] | None = None
     """Places a simulated robot in its stand, once it is connected; None for a real one."""
     on_phase: Callable[[PhaseChange], None] = lambda _: None
@@ -72,7 +72,7 @@ class SessionOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Session(SessionOptions):
-    """A robot behind its guard; it is connected for each phase, and its torque is off after each.
+    """A robot behind its guard, connected for each phase, with torque off after each.
 
     Only a robot that is handed over keeps its torque.
     """
@@ -80,7 +80,7 @@ class Session(SessionOptions):
     guard: SafetyGuard
     world: World
     torque_limit: TorqueLimit = FULL_TORQUE
-    """Of plans, preflight and judges."""
+    """Torque limit of plans, preflight and judges."""
     then: Then = "limp"
     realtime: bool = False
 
@@ -115,7 +115,7 @@ class Session(SessionOptions):
 
     @property
     def services(self) -> RebootsServos | None:
-        """Return what reboots servos; ``None`` where the backend cannot."""
+        """Return the backend if it can reboot servos, else ``None``."""
         backend = self.guard.backend
         return backend if isinstance(backend, RebootsServos) else None
 

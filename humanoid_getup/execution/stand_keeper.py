@@ -1,4 +1,4 @@
-"""The stand keeper: holds a robot that stands, and ends its stand as it was asked to."""
+"""The stand keeper: holds a standing robot, and ends the stand as requested."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ HOLDING_TARGETS = "holding the last targets, until a key is pressed"
 
 
 class StandKeeper:
-    """Keeps a robot in its stand, supervised, and ends the stand: lying, limp or handed over.
+    """Holds a robot in its stand, supervised, and ends the stand: lying, limp or handed over.
 
     All of it happens while the robot is engaged, in one piece with the rise before it: its servos
     are never without commands. What fails ends with torque off.
@@ -93,7 +93,7 @@ class StandKeeper:
             self._session.on_cycle(cycle)
 
     def keep(self, *, balanced: bool = True) -> AfterStand:
-        """Do what follows a judged stand, on the engaged robot.
+        """Hold and end a judged stand, on the engaged robot.
 
         ``balanced`` is False to hold the stand without feedback to the ankles.
 
@@ -106,7 +106,7 @@ class StandKeeper:
         return self._end(hold)
 
     def start(self) -> AfterStand:
-        """Hold a robot that stands already, for a judged stand at least, and do what follows.
+        """Take over a robot that stands already: hold it for a judged stand at least, and end it.
 
         With ``then`` at ``"sit"``, it sits down at once.
         """
@@ -197,7 +197,7 @@ class StandKeeper:
         return Step(run=run, abort=supervisor.aborted, succeeded=stood)
 
     def _choose_posture(self) -> Motion:
-        """Return what is held: the stand, or without an IMU the last targets."""
+        """Return the posture to hold: the stand, or without an IMU the last targets."""
         robot, held = self._session.world.robot, self._held
         if self._session.has_imu or held is None:
             return make_stand(robot)

@@ -1,4 +1,4 @@
-"""Watches a robot that is held until it has been seen to stand."""
+"""The watch over a held robot until its stand is judged."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST_WAIT = 3.0 * HOLD  # s that a released robot is still held without a jud
 
 
 class StandWatch:
-    """Judges a stand that lasts, piece by piece, until one piece is a held stand.
+    """Judges a long stand in pieces until one piece is a held stand.
 
     A judge keeps every sample, so one that watched for hours would fill the memory and be late.
     """
@@ -24,7 +24,7 @@ class StandWatch:
         self._released_at: float | None = None
         self._now = 0.0
         self.stood = False
-        """Whether a held stand has been seen."""
+        """Whether a held stand was observed."""
 
     def __call__(self, cycle: Cycle) -> None:
         """Observe a cycle."""
@@ -40,7 +40,7 @@ class StandWatch:
                 self._judge, self._began = self._make_judge(), None
 
     def may_end(self) -> bool:
-        """Return whether the robot is released, and stood or does not come to a stand."""
+        """Return whether the robot is released, and has stood or will not stand."""
         if not self._is_released():
             self._released_at = None
             return False

@@ -1,1 +1,1 @@
-"""From a path to targets that real servos can follow."""
+"""Filtering: from a path to targets that real servos can follow."""

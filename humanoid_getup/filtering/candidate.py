@@ -1,4 +1,4 @@
-"""Candidates: a path and a motion that are tried together, and their rollouts."""
+"""Candidates: a path with a motion, and their rollouts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Slowdown:
 
     A servo under load stays behind its target by its torque over its stiffness; beyond the
     largest torque it does not follow at all, and a motion that goes on regardless leaves the
-    robot behind. So time passes slower the farther the slowest joint is behind.
+    robot behind. So the motion runs the more slowly, the farther the slowest joint is behind.
     """
 
     tolerance: float
@@ -39,9 +39,9 @@ class Candidate:
     tempo: float = 1.0
     """Speed of the path as a share of the planned one."""
     slowdown: Slowdown | None = None
-    """How it slows down where servos lag behind; ``None``: not at all."""
+    """How it slows down for servos that lag behind; ``None``: not at all."""
     assistance: float = 1.0
-    """Share of the virtual actuator's torques that is used; 0 is plain tracking."""
+    """Factor on the virtual actuator's torques; 0 is plain tracking."""
     before: Array | None = None
     """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
     begins."""
@@ -56,7 +56,7 @@ class CandidateRollout:
 
     candidate: Candidate
     outcome: Outcome
-    """A stand of a second counts in it; a check asks for more."""
+    """A stand of one second counts in it; a check requires more."""
     cost: float
     """By the filter's preference [s]; nan if it did not stand."""
     moving: int
@@ -95,12 +95,12 @@ class CandidateRollout:
         return bool(self.outcome.collides)
 
     def measure_overlap(self, touch: float) -> float:
-        """Sum up by how much the robot overlaps itself deeper than a touch [m]."""
+        """Sum the depths of self-overlap beyond a touch [m]."""
         return float(np.maximum(self.overlap - touch, 0.0).sum())
 
 
 def _known(values: Array | None) -> Array:
-    """Return what every rollout records."""
+    """Return a field that every rollout records."""
     assert values is not None
     return values
 

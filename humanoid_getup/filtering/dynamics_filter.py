@@ -143,7 +143,7 @@ class DynamicsFilter:
                 return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], share
 
     def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
-        """Shift the targets of a rollout that stands where the robot touches itself.
+        """Separate limbs that touch in a rollout that stands, by shifting its targets.
 
         What comes out stands undisturbed; it is the rollout itself if no shift helps.
         """
@@ -165,7 +165,7 @@ class DynamicsFilter:
     def improve(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
     ) -> CandidateRollout:
-        """Search variations of a rollout's targets that cost less, or have a margin.
+        """Search variations of a rollout's targets that cost less, or are more robust.
 
         The rollout stands under every disturbance, and is returned unless a better one stands
         in all of a fresh check, too. The budget is simulated time [s].
@@ -225,7 +225,7 @@ class DynamicsFilter:
         return disturbance.sample(self.world, lying, count, rng, self.torque_limit)
 
     def _play_nominal(self, start: Posture, count: int, source: Array | FeedbackLaw) -> Record:
-        """Play that many robots from one posture in the undisturbed world, and count them."""
+        """Play robots from one posture in the undisturbed world, and count them."""
         self.count += count
         lying = place(self.world.robot, self.world.model, start)
         scenario = Scenarios.nominal(self.world, lying, self.torque_limit)
@@ -318,7 +318,7 @@ class _Tracker:
         return self._last
 
     def _proceed(self, state: Feedback) -> None:
-        """Let time along the references go on, slower where a joint lags behind its target."""
+        """Advance along the references, more slowly if a joint lags behind its target."""
         rate = np.ones(len(self._phase))
         if self._slows_down:
             lag = np.abs(self._last - state.joint_pos).max(axis=1)

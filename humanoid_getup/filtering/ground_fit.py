@@ -1,4 +1,4 @@
-"""Ground fit: legs that put their soles on the ground that is there, not on level ground."""
+"""Ground fit: adapts the legs of a motion to ground that is not level."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOOT_REACH = 0.15  # leg lengths over which the ground's tilt under a foot is av
 
 
 class GroundFit:
-    """Puts soles that are flat on level ground in a motion flat on the scene's ground.
+    """Places the soles of a motion, made on level ground, flat on the scene's ground.
 
     An addition to [Lin12], whose slope is left to the dynamics filter: the body stays as upright
     as in the motion, ankles take up the tilt, and legs the difference in height.
@@ -37,7 +37,7 @@ class GroundFit:
         self._soles = [world.model.site(name).id for name in world.robot.sole_sites]
 
     def shift(self, position: Array, orientation: Array, joint_pos: Array) -> Array:
-        """Compute what to add to the joint angles of a motion (T, ...) on level ground, (T, n).
+        """Compute the corrections of joint angles (T, n) for a motion (T, ...) on level ground.
 
         Its postures have the place and heading that the robot will have.
         """
@@ -51,7 +51,7 @@ class GroundFit:
         return np.stack([np.interp(np.arange(count), rows, column) for column in fitted.T], axis=1)
 
     def measure_level(self, qpos: Array) -> float:
-        """Measure the height of the ground on which a robot would come to stand [m].
+        """Measure the height of the ground on which a robot would stand [m].
 
         ``qpos`` are MuJoCo positions, (nq,), of a robot on level ground of height 0.
         """
@@ -69,7 +69,7 @@ class GroundFit:
         return position, matrix, smooth_step((matrix[:, 8] - FLAT_FROM) / (FLAT_AT - FLAT_FROM))
 
     def shift_legs(self, qpos: Array) -> Array:
-        """Compute what to add to the joint angles of one posture, (n,).
+        """Compute the corrections of the joint angles of one posture, (n,).
 
         ``qpos`` are MuJoCo positions, (nq,), at the height that `measure_level` yields.
         """

@@ -1,4 +1,4 @@
-"""References: what the dynamics filter tracks, from the lying posture to the stand."""
+"""References: the motion that the dynamics filter tracks, from lying to the stand."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Reference:
     """Cycle at which the path begins; before it the targets are those of an earlier rollout."""
 
     def after(self, target: Array) -> Reference:
-        """Put the targets (T, n) of an earlier rollout before this reference."""
+        """Prepend the targets (T, n) of an earlier rollout to this reference."""
         waiting = np.repeat(self.com[:1], len(target), axis=0)
         return Reference(
             target=np.concatenate([target, self.target]),
@@ -85,7 +85,7 @@ def compose(
 
 
 def _follow(position: Array, orientation: Array, seen: Array) -> tuple[Array, Array]:
-    """Move postures of a motion (T, ...) to where a robot came in a rollout of it.
+    """Move postures of a motion (T, ...) to the root's path in a rollout of it.
 
     ``seen`` are the places and orientations (K, 7) of its root; it is taken to stay at the last.
     """

@@ -28,7 +28,7 @@ FINALISTS = 3  # cheapest variations that an improvement returns
 
 @dataclass(frozen=True, kw_only=True)
 class Improvement:
-    """Variations of a motion that cost less and stand in the worlds in which they were tried."""
+    """Variations of a motion that cost less and stand in all worlds of the search."""
 
     targets: list[Array]
     """Their targets [rad], each (T, n), the cheapest first; none if no cheaper one was found."""
@@ -40,7 +40,7 @@ class Improvement:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundTargets:
-    """What a search found."""
+    """Result of a search."""
 
     target: Array
     """Best targets [rad], (T, n): those that it began with if it found no better ones."""
@@ -70,7 +70,7 @@ class TargetSearch:
     def search(
         self, scenarios: Scenarios, target: Array, budget: float, rng: np.random.Generator
     ) -> FoundTargets:
-        """Vary targets [rad], (T, n), that stand in few worlds or in none.
+        """Vary targets [rad], (T, n), that stand in few worlds or none.
 
         The search ends when they stand in all worlds, of which the first is the nominal one, or
         when the budget of simulated time [s] is spent.
@@ -120,11 +120,11 @@ class TargetSearch:
         return Improvement(targets=cheaper, rollouts=tries.rollouts, simulated=tries.simulated)
 
     def _is_content(self, outcome: Outcome, i: int | np.int_) -> bool:
-        """Return whether nothing cheaper than a motion is wanted."""
+        """Return whether a motion is cheap enough to end the search."""
         return not (self.preference.always_improves or np.any(np.asarray(outcome.collides)[i]))
 
     def weigh(self, outcome: Outcome) -> Array:
-        """Weigh motions by their stands, how near the others came to one, and cost, (S,)."""
+        """Compute the cost of motions from their stands, their progress and their effort, (S,)."""
         cost = np.where(outcome.stood, self.preference.cost(outcome), NO_STAND)
         gain = outcome.stood + outcome.progress - EFFORT * cost  # (S, K)
         return -gain.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Separation: moves limbs apart where a rollout of targets lets them touch each other."""
+"""Separation: moves limbs apart that touch each other in a rollout."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _Touch:
     depth: float
     """Largest depth [m]."""
     gradient: Array
-    """How their distance grows with the joint angles where they are deepest [m/rad], (n,)."""
+    """Gradient of their distance by the joint angles at the deepest frame [m/rad], (n,)."""
 
     def followed_by(self, later: _Touch) -> _Touch:
         """Return both as one touch."""
@@ -114,13 +114,13 @@ class Separation:
         return touches
 
     def _jacobian(self, point: NDArray[np.float64], body: int) -> Array:
-        """Return how a point of a body moves with the joints, (3, n)."""
+        """Return the Jacobian of a point of a body, (3, n)."""
         jacobian = np.zeros((3, self._model.nv))
         mujoco.mj_jac(self._model, self._data, jacobian, None, point, body)
         return jacobian[:, self._dof]
 
     def _fade(self, touch: _Touch, length: int, fade: float) -> Array:
-        """Return 1 while bodies touch, and smoothly less before and after, (length,)."""
+        """Return weights that are 1 while bodies touch and fade before and after, (length,)."""
         time = np.arange(length)
         away = np.maximum(touch.first - time, time - touch.last) * self._robot.control_period
         return smooth_step(1.0 - away / fade)

@@ -17,22 +17,22 @@ LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may las
 
 @dataclass(frozen=True, kw_only=True)
 class Variation:
-    """How targets differ from those that a search began with."""
+    """Change of targets against those at the start of a search."""
 
     tempo: Array
-    """Logarithm of how much longer each stretch lasts, (STRETCHES,)."""
+    """Logarithm of the factor on the duration of each stretch, (STRETCHES,)."""
     offset: Array
     """Offset of each pair of joints at the knots [rad], (STRETCHES, pairs). The knots divide the
     motion evenly; at its first and last target there is no offset."""
 
     @staticmethod
     def size(robot: Robot) -> int:
-        """Return how many numbers make a variation."""
+        """Return the count of numbers in a variation."""
         return STRETCHES * (1 + len(pair_directions(robot)))
 
     @staticmethod
     def of(genes: Array) -> Variation:
-        """Read a variation from its genes (size,); 1 is a large one, 0 changes nothing."""
+        """Read a variation from its numbers (size,); 1 is a large change, 0 is none."""
         offset = UNIT_OFFSET * genes[STRETCHES:]
         return Variation(tempo=UNIT_TEMPO * genes[:STRETCHES], offset=offset.reshape(STRETCHES, -1))
 

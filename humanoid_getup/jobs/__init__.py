@@ -1,1 +1,1 @@
-"""What commands do, as functions: a request in, a result out, with progress and cancellation."""
+"""The work of commands as functions: a request in, a result out, progress, cancellation."""

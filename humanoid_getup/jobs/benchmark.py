@@ -207,7 +207,7 @@ BENCHMARKS: dict[type[JobRequest], Callable[[Any, ProgressMonitor], BenchHead]] 
     BenchKill: _bench_kill,
     BenchSoak: _bench_soak,
 }
-"""What runs a request."""
+"""Function of each request."""
 
 
 def _count(

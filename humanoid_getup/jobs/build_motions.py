@@ -37,7 +37,7 @@ from robots import Robot
 
 POLL_TIME = 0.2  # s between two reads of the workers' progress
 LOG, BEST, KEYS, STRIP = ".json", ".npz", ".toml", ".png"
-"""What the folder of unfinished motions keeps of each: its search, its best try, keys, pictures."""
+"""Files of an unfinished motion: search log, best try, keys, picture."""
 
 _progress: Queue | None = None
 """In a worker: the queue of its progress reports."""
@@ -45,13 +45,13 @@ _progress: Queue | None = None
 
 @dataclass(frozen=True, kw_only=True)
 class BuiltMotions:
-    """What became of the keyframes that were to be built."""
+    """Result of building keyframes."""
 
     folder: Path
-    """Where motions are."""
+    """Folder of the motions."""
     built: tuple[str, ...]
     failures: tuple[str, ...]
-    """Why others were not built, and where their best try is."""
+    """Reasons why others failed, each with the place of the best try."""
 
 
 def build_motions(
@@ -85,7 +85,7 @@ def check_folders(robot: Robot) -> None:
 def build_all(
     robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> BuiltMotions:
-    """Build motions in processes, and keep each when it is ready."""
+    """Build motions in processes, and store each when it is ready."""
     done = _count_done(robot, chosen, request, monitor)
     reports: Queue = SPAWN.Queue()
     rounds = math.ceil(len(chosen) / request.jobs)
@@ -113,7 +113,7 @@ def open_log(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> Searc
 
 
 def keep(build: Build, robot: Robot, *, keep_keys: bool) -> str:
-    """Store a motion, or the best try and why it is none; return why it is none, and where."""
+    """Store a motion, or the best try of a failed one; return the reason and the place then."""
     name = build.motion.name
     if build.failure:
         return f"{build.failure}; its best try: {_keep_best(build, robot)}"
@@ -127,7 +127,7 @@ def keep(build: Build, robot: Robot, *, keep_keys: bool) -> str:
 
 
 def _keep_best(build: Build, robot: Robot) -> Path:
-    """Keep the best try of a motion that failed; return its file."""
+    """Store the best try of a motion that failed; return its file."""
     files = {s: unfinished_file(robot.folder, build.motion.name, s) for s in (BEST, KEYS, STRIP)}
     files[BEST].parent.mkdir(exist_ok=True)
     build.motion.save(files[BEST])
@@ -154,7 +154,7 @@ def _count_done(
 
 
 def _collect(waiting: dict[Future[Build], str], keep: Callable[[Build], str]) -> dict[str, str]:
-    """Keep what is ready; return why some failed, by name."""
+    """Store finished motions; return the reasons of failures by name."""
     failures = {}
     for future in [future for future in waiting if future.done()]:
         name = waiting.pop(future)
@@ -168,7 +168,7 @@ def _collect(waiting: dict[Future[Build], str], keep: Callable[[Build], str]) ->
 
 
 class _Watch:
-    """Shows the reports of workers, and after a generation or two how long all will take."""
+    """Shows the reports of workers, and, after a generation or two, an estimate of the time."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class _Watch:
         work: float,
         done: dict[str, int],
     ) -> None:
-        """Prepare for so much work, in generations one after the other, beside those done."""
+        """Prepare for an amount of work in generations, besides those already done."""
         self._reports, self._monitor, self._generations = reports, monitor, generations
         self._work, self._done = work, done
         self._last: dict[str, float] = {}

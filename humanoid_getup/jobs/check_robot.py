@@ -1,4 +1,4 @@
-"""Checks a robot: what is wrong with its description, and what its body can do."""
+"""Checks a robot: its description and its abilities."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robots import Robot, RobotError, load_robot
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckedRobot:
-    """A robot, and what its check found."""
+    """A robot, and the findings of its check."""
 
     robot: Robot
     check: RobotCheck

@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # its evaluation of policies is slow to import
 def discover(
     request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> tuple[Discovery, ...]:
-    """Search from each side, and keep the motions; return what was found from each.
+    """Search from each side, and store the motions; return the findings of each side.
 
     Raises:
         BadInputError: if the policy follows style curves, or its motions are there already.
@@ -58,7 +58,7 @@ def discover(
 
 
 def _check_names(robot: Robot, policy: str) -> None:
-    """Refuse a policy whose name cannot be that of a motion, or whose motions are there already."""
+    """Refuse a policy whose name is no name of a motion, or whose motions exist already."""
     folder = robot.folder / MOTION_FOLDER
     if problems := find_folder_problems(folder, ()):
         raise BadInputError("; ".join(problems))
@@ -76,7 +76,7 @@ def _check_names(robot: Robot, policy: str) -> None:
 
 
 def _describe(found: Discovery) -> list[str]:
-    """Say how many rises stood, and what was found."""
+    """Describe how many rises stood, and the motions found."""
     lines = [
         f"{found.start_class}: the policy stood in {found.learned} of {found.tried} rises, "
         f"{found.replayed} stand without it"

@@ -1,4 +1,4 @@
-"""How a job refuses what it was given."""
+"""Errors of jobs: refusal of requests."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from contextlib import contextmanager
 
 
 class BadInputError(ValueError):
-    """What the user gave cannot be used; the message names it and what is expected."""
+    """An input of the user cannot be used; the message names it and what is expected."""
 
     def __init__(self, *problems: str) -> None:
         super().__init__("; ".join(problems))
         self.problems = problems
-        """Each is printed on a line of its own."""
+        """The problems, each printed on a line of its own."""
 
 
 @contextmanager
 def needing(extra: str) -> Iterator[None]:
-    """Turn the lack of an extra's packages into a `BadInputError` that says how to get them."""
+    """Convert a missing package of an extra to a `BadInputError` with the command to install it."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -28,7 +28,7 @@ def needing(extra: str) -> Iterator[None]:
 
 @contextmanager
 def refusing() -> Iterator[None]:
-    """Turn what a loader says about a user's input into a `BadInputError`."""
+    """Convert errors of loaders about a user's input to `BadInputError`."""
     try:
         yield
     except BadInputError:

@@ -1,4 +1,4 @@
-"""Evaluates a policy: how often, how fast and how hard it gets up from settled falls."""
+"""Evaluates a policy: success, time and load of its rises from settled falls."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:  # torch is slow to import
     from sim2real.policy_evaluation import PolicyRollouts
 
 NEAREST = "nearest"
-"""Style of a policy that gets none: it is chosen among all named ones."""
+"""Style without a choice: the nearest of all named ones."""
 Grounds = list[tuple[World, FallSet]]
 """Each with the falls on it."""
 
 
 class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
-    """How a policy gets up, by scene and style."""
+    """Figures of a policy, by scene and style."""
 
     name: str = "eval"
     policy: str
@@ -122,7 +122,7 @@ def _check_height_map(request: EvaluateRequest, policy: OnnxPolicy) -> None:
 
 
 def _make_perturbation(request: EvaluateRequest, torque_limit: float | None) -> Perturbation:
-    """Make what differs from nominal."""
+    """Make the perturbation of a request."""
     from sim2real.perturbations import Perturbation
 
     return Perturbation(
@@ -205,7 +205,7 @@ def _load_style(name: str, robot: Robot) -> Style | None:
 def _choose_curves(
     grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: ProgressMonitor
 ) -> tuple[list[StyleChoice | None], dict[str, int]]:
-    """Make what chooses the curves of each rise, for each ground; count rises with a plan's own."""
+    """Make the choice of curves for each ground; count rises that follow a plan's curves."""
     if name is None:
         return [None] * len(grounds), {}
     if style is None:
@@ -250,7 +250,7 @@ def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
 
 
 def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> Grounds:
-    """List the falls of a scene; where a seed makes the ground, every four on one of their own."""
+    """List the falls of a scene; on random ground every four have a ground of their own."""
     name, robot = world.scene.name, world.robot
     grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)
     if request.falls is not None or len(grounds) == 1:

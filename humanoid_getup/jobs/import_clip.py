@@ -15,7 +15,7 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 def import_clip(
     request: ClipRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> RetargetedClip:
-    """Point the limbs as those of the clip do, and write the motion to the request's target.
+    """Retarget the clip, and write the motion to the request's target.
 
     Raises:
         BadInputError: if the clip cannot be used.

@@ -1,4 +1,4 @@
-"""Adds keys from elsewhere to a robot's keyframes: another program's file, or a recording."""
+"""Adds keys of another program's file or of a recording to a robot's keyframes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class AddedKeys:
     file: Path
     imported: tuple[ImportedKeyframes, ...]
     trials: tuple[Trial, ...]
-    """How each ends as it is, undisturbed and at full torque."""
+    """Outcome of each as it is, undisturbed and at full torque."""
 
 
 def import_keys(
@@ -77,7 +77,7 @@ def add_keys(
     path: Path,
     monitor: ProgressMonitor,
 ) -> AddedKeys:
-    """Play new keyframes from where they start, and add them to a file."""
+    """Play new keyframes from their start, and add them to a file."""
     trials = []
     for each in imported:
         monitor.begin(f"playing {each.keyframes.name}")

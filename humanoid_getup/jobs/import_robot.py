@@ -15,7 +15,7 @@ from robots.model_import.source import ModelImportError
 
 
 class RobotImport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found in a model file."""
+    """Findings in a model file."""
 
     name: str
     dof: int
@@ -24,15 +24,15 @@ class RobotImport(msgspec.Struct, frozen=True, kw_only=True):
     pairs: int
     """Number of joints that have a mirror image."""
     servos: tuple[str, ...]
-    """Types, each once."""
+    """Servo types, each once."""
     supply_voltage: float
     """[V]"""
     stance_error: float
     rising_joints: tuple[str, ...]
     notes: tuple[str, ...]
-    """What was changed, and what could not be found."""
+    """Messages: changes, and what could not be found."""
     guesses: tuple[str, ...]
-    """What was guessed, and how to confirm it."""
+    """Guesses, and how to confirm each."""
 
 
 def import_robot(

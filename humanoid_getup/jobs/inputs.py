@@ -34,7 +34,7 @@ def load_robot(options: RobotOption) -> Robot:
 
 
 def load_robot_of(options: RobotOption, robot: str, owner: str) -> Robot:
-    """Load the robot of a command, or if it names none, the robot that something was made for."""
+    """Load the robot of a command, by default the one for which a file was made."""
     if options.robot:
         return load_robot(options)
     if robot not in list_robots():
@@ -74,7 +74,7 @@ def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
 
 
 def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:
-    """Load postures from files or motions, and check that the robot can be in them."""
+    """Load postures from files or motions, and check that they are possible for the robot."""
     with refusing():
         keys = [load_key(name, world.robot) for name in names]
         check_keys(world.robot, keys)

@@ -12,14 +12,14 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
 @dataclass(frozen=True, kw_only=True)
 class MadePrior:
-    """What a pose prior was made of."""
+    """Figures of a fitted pose prior."""
 
     rises: int
     postures: int
     size: int
     """Latent parameters."""
     unexplained: float | None
-    """Share of the variance that the decoder leaves; None for a prior that was fitted before."""
+    """Share of the variance that the decoder does not explain; None for a given prior."""
 
 
 def make_prior(

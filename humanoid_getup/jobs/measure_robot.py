@@ -55,14 +55,14 @@ from robots import Robot, TorqueLimit
 from robots.storage.encoding import to_json
 
 RESULT = "result"
-"""What the ledger of a part calls its result."""
+"""Key of the result in the ledger of a part."""
 Results = dict[str, PartResult]
 
 
 def measure_robot(
     request: BenchAll, report: Report | None = None, cancel: Cancel | None = None
 ) -> WholeBench:
-    """Run the whole benchmark, or go on with it; write its page; return its figures.
+    """Run or resume the whole benchmark; write its page; return its figures.
 
     Raises:
         BadInputError: if robot or folder cannot be used, or finished parts are of another one.
@@ -109,7 +109,7 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
 
 
 def _find_policies(robot: Robot) -> dict[str, Path]:
-    """Find the policies of a robot by name; none for another body than theirs."""
+    """Find the policies of a robot by name; none if the robot has another body."""
     if not robot.body.is_original:
         return {}
     return {file.stem: file for file in list_policies(robot)}
@@ -148,7 +148,7 @@ def _policy_methods(world: World, policies: dict[str, Path]) -> list[RiseMethod]
 def _maker(
     world: World, name: str, database: MotionDatabase | None = None
 ) -> Callable[[TorqueLimit], Strategy]:
-    """Return what makes the strategy of a name under a torque limit."""
+    """Return the factory of a strategy, by name, under a torque limit."""
 
     def make(limit: TorqueLimit) -> Strategy:
         with refusing():
@@ -170,7 +170,7 @@ def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
 
 
 def _run_parts(request: BenchAll, whole: Whole, monitor: ProgressMonitor) -> Results:
-    """Run the parts that are not finished; every kept one is checked before any work."""
+    """Run the unfinished parts; every finished one is checked before any work."""
     parts, folder = whole.parts(), request.out / PARTS
     if not request.resume:
         for path in folder.glob("*.json"):
@@ -193,7 +193,7 @@ def read_result(part: Part, ledger: Ledger) -> PartResult:
 
 
 def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> None:
-    """Run a part, and keep its result."""
+    """Run a part, and store its result."""
     steps = 0
 
     def report(_record: dict[str, Any]) -> None:
@@ -206,12 +206,12 @@ def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> No
 
 
 def _list_notes(robot: Robot, whole: Whole) -> list[str]:
-    """List what was not measured, and why."""
+    """List the parts that were not measured, with reasons."""
     notes = []
     if whole.planner is None:
         notes.append(
             f"Robot '{robot.name}' has no motions: nothing is planned or played, and no rise is "
-            "disturbed. `getup motions retarget` takes those of another robot."
+            "disturbed. `getup motions retarget` transfers those of another robot."
         )
     if not whole.policies:
         other = "" if robot.body.is_original else " for this body"
@@ -222,7 +222,7 @@ def _list_notes(robot: Robot, whole: Whole) -> list[str]:
 def _draw(
     whole: Whole, results: Results, result: WholeBench, folder: Path, report: Callable[[str], None]
 ) -> Pictures:
-    """Draw the plot and a rise of each class; return the files, or why there are none."""
+    """Draw the plot and a rise of each class; return the files, or the reason for none."""
     if not whole.methods:
         return result.pictures
     save_benchmark(list(result.cases.values()), folder / PLOT)

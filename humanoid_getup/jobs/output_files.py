@@ -15,7 +15,7 @@ SCRATCH = ".getup-"
 
 
 def find_folder_problems(folder: Path, names: Sequence[str], owner: str | None = None) -> list[str]:
-    """Report why files could not be written into a folder, by trying; leave nothing behind.
+    """Report why files could not be written into a folder, by a trial that leaves nothing.
 
     ``owner`` is what the messages call the folder.
     """
@@ -52,7 +52,7 @@ def find_file_problems(file: Path) -> list[str]:
 
 @contextmanager
 def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
-    """Yield an empty folder; move what was written there into ``folder`` at the end.
+    """Yield an empty folder; move its files into ``folder`` at the end.
 
     A file of ``names`` that was not written is removed: it was an earlier run's.
     """
@@ -77,7 +77,7 @@ def _absolute(path: Path) -> Path:
 
 
 def _find_existing(path: Path) -> Path:
-    """Return a path, or the part of it that exists."""
+    """Return the existing part of a path."""
     path = _absolute(path)
     while not os.path.lexists(path):
         path = path.parent

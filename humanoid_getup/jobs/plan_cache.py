@@ -1,4 +1,4 @@
-"""Opens the plan cache that a command names, and refuses a damaged one."""
+"""Opens the plan cache of a command, and refuses a damaged one."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from humanoid_getup.simulation.world import World
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPath:
-    """A path that was searched for, and how the search went."""
+    """A planned path, and figures of the search."""
 
     world: World
     start: Fall
@@ -35,7 +35,7 @@ class PlannedPath:
 
     @property
     def key_times(self) -> tuple[float | None, ...]:
-        """Return when the path leaves each key [s]; None if it does not come that far."""
+        """Return the time at which the path leaves each key [s]; None if it does not reach it."""
         path, arrivals = self.answer.path, self.answer.result.arrivals
         if path is None:
             return tuple(None for _ in self.keys)

@@ -1,4 +1,4 @@
-"""Loads the policy that an option names; alone, because it imports onnxruntime."""
+"""Loads the policy of an option; a file of its own, because it imports onnxruntime."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Options = TypeVar("Options", bound=RobotOption)
 
 
 def name_robot(options: Options, policy: str) -> Options:
-    """Return the options of a command with its robot: if it names none, the policy file's."""
+    """Return the options of a command with its robot, by default that of the policy file."""
     if options.robot:
         return options
     if not policy.endswith(SUFFIX):

@@ -1,4 +1,4 @@
-"""Retargets motions: the keys of another robot's motions, tried and improved on a robot."""
+"""Retargets motions: transfers another robot's keys, and improves them if necessary."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robots import load_robot as load
 
 @dataclass(frozen=True, kw_only=True)
 class RetargetedMotions:
-    """What became of another robot's keyframes."""
+    """Result of retargeting another robot's keyframes."""
 
     known: tuple[str, ...]
     """Motions that the robot had already."""
@@ -32,7 +32,7 @@ class RetargetedMotions:
     rest: tuple[str, ...]
     """Motions that do not."""
     improved: BuiltMotions | None
-    """What became of the rest; None if it was not improved."""
+    """Result of improving the rest; None if it was not improved."""
 
     @property
     def is_complete(self) -> bool:
@@ -78,7 +78,7 @@ def retarget(
 def _transfer(
     source: Robot, robot: Robot, request: RetargetRequest, monitor: ProgressMonitor
 ) -> Sequence[Keyframes]:
-    """Write the keys that the robot does not have yet; return all that were asked for."""
+    """Write the keys that the robot does not have yet; return all requested ones."""
     path = robot.folder / KEYFRAMES
     wanted = find_keyframes(source, request.names)
     known = {each.name for each in find_keyframes(robot, ())} if path.exists() else set()

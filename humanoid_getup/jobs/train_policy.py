@@ -21,10 +21,10 @@ RECENT = 20  # iterations whose falls are counted: enough for a steady share
 
 
 class TrainedPolicy:
-    """How a training stands, from the reports of its iterations."""
+    """State of a training, from the reports of its iterations."""
 
     def __init__(self, *, leads: bool) -> None:
-        """Begin without a report; of several processes, one leads and speaks."""
+        """Begin without a report; of several processes, only the leading one reports."""
         self.leads = leads
         self.recent: deque[TrainReport] = deque(maxlen=RECENT)
         """Reports of the last iterations; none if the training had as many as requested."""
@@ -128,7 +128,7 @@ def _check_device(device: str, *, has_gpu: bool) -> None:
 
 
 def format_time(seconds: float) -> str:
-    """Write a duration for people: 42 s, 7 min, 1 h 05 min."""
+    """Format a duration: 42 s, 7 min, 1 h 05 min."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)

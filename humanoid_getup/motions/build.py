@@ -46,14 +46,14 @@ ATTITUDES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Build:
-    """What became of keyframes."""
+    """Result of building keyframes."""
 
     motion: Motion
-    """The best that was found; its end class is "other" if it does not end as it should."""
+    """The best motion found; its end class is "other" if it does not end as it should."""
     keyframes: Keyframes
     """The optimized ones."""
     failure: str = ""
-    """Why it is no motion to be stored; "" if it is one."""
+    """Reason not to store it; "" if it succeeded."""
 
 
 def build_motion(
@@ -112,7 +112,7 @@ def build_unimproved(robot: Robot, keyframes: Keyframes, seed: int) -> Build:
 
 
 def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:
-    """Record a trial as a motion, with its entries if it rises."""
+    """Record a trial as a motion, with its entry frames if it rises."""
     if not trial.succeeded:
         failure = f"motion '{trial.keyframes.name}' {trial.describe()}"
         motion = trial.record(provenance | {"failure": trial.describe()})
@@ -129,7 +129,7 @@ def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:
 def make_task(
     robot: Robot, keyframes: Keyframes, seed: int, prefer: PreferenceName | None
 ) -> SearchTask:
-    """Describe what the search of a motion depends on."""
+    """Describe the inputs of the search for a motion."""
     return SearchTask(
         robot=robot.name,
         keyframes=hashlib.sha256(format_keyframes([keyframes], robot).encode()).hexdigest(),
@@ -139,7 +139,7 @@ def make_task(
 
 
 def try_out(world: World, keyframes: Keyframes) -> Trial:
-    """Play keyframes once from where the robot settles in the first."""
+    """Play keyframes once, after the robot has settled in the first."""
     return Trial.of(world, keyframes, settle(world, keyframes))
 
 
@@ -155,11 +155,11 @@ def settle(world: World, keyframes: Keyframes) -> Array:
 
 
 class NoEntryError(RuntimeError):
-    """A motion that stands does so only from where it was recorded, not from rest."""
+    """A motion has no entry frames: it stands only as recorded, not when started at rest."""
 
 
 def with_entries(world: World, motion: Motion) -> Motion:
-    """Mark the frames from which the rest of a motion, entered at rest, ends standing.
+    """Mark the entry frames of a motion: started there at rest, it still ends standing.
 
     Raises:
         NoEntryError: if there is none.
@@ -184,10 +184,10 @@ def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray
 
 
 def motion_file(folder: Path, name: str) -> Path:
-    """Return where a motion of a robot is kept."""
+    """Return the file of a robot's motion."""
     return folder / "motions" / f"{name}.npz"
 
 
 def unfinished_file(folder: Path, name: str, suffix: str) -> Path:
-    """Return where what is known of a motion that is not built yet is kept, such as its log."""
+    """Return a file of a motion that is not built yet, such as its search log."""
     return folder / UNFINISHED / f"{name}{suffix}"

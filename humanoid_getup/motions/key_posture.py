@@ -1,4 +1,4 @@
-"""Key postures: postures that a user names, from a file or from a motion."""
+"""Key postures: postures chosen by a user, from a file or from a motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXAMPLE = "motions:supine_sit_up_gentle@1.2"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KeyPosture:
-    """A posture with the name by which it was asked for."""
+    """A posture with the name by which it was requested."""
 
     name: str
     posture: Posture

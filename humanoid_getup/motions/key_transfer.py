@@ -1,4 +1,4 @@
-"""Key transfer: keyframes of one robot for another, whose limbs point the same way."""
+"""Key transfer: keyframes of one robot for another, with limbs in the same directions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
 MOVES = math.radians(1.0)
-"""Change between keys from which a joint counts as moved by them."""
+"""Change between keys above which a joint counts as moved [rad]."""
 STANCE = math.radians(0.05)
 
 
 @dataclass(frozen=True)
 class KeyTransfer:
-    """Takes keyframes from a source robot to a target.
+    """Transfers keyframes from a source robot to a target.
 
     Every key is measured as the directions of upper and lower limbs and the attitude of the feet
     in the torso's frame; the target's limbs are pointed the same way, as near as their joints and
@@ -50,7 +50,7 @@ class KeyTransfer:
 
     @property
     def torque_scale(self) -> float:
-        """Return what the target's joints carry over what the source's do: weight times height."""
+        """Return the target's load over the source's: weight times height."""
         loads = [limbs.mass * limbs.robot.standing_neck_height for limbs in self._both]
         return loads[0] / loads[1]
 

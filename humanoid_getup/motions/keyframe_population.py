@@ -1,4 +1,4 @@
-"""A population of keyframes that evolves by CMA-ES; postures and times have steps of their own."""
+"""A population of keyframes that evolves by CMA-ES, with separate steps for angles and times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class KeyframePopulation:
 
     @property
     def mean(self) -> Keyframes:
-        """Return the keyframes about which it samples."""
+        """Return the mean keyframes of the population."""
         return self._decode(self._evolution.mean)
 
     def _decode(self, genes: Array) -> Keyframes:

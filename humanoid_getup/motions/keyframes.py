@@ -25,7 +25,7 @@ class Keyframes:
     end_class: EndClass = STANDING
     """What it ends in: a held stand, or the side on which the robot lies."""
     strategy: str
-    """The strategy in biomechanics' terms."""
+    """The strategy, in terms of biomechanics."""
     duration: Array
     """Time from each key to the next [s], shape (K-1,)."""
     keys: Array
@@ -64,11 +64,11 @@ class Keyframes:
 
     @property
     def genes(self) -> Array:
-        """Return what the optimization may change in a vector: log times, then angles [rad]."""
+        """Return the parameters of the optimization as a vector: log times, then angles [rad]."""
         return np.concatenate([np.log(self.duration), self.keys[1:-1, self.free].ravel()])
 
     def with_genes(self, genes: Array, robot: Robot) -> Keyframes:
-        """Make the keyframes that :attr:`genes` of another vector describe."""
+        """Make the keyframes with other :attr:`genes`."""
         count = len(self.duration)
         keys = self.keys.copy()
         values = genes[count:].reshape(len(keys) - 2, len(self.free))

@@ -1,4 +1,4 @@
-"""Files of keyframes: key postures that are written by hand, joint by joint, in degrees."""
+"""Files of keyframes: hand-written key postures, in degrees by joint."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NAMED = "expected 1 to 100 letters, digits, '_', '-' or '.', not '.' first"
 
 
 class KeyframesError(ValueError):
-    """A file does not hold keyframes for the robot; the message names all that is wrong."""
+    """A file does not hold keyframes for the robot; the message names all problems."""
 
 
 Degrees = dict[str, Annotated[float, Meta(description="a finite angle in degrees")]]
@@ -104,14 +104,14 @@ def load_keyframes(path: Path, robot: Robot) -> list[Keyframes]:
 
 
 class _Reader:
-    """Reads the rows of a file for a robot, and collects what is wrong with them."""
+    """Reads the rows of a file for a robot, and collects their problems."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._sides = robot, JointSides(robot)
         self.problems: list[str] = []
 
     def read(self, row: _Row) -> Keyframes | None:
-        """Read a row; return ``None`` if something is wrong with it."""
+        """Read a row; return ``None`` if it has a problem."""
         before = len(self.problems)
         self.problems += _find_problems(row)
         changes = [self._resolve(row, number) for number in range(1, len(row.keys) + 1)]
@@ -122,7 +122,7 @@ class _Reader:
         return keyframes
 
     def _resolve(self, row: _Row, number: int) -> list[_Change]:
-        """Find the joints that a key, counted from 1, names."""
+        """Find the joints named by a key, which is counted from 1."""
         key, place = row.keys[number - 1], f"motion {shown(row.name)}: key number {number}: "
         changes: list[_Change] = []
         for table in TABLES:
@@ -159,7 +159,7 @@ class _Reader:
 
 @dataclass(frozen=True)
 class _Change:
-    """An angle that a key gives."""
+    """An angle given by a key."""
 
     table: str
     joint: int
@@ -170,7 +170,7 @@ class _Change:
 def find_out_of_range(
     keys: Array, robot: Robot, tolerance: float = math.radians(ROUNDING)
 ) -> list[str]:
-    """Report joints whose angles in keys (K, n) [rad] leave their range, each where farthest."""
+    """Report joints whose angles in keys (K, n) [rad] leave their range, each at its farthest."""
     excess = np.maximum(keys - robot.upper, robot.lower - keys)
     problems = []
     for joint in np.flatnonzero(excess.max(axis=0) > tolerance):
@@ -239,7 +239,7 @@ def _set(posture: Array, change: _Change, robot: Robot) -> None:
 
 
 def _choose_free(named: list[_Change], robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Choose the joints that may be optimized, and which of them the partner mirrors."""
+    """Choose the joints to optimize, and whether their partners mirror them."""
     partner = robot.mirror_index
     used = {change.joint for change in named}
     one_sided = (c.joint for c in named if c.table != "both")

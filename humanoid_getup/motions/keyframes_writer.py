@@ -1,4 +1,4 @@
-"""Writes keyframes as people do: by pairs where left and right are alike, changes only."""
+"""Writes keyframes in compact form: symmetric angles as pairs, and changes only."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robots.storage.toml_document import Value, one_a_line, plain, rounded, tabl
 from robots.storage.validation import MAX_TEXT
 
 SYMMETRIC = math.radians(0.05)
-"""How far left and right may differ in a posture that is written as symmetric [rad]."""
+"""Largest difference of left and right in a posture that is written as symmetric [rad]."""
 DECIMALS = 2  # of an angle in degrees; a servo's tick is 0.09
 TIME_DECIMALS = 3
 DIGITS = 6  # of what the improvement looks for
@@ -38,7 +38,7 @@ def save_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> 
 
 
 def append_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) -> None:
-    """Add motions to the end of a file, or begin one; its text stays as it is.
+    """Append motions to a file, or begin one; its text stays as it is.
 
     Raises:
         KeyframesError: if the file is damaged, or has a motion of that name.
@@ -77,7 +77,7 @@ def replace_keyframes(path: Path, keyframes: Sequence[Keyframes], robot: Robot) 
 
 
 def _replace(old: Table, new: Table) -> Table:
-    """Give a table the place of another one, and what stands behind it: comments of the next."""
+    """Replace a table, and keep the text after it: comments of the next one."""
     last = max(number for number, (key, _) in enumerate(old.value.body) if key is not None)
     for _, item in old.value.body[last + 1 :]:
         new.add(item)  # type: ignore[arg-type]
@@ -118,7 +118,7 @@ def _describe(keyframes: Keyframes, robot: Robot) -> dict[str, Value]:
 
 
 class _KeyWriter:
-    """Writes the keys of one motion: what changes from each to the next."""
+    """Writes the keys of one motion as changes from each to the next."""
 
     def __init__(self, keyframes: Keyframes, robot: Robot) -> None:
         self._keyframes, self._robot, self._sides = keyframes, robot, JointSides(robot)
@@ -139,7 +139,7 @@ class _KeyWriter:
         return tables
 
     def _describe(self, key: Array, wanted: set[int], *, split: bool) -> dict[str, Value]:
-        """Describe the joints of a posture that are wanted, in up to four tables of degrees."""
+        """Describe some joints of a posture, in up to four tables of degrees."""
         robot = self._robot
         found: dict[str, dict[str, Value]] = {name: {} for name in TABLES}
         for left in self._sides.left:

@@ -122,7 +122,7 @@ class Motion(Trajectory):
 
     @property
     def stand_time(self) -> float | None:
-        """Return when the robot stood as the motion was recorded [s]; ``None`` if unknown."""
+        """Return the time of the stand in the recording [s]; ``None`` if unknown."""
         stated = self.provenance.get("stand_time_s")
         if not isinstance(stated, (int, float)) or not 0.0 < stated <= MAX_DURATION:
             return None

@@ -1,4 +1,4 @@
-"""The motions of a robot, and the postures in those that rise, nearest to a given one."""
+"""The motion database: a robot's motions, and the entry postures nearest to a given one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Connection:
     motion: Motion
     frame: int
     distance: float
-    """Posture metric from the posture of the query."""
+    """Distance from the posture of the query, in the posture metric."""
 
     @property
     def posture(self) -> Posture:
@@ -43,7 +43,7 @@ class MotionDatabase:
             raise ValueError("a motion database needs at least one motion")
         self.motions = tuple(motions)
         self.rising = rising = tuple(motion for motion in motions if motion.rises)
-        """Those that end standing: only they are entered."""
+        """Motions that end standing; only these can be joined."""
         if not rising:
             raise ValueError("a motion database needs at least one motion that ends standing")
         self.metric = metric
@@ -138,7 +138,7 @@ def _load_own(path: Path, robot: Robot) -> Motion:
 
 
 def _is_same(a: Motion, b: Motion) -> bool:
-    """Return whether two motions of equal times start on one side and send the same targets.
+    """Return whether two motions have the same times, start class and targets.
 
     The postures that were recorded on the way differ: a robot never moves quite symmetrically.
     """

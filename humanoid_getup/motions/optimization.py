@@ -122,7 +122,7 @@ class TrajectoryOptimizer:
         rng: np.random.Generator,
         log: SearchLog | None,
     ) -> Generation:
-        """Return the costs of a generation: from the log, else by rollouts."""
+        """Return the costs of a generation, from the log or else by rollouts."""
         scenarios = self._make_scenarios(candidates[0], SCENARIOS, rng)
         if log is not None and generation < len(log.generations):
             return log.generations[generation]
@@ -135,7 +135,7 @@ class TrajectoryOptimizer:
         return log.generations[-1]
 
     def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
-        """Compute mean cost and success share over disturbances that the search never saw.
+        """Compute mean cost and success share over disturbances not used by the search.
 
         The share is 0 if it fails undisturbed, at its own torque limit or at full torque.
         """
@@ -180,7 +180,7 @@ class TrajectoryOptimizer:
 
 
 def count_work(generations: int, done: int = 0) -> float:
-    """Count the work of a search in generations, beside those done; finalists are judged too."""
+    """Count the work of a search in generations, without those done; judging finalists counts."""
     judged = (min(generations, FINALISTS) + 2) * FINAL_SCENARIOS
     finer = 2.0  # half the search's physics step
     return max(generations - done, 0) + finer * judged / (POPULATION * SCENARIOS)

@@ -1,4 +1,4 @@
-"""How different two postures are: equations (1) to (3) of [Lin12]."""
+"""The posture metric: equations (1) to (3) of [Lin12]."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SEGMENT_WEIGHT = {
 
 
 def best_yaw(q: Array, reference: Array) -> Array:
-    """Compute the turn about the vertical [rad] that brings ``q`` closest to ``reference``.
+    """Compute the rotation about the vertical [rad] that brings ``q`` closest to ``reference``.
 
     With r = q reference^-1 the turn z(psi) leaves a rotation whose scalar part is
     r_w cos(psi/2) - r_z sin(psi/2), largest in size at tan(psi/2) = -r_z / r_w.

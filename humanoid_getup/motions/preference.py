@@ -1,4 +1,4 @@
-"""Preferences: what a rise should be besides successful, as weighted costs."""
+"""Preferences of a rise, as weighted costs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PREFERENCE_NAMES: tuple[PreferenceName, ...] = get_args(PreferenceName)
 
 @dataclass(frozen=True, kw_only=True)
 class Preference:
-    """Costs of a rise, in seconds: what a unit of each figure is worth in time to the stand."""
+    """Costs of a rise in seconds: the weight of each figure, as time to the stand."""
 
     time: float
     """Of a second until the stand."""
@@ -27,19 +27,19 @@ class Preference:
     neck_delta_v: float = 0.0
     """Of 1 m/s by which the neck's velocity changes at once."""
     collision: float = 1.0
-    """Of touching itself firmly, however often."""
+    """Of any firm self-contact, however often."""
     overlap: float = 1000.0
     """Of 1 m of self-penetration."""
     improvement: float = 0.5
     """Share of the search's budget that may be spent on a rise that stands."""
     always_improves: bool = False
-    """Whether a rise that stands without touching itself is made cheaper until the budget ends."""
+    """Whether a rise that stands without self-contact is made cheaper until the budget ends."""
     wants_margin: bool = False
-    """Whether it should stand under harder disturbances than those of the check."""
+    """Whether it should also stand under harder disturbances than those of the check."""
 
     @property
     def is_demanding(self) -> bool:
-        """Whether the first rise that stands without touching itself need not be good enough."""
+        """Return whether the search continues after a first stand without self-contact."""
         return self.always_improves or self.wants_margin
 
     @staticmethod
@@ -55,7 +55,7 @@ class Preference:
         return PREFERENCES[name]
 
     def cost(self, outcome: Outcome, time: Array | None = None) -> Array:
-        """Weigh runs in simulation, (...) [s], by the time [s] that they took.
+        """Compute the cost of simulated runs, (...) [s], with the time [s] that they took.
 
         None for the time to the stand; the cost of one that did not stand is nan then.
         """

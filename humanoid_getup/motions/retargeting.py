@@ -1,4 +1,4 @@
-"""Motions of a robot on another body: the same joint angles, resting on the ground as before."""
+"""Retargeting to another body: the same joint angles, on the ground as before."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_OVERLAP = 0.006  # m by which an entry posture may reach into itself; a goa
 
 
 class Retargeting:
-    """Takes motions of a robot's original body to the body that it has, on flat ground.
+    """Retargets motions of a robot's original body to its present body, on flat ground.
 
     The joint angles and targets stay, as in [Lin12], section 5.3; what they do to the new body is
     up to the dynamics filter. The root is raised or lowered until the lowest point is as high as

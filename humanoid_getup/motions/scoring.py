@@ -1,4 +1,4 @@
-"""Scoring: what a rollout of keyframes costs, and whether it ended as it should."""
+"""Scoring: cost and success of rollouts of keyframes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def score(
     preference: Preference | None = None,
     duration: Array | None = None,
 ) -> tuple[Array, np.ndarray]:
-    """Compute the cost of each rollout, (N,), and whether it ended as it should, (N,).
+    """Compute the cost of each rollout, (N,), and whether it succeeded, (N,).
 
     ``duration`` [s], (N,), is that of the keyframes in each; ``None`` for those given.
     """
@@ -55,14 +55,14 @@ def score(
 
 
 def _miss_lying(record: Record, side: LyingSide) -> tuple[Array, np.ndarray]:
-    """Return what it costs not to lie as it should, and which rollouts do, (N,)."""
+    """Return the cost of deviations from lying as intended, and whether each rollout lies, (N,)."""
     lying = measure_lying(record, side)
     missed = FAILURE + np.minimum(lying.lean, 2.0) + np.minimum(lying.sway, 1.0)
     return np.where(lying.lies, 0.0, missed) + DESCENT_COST * lying.descent, lying.lies
 
 
 def _miss_stand(outcome: Outcome, hold: float) -> tuple[Array, np.ndarray]:
-    """Return what it costs not to stand for the last time [s], and which rollouts do, (N,)."""
+    """Return the cost of not standing at the end for a time [s], and whether each stands, (N,)."""
     upright, last = outcome.record.upright, round(hold / outcome.record.period)
     near = compute_uprightness(outcome.record.stance, outcome.robot)
     best = np.array([np.convolve(row, np.full(25, 1 / 25), "valid").max() for row in near])

@@ -1,4 +1,4 @@
-"""Search logs: what an optimization found so far, so that it can go on where it was interrupted.
+"""Search logs: the generations of an optimization, from which it resumes.
 
 A log keeps the costs of every generation. CMA-ES and the disturbances follow from the seed, so
 feeding the costs to a new search brings it to the same state: a search that was interrupted finds
@@ -28,23 +28,23 @@ class Generation:
     cost: Annotated[Array, on_axes(1)]
     """Mean cost of each candidate, (population,)."""
     stood: Annotated[float, Meta(ge=0.0, le=1.0, description="a share from 0 to 1")]
-    """Share of the rollouts that ended as they should."""
+    """Share of the rollouts that succeeded."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchTask:
-    """What a search depends on."""
+    """Inputs of a search."""
 
     robot: str
     keyframes: str
-    """SHA-256 of those it begins with, as they are written."""
+    """SHA-256 of the initial keyframes, as written."""
     seed: int
     prefer: str
     """A preference, or "keyframes"."""
 
 
 class SearchLog:
-    """The generations of a search, kept in a ledger."""
+    """The generations of a search, stored in a ledger."""
 
     def __init__(self, ledger: Ledger) -> None:
         """Read the generations of a ledger.
@@ -73,7 +73,7 @@ class SearchLog:
 
     @classmethod
     def resume(cls, path: Path, task: SearchTask) -> SearchLog:
-        """Load the log of a task; begin one where there is no file.
+        """Load the log of a task; begin one if there is no file.
 
         Raises:
             ValueError: if the file is damaged, or that of another task.

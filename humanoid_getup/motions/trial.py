@@ -1,4 +1,4 @@
-"""A trial: keyframes played once in simulation, undisturbed at full torque, and how it ended."""
+"""A trial: keyframes played once in simulation, undisturbed at full torque."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Trial:
     start: Array
     """MuJoCo positions at the start, (nq,)."""
     targets: Array
-    """Targets that the servos were sent [rad], (T, n); the last one is held to be judged."""
+    """Targets sent to the servos [rad], (T, n); the last one is held during judging."""
     outcome: Outcome
 
     @classmethod
@@ -77,18 +77,18 @@ class Trial:
 
     @property
     def progress(self) -> float:
-        """Return how nearly it stood at best, from 0 to 1."""
+        """Return its best progress to a stand, from 0 to 1."""
         return float(compute_uprightness(self._stance, self.world.robot).max())
 
     @property
     def figures(self) -> dict[str, float]:
-        """Return the figures of one that ended as it should."""
+        """Return the figures of a successful trial."""
         if self.rises:
             return {"stand_time_s": float(self.stand.start_time)}
         return {"descent_m_s": float(self._lying.descent)}
 
     def describe(self) -> str:
-        """Say how it ended; of a failure what touched, how high the neck came and when."""
+        """Describe its end; for a failure the contacts, the neck's height and the time."""
         if not self.rises:
             return self._describe_lying()
         if self.succeeded:
@@ -96,7 +96,7 @@ class Trial:
         return self._describe_fall()
 
     def record(self, provenance: dict[str, str | float | int]) -> Motion:
-        """Make the motion that it was; its end class is "other" if it did not end as it should."""
+        """Make a motion of it; its end class is "other" if it failed."""
         robot, period = self.world.robot, self.world.robot.control_period
         hold = HOLD_TIME if self.rises else LYING_TIME
         moving = len(self.targets) - round((hold + 0.5) / period)
@@ -153,7 +153,7 @@ class Trial:
 
 
 def record_motion(world: World, start: Array, target: Array, qpos: Array, **fields: Any) -> Motion:
-    """Make a motion of what a robot was sent and where it was.
+    """Make a motion from sent targets and recorded postures.
 
     Args:
         world: Robot and scene.

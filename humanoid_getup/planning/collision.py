@@ -126,7 +126,7 @@ class CollisionChecker:
             self._model.geom_size[geom, : len(size)] = size
 
     def allow(self, posture: Posture) -> str:
-        """Permit every posture the penetrations of this one, which is at rest.
+        """Permit the penetrations of this posture, which is at rest, in all postures.
 
         Returns:
             Why the posture itself is not valid; empty if it is.
@@ -145,7 +145,7 @@ class CollisionChecker:
         return "; ".join(problems)
 
     def is_free(self, configuration: Array) -> bool:
-        """Return whether a posture collides with nothing, raised onto what it touches if need be.
+        """Return whether a posture is free of collisions, if necessary raised to rest on a contact.
 
         It is given as position, orientation and joint angles in a row, (7 + n,).
         """
@@ -157,7 +157,7 @@ class CollisionChecker:
         return self._raise(configuration)[0]
 
     def find_collisions(self, configuration: Array) -> list[Collision]:
-        """Find what a posture (7 + n,) collides with, raised if need be; the deepest first."""
+        """Find the collisions of a posture (7 + n,), raised if necessary; the deepest first."""
         lift, is_free = self._raise(configuration)
         if is_free and lift <= self.tolerances.max_lift:
             return []
@@ -180,7 +180,7 @@ class CollisionChecker:
         return lift, self._lifts == 1
 
     def _measure_lift(self, slack: float) -> tuple[float, bool]:
-        """Measure how far the placed robot must be raised, and whether that can set it free.
+        """Measure how far the placed robot must be raised, and whether that can free it.
 
         What is too deep by less than the slack [m] does not count.
         """
@@ -207,13 +207,13 @@ class CollisionChecker:
         self.checks += 1
 
     def _measure_excess(self) -> Array:
-        """Measure how much deeper each contact is than allowed [m], (ncon,)."""
+        """Measure the depth of each contact beyond its tolerance [m], (ncon,)."""
         contact = self._data.contact
         pair = contact.geom
         return -(contact.dist + self._allowed[pair[:, 0], pair[:, 1]])
 
     def _measure_support(self) -> Array:
-        """Measure the vertical part of what each contact pushes the robot by, (ncon,).
+        """Measure the vertical component of each contact's normal on the robot, (ncon,).
 
         It is -1 where the robot touches itself.
         """

@@ -1,4 +1,4 @@
-"""Depth in a height field: how far parts of a robot are under its surface."""
+"""Depth of a robot's parts under the surface of a height field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Goal placement: where in a scene a posture of a motion on level ground can be reached."""
+"""Goal placement: places in a scene for postures of motions made on level ground."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class GoalPlacement:
-    """Puts connecting postures on what is under them, at the start or beside it."""
+    """Puts connecting postures on the ground or on obstacles, at the start or beside it."""
 
     def __init__(self, world: World) -> None:
         self._world, self._scene = world, world.scene
@@ -66,7 +66,7 @@ class GoalPlacement:
         return replace(goal, position=position)
 
     def _tilt(self, at: Array, under: float) -> Array:
-        """Compute the turn from level ground to that at a place (3,), (4,)."""
+        """Compute the rotation from level ground to that at a place (3,), (4,)."""
         x, y = at[:2]
         if under > float(self._scene.ground.height(x, y)) + SUNK:
             return np.array([1.0, 0.0, 0.0, 0.0])  # on an obstacle, whose top is taken as level

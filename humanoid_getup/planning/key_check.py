@@ -1,4 +1,4 @@
-"""Checks that a robot can be in key postures, wherever they are placed."""
+"""Checks that key postures are possible for a robot, independent of their place."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class PartialProblem:
     def __init__(
         self, problem: PostureProblem, path: list[Array], joints: NDArray[np.intp]
     ) -> None:
-        """Search a path (K nodes) again for ``joints``, indices in the robot's order, (k,)."""
+        """Prepare to plan ``joints``, indices in robot order, (k,), along a path (K nodes)."""
         self._problem, self._columns = problem, 4 + joints
         self._path = np.array(path)
         for a, b in pairwise(self._path):  # -q is the same orientation, on the shorter arc

@@ -1,4 +1,4 @@
-"""From a lying posture to a connecting posture: search, refine, shorten, smooth."""
+"""Path planner, from a lying to a connecting posture: search, refine, shorten, smooth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PathOptions:
     search: SearchOptions = field(default_factory=SearchOptions)
     strides: tuple[float, ...] = (1.0, 0.5, 0.2)
     """Step size of each search, as a share of the full one, before the constraints are
-    loosened. Small steps get tangled limbs free, large ones are quick."""
+    loosened. Small steps free crossed limbs, large ones are quick."""
     refines: bool = True
     """Whether to refine from loose to strict if these searches fail."""
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
@@ -66,7 +66,7 @@ class PathResult:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPath:
-    """A path of postures, or how far the search for one came."""
+    """A path of postures, or the progress of a failed search."""
 
     status: SearchStatus
     reason: str

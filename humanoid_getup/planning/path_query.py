@@ -1,4 +1,4 @@
-"""A path query: where a path may end, and how the search for one went, without physics."""
+"""Path queries: goals, and the answer of the search for a path, without physics."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ Progress = Callable[[str, float | None], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """Where a path may end."""
+    """A goal of a path."""
 
     name: str
     posture: Posture
     connection: Connection | None = None
-    """Motion that is joined there; ``None`` for a posture that was asked for."""
+    """Frame of the motion that is joined there; ``None`` for a requested posture."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathAnswer:
-    """Answer to a path query; if no path was found, of the goal that the best one leads to."""
+    """Answer to a path query; without a path, for the goal of the best attempt."""
 
     goal: Goal
     result: ViaResult
     way_out: WayOut | None
-    """Path of the root to where there is room to stand, which comes first."""
+    """Path of the root to a place with room to stand, which comes first."""
     tried: tuple[tuple[str, str], ...]
     """Each goal that was tried, and why there is no path to it; empty for the one with a path."""
     nodes: int
-    """Of all searches."""
+    """Nodes of all searches."""
     checks: int
     """Of all searches."""
     time: float
@@ -62,12 +62,12 @@ class PathAnswer:
 
     @property
     def path(self) -> Trajectory | None:
-        """Return the path, or how far the best one leads; ``None`` for nothing."""
+        """Return the path, or the free beginning of the best one; ``None`` if there is none."""
         return self.result.trajectory or self.result.beginning
 
 
 def choose_goals(database: MotionDatabase, last: Posture) -> list[Goal]:
-    """Choose where stored motions may be joined, the nearest to a posture first."""
+    """Choose frames at which stored motions may be joined, the nearest to a posture first."""
     return [
         Goal(name=c.motion.name, posture=c.posture, connection=c)
         for c in database.select(last, CONNECTIONS)
@@ -83,7 +83,7 @@ def find_path(
     options: PathOptions,
     report: Progress = lambda _goal, _looseness: None,
 ) -> PathAnswer:
-    """Plan through the key postures to the first of the goals to which there is a path.
+    """Plan through the key postures to the first goal with a path.
 
     A start that is not valid has no path to any of them: the others are not tried. One far from
     any room to stand is first moved there as it lies. No servo robot can follow that: a rise crawls
@@ -122,7 +122,7 @@ def find_path(
 def _place(
     world: World, start: Posture, keys: Sequence[KeyPosture], goal: Goal
 ) -> list[Posture] | ViaResult:
-    """Place key postures and goal, each at the one before it; or say which has no place."""
+    """Place key postures and goal, each at the one before; or return which one has no place."""
     placed = place_stops(world, [*(key.posture for key in keys), goal.posture], start)
     names = [*(key.name for key in keys), goal.name]
     stops = [stop for stop in placed if stop is not None]
@@ -146,7 +146,7 @@ def _measure(metric: PostureMetric, path: Trajectory | None) -> float:
 
 
 def to_motion(world: World, path: Trajectory, answer: PathAnswer, seed: int) -> Motion:
-    """Make a motion of a path: its targets are its angles, and it ends in no stand."""
+    """Make a motion of a path: its targets are its angles, and its end is no stand."""
     joined = answer.goal.connection
     made: dict[str, str | float | int] = {
         "program": "getup plan",

@@ -101,7 +101,7 @@ class PostureProblem:
         return any(not self.checker.is_free(c) for c in self.configurations(between))
 
     def find_collisions(self, a: Array, b: Array) -> list[Collision]:
-        """Find what the robot collides with between ``a``, left out, and ``b``."""
+        """Find the collisions of the robot between ``a``, left out, and ``b``."""
         between = self.configurations(self.interpolate(a, b))
         return [found for c in between for found in self.checker.find_collisions(c)]
 
@@ -173,7 +173,7 @@ def to_node(posture: Posture) -> Array:
 
 
 def _turn(q1: Array, q2: Array) -> Array:
-    """Compute dis_Q by the scalar product, which is fast and exact enough to search with."""
+    """Compute dis_Q by the scalar product, which is fast and exact enough for a search."""
     return np.arccos(np.minimum(np.abs(q1 @ q2), 1.0))
 
 

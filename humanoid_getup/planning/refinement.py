@@ -42,7 +42,7 @@ class RefinementOptions:
     """Of looseness, in every step; ``None`` for one that adapts: it grows after a repair, and is
     halved after one that failed."""
     partial_body: bool = True
-    """Whether to plan only the limbs that collide, where they suffice."""
+    """Whether to plan only the colliding limbs where that suffices."""
 
 
 def refine(
@@ -55,7 +55,7 @@ def refine(
     """Find a path by tightening the constraints step by step, [Lin12], section 4.2.3.
 
     Departure from the paper, which removes the ground and the obstacles at first: here the
-    robot may pass through itself as well, so that tangled limbs are refined in the same way.
+    robot may pass through itself as well, so that crossed limbs are refined in the same way.
     If it fails, the path of the result is the one at the tightest constraints that it reached.
     """
     how = how or RefinementOptions()
@@ -143,7 +143,7 @@ class _Repair:
         return self._search(self._problem, self._path[first], self._path[last], 1.0)
 
     def _replan_limbs(self, first: int, last: int) -> list[Array]:
-        """Plan only the limbs that collide in a segment; empty if more of the body does."""
+        """Plan only the colliding limbs of a segment; empty if more of the body collides."""
         segment = self._path[first : last + 1]
         limbs = _find_limbs(self._problem, segment, self._is_illegal[first:last])
         if limbs is None:
@@ -203,7 +203,7 @@ def find_illegal(problem: PostureProblem, path: list[Array]) -> NDArray[np.bool_
 def _find_limbs(
     problem: PostureProblem, path: list[Array], is_illegal: NDArray[np.bool_]
 ) -> list[int] | None:
-    """Find the limbs that collide along a path; ``None`` if the torso does, or all limbs do."""
+    """Find the limbs that collide along a path; ``None`` if torso or all limbs collide."""
     limbs = set[int]()
     for collision in _find_collisions(problem, path, is_illegal):
         checker = problem.checker
@@ -227,7 +227,7 @@ def _find_collisions(
 
 
 def _explain(problem: PostureProblem, path: list[Array], is_illegal: NDArray[np.bool_]) -> str:
-    """Say what collides, and where on a path."""
+    """Describe the deepest collision and its place on a path."""
     where = np.flatnonzero(is_illegal)
     found = _find_collisions(problem, path, is_illegal)
     if not found:

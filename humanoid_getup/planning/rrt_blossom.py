@@ -65,7 +65,7 @@ class SearchOptions:
     goal_bias: float = 0.1
     """Share of the expansions that go to the root of the other tree."""
     is_over: Callable[[], bool] = lambda: False
-    """Asked before every expansion: whether to stop without a path."""
+    """Called before every expansion; if it returns true, the search ends without a path."""
 
 
 @dataclass(frozen=True, kw_only=True)

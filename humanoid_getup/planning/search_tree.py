@@ -1,4 +1,4 @@
-"""A search tree whose edges keep track of whether anything is left to find behind them."""
+"""A search tree whose edges store whether the space behind them is exhausted."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Viability(IntEnum):
     UNTRIED = 0
     """Not yet considered."""
     LIVE = 1
-    """In the tree, and something may be found behind it."""
+    """In the tree, with space to search behind it."""
     DORMANT = 2
-    """Not taken because it regresses, or only such edges are left behind it."""
+    """Not in the tree because it regresses, or with only such edges behind it."""
     DEAD = 3
-    """It collides, or only such edges are behind it."""
+    """It collides, or has only such edges behind it."""
 
 
 class Tree:
@@ -60,7 +60,7 @@ class Tree:
 
     @property
     def is_viable(self) -> bool:
-        """Return whether anything is left to grow from or to revive."""
+        """Return whether there is a node to grow from or an edge to revive."""
         return bool(self._dormant) or bool(np.any(self.candidates))
 
     @property

@@ -1,4 +1,4 @@
-"""Shortcuts: an addition to [Lin12], whose paths wander as the trees did."""
+"""Shortcuts: shorten the wandering paths of the trees, an addition to [Lin12]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a path of postures to a smooth trajectory: cubic Bezier curves and their timing."""
+"""Smoothing of paths: cubic Bezier curves and their timing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHARPEST = 0.05  # below this roundness a corner is not rounded at all
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedLimits:
-    """How fast a path is followed."""
+    """Speed limits along a path."""
 
     joint_speed: Array
     """Largest speed of each joint [rad/s], shape (n,)."""
@@ -81,7 +81,7 @@ def smooth(path: list[Array], roundness: Array) -> Curve:
 
 
 def retime(curve: Curve, limits: SpeedLimits) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Follow a curve at constant speed: at any time one joint, or the root, is at its limit.
+    """Follow a curve as fast as possible: one joint or the root is always at its limit.
 
     Departure from [Lin12], section 4.3, whose speed is constant from end to end: a servo
     cannot jump to a speed, so the curve begins and ends with ``limits.ease``.
@@ -109,7 +109,7 @@ def retime(curve: Curve, limits: SpeedLimits) -> tuple[Array, Array, NDArray[np.
 def smooth_free(
     path: list[Array], limits: SpeedLimits, is_free: Callable[[Array], bool]
 ) -> tuple[Array, Array, int]:
-    """Round and time a path; where rounding cuts a corner into a collision, round it less.
+    """Round and time a path; a corner is rounded less if that would cause a collision.
 
     Returns:
         Times (T,) [s], nodes (T, 4 + n), and how many of them still collide.

@@ -50,7 +50,7 @@ class ViaResult:
 
 
 def place_stops(world: World, stops: Sequence[Posture], start: Posture) -> list[Posture | None]:
-    """Put each posture at the one before it, or beside that; ``None`` where there is no place.
+    """Put each posture at or beside the one before; ``None`` if there is no place.
 
     One that floats or is sunk, as those of users may, is put on what is under it.
     """
@@ -121,6 +121,6 @@ def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: 
 
 
 def _is_same(a: Posture, b: Posture) -> bool:
-    """Return whether two postures are the same, but for sinking into what is under them."""
+    """Return whether two postures are the same, except for sinking into the ground."""
     turned = 1.0 - abs(float(a.orientation @ b.orientation))
     return bool(np.abs(a.joint_pos - b.joint_pos).max() < SAME_JOINTS and turned < SAME_JOINTS)

@@ -1,4 +1,4 @@
-"""The way out: the root's path from under something to where the robot has room to stand."""
+"""The way out: a path of the root from under an obstacle to a place with room to stand."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class WayOut:
 
     start: Posture
     positions: Array
-    """Of the root [m], (K, 3), from the start to where there is room."""
+    """Positions of the root [m], (K, 3), from the start to a place with room."""
 
     @property
     def end(self) -> Posture:
@@ -46,7 +46,7 @@ class WayOut:
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
     def sample(self, checker: CollisionChecker) -> Trajectory:
-        """Sample the path at a speed of 0.2 m/s, the robot raised onto what it would reach into."""
+        """Sample the path at 0.2 m/s, the robot raised where it would penetrate something."""
         period = checker.robot.control_period
         legs = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         way = np.concatenate([[0.0], np.cumsum(legs)])
@@ -66,7 +66,7 @@ class WayOut:
 def find_way_out(
     world: World, checker: CollisionChecker, start: Posture, rng: np.random.Generator
 ) -> WayOut | None:
-    """Find where a robot that lies far from any room to stand can be moved as it lies.
+    """Find a way out for a robot that lies far from any place with room to stand.
 
     [Lin12], section 4.2.1, plans the root's position first and, as this does, without regard to
     what could push the robot there; here with the whole body in its posture instead of a point.
@@ -96,7 +96,7 @@ def find_way_out(
 
 
 def _rest(world: World, start: Posture, at: Array) -> Array:
-    """Put a posture on what is under it at a place (2,), and return its position (3,)."""
+    """Put a posture on the ground or an obstacle at a place (2,); return its position (3,)."""
     moved = replace(start, position=np.array([*at, start.position[2]]))
     qpos = Clearance(world).rest_where(place(world.robot, world.model, moved), -SUNK)
     return qpos[world.robot.layout(world.model).root_position].copy()

@@ -1,1 +1,1 @@
-"""Motions and policies on a robot: checked before, played, watched."""
+"""Playback of motions and policies: preflight, playing, supervision."""

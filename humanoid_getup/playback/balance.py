@@ -22,7 +22,7 @@ ALIGNED = 0.9  # cosine between the axis of a joint and the one about which the 
 
 @dataclass(frozen=True, kw_only=True)
 class BalanceGains:
-    """How the ankles answer an error of the torso's attitude; (2,) is roll, pitch."""
+    """Gains of the ankles on errors of the torso's attitude; (2,) is roll, pitch."""
 
     attitude: Array
     """Correction of the ankles per error, (2,)."""
@@ -31,7 +31,7 @@ class BalanceGains:
     begin: float = math.radians(44.0)
     """Tilt of the recorded torso below which they act, to the end of the motion [rad]."""
     full: float = math.radians(10.0)
-    """Tilt of the recorded torso from which they act as a whole [rad]."""
+    """Tilt of the recorded torso from which they act fully [rad]."""
     largest: float = 0.35
     """Bound of a correction [rad]."""
 
@@ -40,7 +40,7 @@ GAINS = BalanceGains(attitude=np.array([0.15, 0.8]), rate=np.array([0.06, 0.08])
 
 
 class Balance:
-    """Corrects a motion's targets where its torso leaves the attitude that was recorded.
+    """Corrects a motion's targets when the torso deviates from the recorded attitude.
 
     The error is the rotation by which gravity in the torso differs from that of the recorded
     posture at the same time, and the difference of the angular velocities. It is fed back to the
@@ -76,7 +76,7 @@ class Balance:
         return sent
 
     def _bound(self, corrected: Array, target: Array) -> Array:
-        """Bound a correction; by how much the target itself is out of bounds is left to the guard.
+        """Bound a correction; targets of the motion that are out of bounds are left to the guard.
 
         Args:
             corrected: Target with its correction [rad], (n,).
@@ -166,7 +166,7 @@ def _after(flags: np.ndarray) -> int:
 
 
 def _find_non_foot_contact(world: World, motion: Motion, first: int) -> np.ndarray:
-    """Find the frames from one on in which more than the feet touches the world."""
+    """Find the frames, from a given one on, in which more than the feet touches the world."""
     data = mujoco.MjData(world.model)
     sensed = []
     for frame in range(first, len(motion.time)):

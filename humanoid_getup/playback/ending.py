@@ -1,4 +1,4 @@
-"""The end of a motion: how long it is held, and whether it is what the motion should end in."""
+"""The end of a motion: the time for which it is held, and its success."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REST = LYING_TIME + 0.5  # s; a robot may move on for a moment before it lies st
 
 
 def hold_time(motion: Motion) -> float:
-    """Return how long the end of a motion is held, to be judged [s]."""
+    """Return how long the end of a motion is held for judging [s]."""
     if motion.end_class == NO_END:
         return 0.0
     return HOLD if motion.rises else REST
@@ -35,7 +35,7 @@ def ends_as_meant(motion: Motion, outcome: Outcome) -> NDArray[np.bool_]:
 
 
 def describe_end(motion: Motion) -> str:
-    """Say what a motion is meant to end in."""
+    """Describe the intended end of a motion."""
     if motion.end_class == NO_END:
         return "anywhere"
     return "in a held stand" if motion.rises else f"lying {motion.end_class}, softly and still"

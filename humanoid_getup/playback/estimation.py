@@ -42,7 +42,7 @@ class FaultedError(DriverError):
 
 
 def check_start(world: World, start: Posture) -> None:
-    """Check that a start is neither in the ground or an obstacle, nor high above what is under it.
+    """Check that a start is not in the ground or an obstacle, nor high above them.
 
     Raises:
         StartError: if it is; the message says how far.

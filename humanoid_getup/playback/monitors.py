@@ -1,4 +1,4 @@
-"""Monitors: each checks a run for reasons to abort it: falls, stuck joints, load, heat."""
+"""Monitors of a run, which abort it on falls, stuck joints, load or heat."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class RunMonitor(Protocol):
     """Checks a run for one kind of reason to abort it."""
 
     warnings: list[str]
-    """What was unusual but no reason to abort."""
+    """Warnings about events that do not abort the run."""
 
     def reset(self, state: State, /) -> None:
         """Begin a run at a measurement."""
@@ -118,7 +118,7 @@ class RunMonitor(Protocol):
 
 
 class Persistence:
-    """Measures for how long each of n conditions has held without a break."""
+    """Measures how long each of n conditions has held without a break."""
 
     def __init__(self, n: int, time: float) -> None:
         self._since = np.full(n, time)
@@ -247,7 +247,7 @@ class MotionMonitor:
         return next(filter(None, findings), None)
 
     def _expect(self, time: float) -> tuple[Array, Array]:
-        """Interpolate gravity in the torso (3,) and joint angles (n,) of the motion [s]."""
+        """Interpolate gravity in the torso (3,) and joint angles (n,) of the motion at a time."""
         times = self._motion.time - self._motion.time[0]
         if len(times) == 1:
             return self._gravity_b[0], self._motion.joint_pos[0]

@@ -51,7 +51,7 @@ class MotionPlayer:
         return self._is_over(self.longest)
 
     def reset(self, state: State) -> None:
-        """Begin at the targets that are held, or at the measured joint angles."""
+        """Begin at the held targets, or at the measured joint angles."""
         self._begin = self._clock = state.time
         self._from = state.joint_pos if self._held is None else self._held
         distance = np.abs(self._motion.joint_target[0] - self._from)

@@ -59,7 +59,7 @@ class Verdict:
     """Whether a plan may be played, and the reasons."""
 
     reasons: tuple[Reason, ...] = ()
-    """Everything found, refusals first."""
+    """All findings, refusals first."""
 
     @property
     def passed(self) -> bool:
@@ -254,7 +254,7 @@ def _judge_load(
 
 
 def _judge_temperature(robot: Robot, now: Array, then: Array | None = None) -> list[Reason]:
-    """Judge the temperatures [°C], (n,), of the servos now and, if known, after the rise."""
+    """Judge the temperatures [°C], (n,), of the servos now and, if predicted, after the rise."""
     most = find_max_temperature(robot)
     expected = [f"expected at most {limit:.0f} °C: let it cool down" for limit in most]
     names, is_hot = robot.joint_names, now > most

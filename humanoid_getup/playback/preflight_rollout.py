@@ -150,7 +150,7 @@ def _roll_out(
 
 
 def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array, int | None]:
-    """Predict the temperature after one rise, and after how many a servo is too hot.
+    """Predict the temperature after one rise, and the number of rises until a servo is too hot.
 
     Heating is linear in the temperature, so one pass is enough: a rise keeps a share of the
     servo's excess over the ambient temperature and adds a fixed amount.
@@ -172,12 +172,12 @@ def predict_heat(robot: Robot, torque: Array, temperature: Array) -> tuple[Array
 
 
 def _find_deepest(world: World, motion: Motion) -> Array:
-    """Find how deep each pair of links overlaps at most in the motion's own postures [m]."""
+    """Find the greatest overlap of each pair of links in the motion's own postures [m]."""
     data = mujoco.MjData(world.model)
     frames = range(0, len(motion.time), OVERLAP_STRIDE)
     return np.max([_find_overlap(world, motion.posture(k), data) for k in frames], axis=0)
 
 
 def _find_overlap(world: World, posture: Posture, data: mujoco.MjData) -> Array:
-    """Find how deep each pair of links overlaps in a posture [m], (nbody, nbody)."""
+    """Find the overlap of each pair of links in a posture [m], (nbody, nbody)."""
     return overlaps_at(world.model, place(world.robot, world.model, posture), data)

@@ -15,7 +15,7 @@ from robots.quaternion import Array
 
 
 class StandHolder(MotionPlayer):
-    """Sends the standing posture for a time, and then for as long as it is not released."""
+    """Sends the standing posture for a time, and then until it is released."""
 
     def __init__(
         self,

@@ -34,12 +34,12 @@ class Supervisor:
 
     @property
     def warnings(self) -> list[str]:
-        """Return what was unusual but no reason to abort."""
+        """Return warnings about events that do not abort the run."""
         return [text for monitor in self._monitors for text in monitor.warnings]
 
     @property
     def guidance(self) -> Guidance | None:
-        """Return what the controller follows besides its targets."""
+        """Return the quantities that the controller follows besides its targets."""
         return getattr(self._controller, "guidance", None)
 
     @property
@@ -74,7 +74,7 @@ def supervise_motion(
     held: Array | None = None,
     balanced: bool = True,
 ) -> Supervisor:
-    """Make a supervised player of a motion that holds its end for as long as judging takes.
+    """Make a supervised player of a motion that holds its end during judging.
 
     The torque limit [N·m] is that of every servo; ``tracked`` is False for a motion that was
     never rolled out; ``held`` are the targets that the servos follow already [rad], (n,);

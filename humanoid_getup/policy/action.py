@@ -82,13 +82,13 @@ class ActionSpec:
     directions: Matrix
     """How each number moves the joints, as a share of ``scale``, shape (k, n)."""
     scale: Vector
-    """What a share of one adds to an angle [rad], shape (n,)."""
+    """Change of an angle by a share of one [rad], shape (n,)."""
     reach: Vector
     """Largest change of a target in a policy step [rad], shape (n,)."""
     lead: Annotated[float, positive(10.0, "rad")]
     """Largest distance of a target from the measured angle [rad]; limits torque and wind-up."""
     pwm_limit: Annotated[float, positive(1.0)]
-    """Largest share of the supply at the motors: limits torque, the more the faster they turn."""
+    """Largest share of the supply at the motors; it limits torque more at higher speed."""
     home: Vector
     """Standing joint angles [rad], shape (n,); observations count joint angles from here."""
     homing: Vector
@@ -100,7 +100,7 @@ class ActionSpec:
 
     @property
     def size(self) -> int:
-        """Return how many numbers an action has."""
+        """Return the size of an action."""
         return len(self.names)
 
     @cached_property
@@ -194,7 +194,7 @@ def build_posture_spec(robot: Robot, pwm_limit: float = 1.0) -> ActionSpec:
 
 
 def choose_cycles(robot: Robot) -> int:
-    """Choose how many control cycles a policy step of a robot has: those nearest to 48 ms."""
+    """Choose the number of control cycles in a policy step, so that it is nearest to 48 ms."""
     return max(1, round(STEP_TIME / robot.control_period))
 
 

@@ -1,4 +1,4 @@
-"""The policy contract: what a trained policy expects of the robot that runs it."""
+"""The policy contract: the properties of a robot that a trained policy requires."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ContractError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyContract:
-    """What a policy was trained with, and what must be the same where it runs.
+    """Properties with which a policy was trained, and which must match where it runs.
 
     It is stored as JSON in the metadata of the policy's ONNX file (`onnx_file`), with these
     fields. Their values are checked by :meth:`find_mismatches` only.
@@ -57,7 +57,7 @@ class PolicyContract:
     provenance: dict[str, Fact]
     """How it was made: command, seed, iterations..."""
     style: StyleInput | None = None
-    """What it gets to follow style curves; ``None`` if it follows none."""
+    """Inputs with which it follows style curves; ``None`` if it follows none."""
 
     @staticmethod
     def of(
@@ -84,7 +84,7 @@ class PolicyContract:
 
     @property
     def observation_size(self) -> int:
-        """Return how many numbers the policy observes."""
+        """Return the size of the observation."""
         return sum(term.size for term in self.observation)
 
     def find_mismatches(self, robot: Robot, period: float) -> list[str]:
@@ -145,7 +145,7 @@ class PolicyContract:
         return problems
 
     def _find_value_mismatches(self, robot: Robot, period: float) -> list[str]:
-        """Compare vectors of joints, whose shapes are right."""
+        """Compare vectors of joints whose shapes match."""
         names = robot.joint_names
         gain, torque = robot.position_gain, robot.max_torque
         problems = _find_servo_mismatches("gains", names, self.position_gain, gain, "N·m/rad")
@@ -202,7 +202,7 @@ class PolicyContract:
 def _find_servo_mismatches(
     what: str, names: tuple[str, ...], learned: Array, here: Array, unit: str
 ) -> list[str]:
-    """Compare a figure of the servos, (n,), with what it is here."""
+    """Compare a figure of the servos, (n,), with that of this robot."""
     off = np.abs(learned / here - 1.0)
     if off.max() <= SERVO_SLACK:
         return []

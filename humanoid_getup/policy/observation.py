@@ -54,7 +54,7 @@ SAME = Mirror(np.arange(1), np.ones(1))
 MAP = Mirror(np.arange(GRID**2).reshape(GRID, GRID)[:, ::-1].ravel(), np.ones(GRID**2))
 """Mirror of the height map: each row is turned over."""
 UPRIGHT = np.array([0.0, np.pi / 2, np.pi / 2])
-"""What style features are counted from: no height, and the angles of an upright torso."""
+"""Zero of the style features: no height, and the angles of an upright torso."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +84,7 @@ class StyleInput:
     """Inputs of a policy with style curves, besides its sensors."""
 
     memory: Annotated[int, whole(1, 10_000)]
-    """Size of what its network remembers of its last actions."""
+    """Size of the network's memory of its last actions."""
     height_map: bool = False
     """Whether it observes the ground around it, where that is known."""
 

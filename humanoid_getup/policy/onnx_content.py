@@ -21,7 +21,7 @@ FIXED_SIZES = {FIXED_64: 8, FIXED_32: 4}
 
 
 def find_content_problems(model: bytes) -> list[str]:
-    """List what a policy must not have: control flow, functions, data in other files.
+    """List content that a policy must not have: control flow, functions, data in other files.
 
     Without control flow, the time of an inference does not depend on the observation.
 
@@ -92,7 +92,7 @@ def _read_fields(message: memoryview) -> Iterator[tuple[int, int | memoryview]]:
 
 
 def _read_varint(message: memoryview, at: int) -> tuple[int, int]:
-    """Read a number of 7 bits a byte, lowest first; return it and where it ends."""
+    """Read a number of 7 bits a byte, lowest first; return it and its end."""
     value = 0
     for shift in range(0, 70, 7):
         if at >= len(message):

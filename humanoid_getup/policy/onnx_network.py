@@ -23,13 +23,13 @@ FORK = multiprocessing.get_context("fork")  # takes milliseconds, a fresh proces
 
 
 class OnnxNetwork:
-    """Maps observations to actions as the graph of an ONNX file does.
+    """Maps observations to actions by the graph of an ONNX file.
 
     A second output, if the graph has one, is its memory: a part of its next input.
     """
 
     def __init__(self, file: Path, limit: float = LONGEST_INFERENCE) -> None:
-        """Load a file, after a child process has, and has run it once, within a limit [s].
+        """Load a file after a child process has loaded and run it once within a limit [s].
 
         Raises:
             OSError: if it cannot be read.
@@ -38,7 +38,7 @@ class OnnxNetwork:
         """
         model = read_model(file)
         self.faults = _try_in_child(model, limit)
-        """What is wrong with what it returns for zeros."""
+        """Problems of its output for zeros."""
         self._session = _create_session(model)
         self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
@@ -72,7 +72,7 @@ class OnnxNetwork:
         return problems
 
     def __call__(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
-        """Map observations (N, size) to actions (N, k) and to the memory of them (N, m).
+        """Map observations (N, size) to actions (N, k) and to the memory (N, m).
 
         Without a memory of its own, the memory is the clipped actions.
         """
@@ -95,7 +95,7 @@ def _create_session(model: bytes) -> InferenceSession:
 
 
 def _try_in_child(model: bytes, limit: float) -> list[str]:
-    """List what is wrong with a model's first inference, which may end its process.
+    """List the problems of a model's first inference, which may end its process.
 
     Nothing else can stop onnxruntime within an operator, or while it computes constants.
     """
@@ -119,7 +119,7 @@ def _try_in_child(model: bytes, limit: float) -> list[str]:
 
 
 def _try(model: bytes, limit: float, found: Connection) -> None:
-    """Send what is wrong with a first inference; the system ends this process at the limit [s]."""
+    """Send the problems of a first inference; the system ends this process at the limit [s]."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_DFL)  # Python's own handlers wait for the operator
     signal.setitimer(signal.ITIMER_REAL, limit)

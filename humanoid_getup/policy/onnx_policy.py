@@ -151,14 +151,14 @@ class OnnxPolicy:
 
     @property
     def guidance(self) -> Guidance | None:
-        """Return the style features that are wanted now, and those measured; for flight logs."""
+        """Return the wanted and the measured style features, for flight logs."""
         if self._follower is None:
             return None
         return Guidance(wanted=self._follower.wanted[0], measured=self._follower.measured[0])
 
     @property
     def followed(self) -> FollowedStyle | None:
-        """Return how its first curves were followed so far; ``None`` if it follows none."""
+        """Return how well its first curves were followed so far; ``None`` if it follows none."""
         return self._follower and self._follower.summarize()
 
     @property

@@ -1,4 +1,4 @@
-"""Follows a style with one robot or many: their first curves, restarts, and errors."""
+"""Style following for one robot or many: first curves, restarts, and errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robots import Robot
 from robots.quaternion import Array
 
 StyleChoice = Callable[[int, Array], StyleCurves]
-"""Chooses curves by the number of a robot, and the features (3,) that it measures."""
+"""Chooses curves by the number of a robot and its measured features (3,)."""
 
 LYING = 0.6  # share of the standing neck height below which a robot lies, sits or kneels
 LOST = 3.0  # s of deviation from style curves while it lies where none begin: it has failed then
@@ -25,11 +25,11 @@ LOST = 3.0  # s of deviation from style curves while it lies where none begin: i
 
 @dataclass(frozen=True, eq=False)
 class _First:
-    """The first curves of rises, and the errors from them."""
+    """The first curves of rises, and the deviations from them."""
 
     curves: Sequence[StyleCurves]
     features: Array
-    """Measured then, (N, 3)."""
+    """Features measured at the start, (N, 3)."""
     errors: StyleErrors
 
 
@@ -37,12 +37,12 @@ class StyleFollower:
     """Follows a style from one policy step to the next."""
 
     def __init__(self, robot: Robot, choose: StyleChoice, n: int = 1) -> None:
-        """Prepare for ``n`` robots, each on curves that are chosen for it."""
+        """Prepare for ``n`` robots, each on chosen curves."""
         self._choose, self._tracker, self._n = choose, CurveTracker(robot, n), n
         self.reset()
 
     def reset(self) -> None:
-        """Begin a rise: the first measurement decides which curves are followed."""
+        """Begin a rise: the first measurement determines the curves."""
         self._first: _First | None = None
         self.restarts = np.zeros(self._n, dtype=int)
         """How often each robot restarted after it had deviated from its curves, (N,)."""
@@ -75,17 +75,17 @@ class StyleFollower:
 
     @property
     def wanted(self) -> Array:
-        """Return the features that are wanted now, (N, 3)."""
+        """Return the wanted features, (N, 3)."""
         return self._tracker.wanted
 
     @property
     def measured(self) -> Array:
-        """Return the features that were measured last, (N, 3)."""
+        """Return the last measured features, (N, 3)."""
         return self._tracker.features
 
     @property
     def is_lost(self) -> NDArray[np.bool_]:
-        """Return which robots deviated for long, and lie where no curves begin, (N,)."""
+        """Return whether each robot has deviated for long and lies where no curves begin, (N,)."""
         if self._first is None:
             return np.zeros(self._n, dtype=bool)
         return (self.measured[:, 0] < LYING) & (self._tracker.deviating > LOST)
@@ -96,7 +96,7 @@ class StyleFollower:
         return self._first.errors.mean if self._first else np.full((self._n, COUNT), np.nan)
 
     def summarize(self) -> FollowedStyle | None:
-        """Summarize how the first robot followed its first curves; None before the first step."""
+        """Summarize how the first robot followed its curves; None before the first step."""
         first = self._first
         if first is None:
             return None

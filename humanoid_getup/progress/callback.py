@@ -1,4 +1,4 @@
-"""Callbacks of long work: one reports progress, one says whether to cancel."""
+"""Callbacks of long work: one reports progress, one requests cancellation."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a phase of some work has come, or what was found on the way."""
+    """Progress of a phase of some work, or a finding."""
 
     phase: str = ""
-    """What is being done, such as "rises (supine)"."""
+    """Name of the phase, such as "rises (supine)"."""
     done: float = 0.0
-    """Pieces that are finished."""
+    """Number of finished pieces."""
     total: float | None = None
-    """All pieces; None for a phase whose pieces are not counted."""
+    """Number of all pieces; None for a phase whose pieces are not counted."""
     note: str = ""
-    """What is known of the last piece."""
+    """Remark on the last piece."""
     message: str = ""
-    """A finding that is worth a line of its own; the other fields are empty then."""
+    """A finding to show on a line of its own; the other fields are empty then."""
 
 
 Report = Callable[[Progress], None]
 """Shows progress."""
 Cancel = Callable[[], bool]
-"""Tells whether work is to end before it is finished, such as the `is_set` of an event."""
+"""Returns whether to cancel the work, such as the `is_set` of an event."""
 
 
 class CancelledError(Exception):
-    """Work ended because its caller no longer wanted it; what was finished is kept."""
+    """Work was canceled by its caller; finished parts are kept."""
 
 
 class ProgressMonitor:
-    """Reports the progress of some work, and ends it between two pieces once it is cancelled."""
+    """Reports the progress of some work, and ends it between two pieces if it is canceled."""
 
     def __init__(self, report: Report | None = None, cancel: Cancel | None = None) -> None:
-        """Watch work that shows its progress to ``report`` and asks ``cancel``, if there are."""
+        """Prepare to report progress to ``report`` and to call ``cancel``, if given."""
         self._report = report or (lambda _: None)
         self._cancel = cancel or (lambda: False)
 
     def check(self) -> None:
-        """Do nothing, unless the work is cancelled.
+        """Raise `CancelledError` if the work is canceled.
 
         Raises:
             CancelledError: if it is.
@@ -50,7 +50,7 @@ class ProgressMonitor:
             raise CancelledError("cancelled")
 
     def show(self, progress: Progress) -> None:
-        """Report progress, and end the work if it is cancelled (`CancelledError`)."""
+        """Report progress, and raise `CancelledError` if the work is canceled."""
         self._report(progress)
         self.check()
 

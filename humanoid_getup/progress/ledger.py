@@ -16,7 +16,7 @@ STARTS_OVER = "without --resume it starts over"
 
 
 class Ledger:
-    """The finished parts of some work by name, and the recipe that all of them follow from."""
+    """The finished parts of some work by name, and the recipe on which they depend."""
 
     def __init__(self, path: Path, recipe: object) -> None:
         """Begin an empty ledger; the file appears with the first part.
@@ -28,11 +28,11 @@ class Ledger:
         self.path = path
         self.recipe: dict[str, Any] = as_kept(recipe)
         self.done: dict[str, Any] = {}
-        """Results as JSON keeps them, in the order in which they were added."""
+        """Results in the form of JSON, in the order in which they were added."""
 
     @classmethod
     def resume(cls, path: Path, recipe: object) -> Ledger:
-        """Open the ledger of a recipe; begin one where there is no file.
+        """Open the ledger of a recipe; begin one if there is no file.
 
         Raises:
             ValueError: if the file is damaged, or that of another recipe.
@@ -43,7 +43,7 @@ class Ledger:
         return ledger
 
     def add(self, name: str, result: object) -> Any:
-        """Keep the result of a part; return it as it is kept."""
+        """Store the result of a part; return it as stored."""
         self.done[name] = as_kept(result)
         content = {"recipe": self.recipe, "sha256": _hash(self.done), "done": self.done}
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ def _load(path: Path, recipe: Mapping[str, Any]) -> dict[str, Any]:
 def check_recipe(
     path: Path, recipe: Mapping[str, Any], kept: Mapping[str, Any], remedy: str
 ) -> None:
-    """Compare the recipe of work with the one that is kept in a file.
+    """Compare the recipe of work with the one stored in a file.
 
     Raises:
         ValueError: naming what differs; ``remedy`` says what to do.
@@ -85,7 +85,7 @@ def check_recipe(
 
 
 def _compare(key: str, now: Any, before: Any) -> str:
-    """Name what differs, with its values where these say something: a checksum does not."""
+    """List the differences of recipes, with values except for checksums."""
     is_long = any(len(str(value)) >= 32 for value in (now, before))
     return key if is_long else f"{key} ({before}, now {now})"
 

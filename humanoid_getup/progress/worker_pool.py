@@ -45,7 +45,7 @@ def _start_worker(parent: Connection, start: Callable[..., None], *arguments: An
 
 
 def _end_with(parent: Connection) -> None:
-    """End this process when the parent's end of a pipe is closed: by the parent, or its death."""
+    """End this process when the parent's end of a pipe closes: by the parent or its death."""
     try:
         parent.recv_bytes()
     except (EOFError, OSError):

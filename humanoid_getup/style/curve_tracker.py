@@ -41,7 +41,7 @@ class CurveTracker(SavedArrays):
 
     @property
     def wanted(self) -> Array:
-        """Return the features that are wanted now, (N, 3)."""
+        """Return the wanted features, (N, 3)."""
         return self.targets[:, 0]
 
     @property

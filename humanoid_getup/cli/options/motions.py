@@ -97,7 +97,7 @@ class ReplayOptions(JsonOption):
     """Folder for replay.json, flight.png and replay.png."""
 
     def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written, too."""
+        """Report a folder that cannot be written as well."""
         problems = super().find_problems()
         return (
             problems

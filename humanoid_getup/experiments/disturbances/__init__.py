@@ -1,1 +1,1 @@
-"""How robots and their worlds differ from those that were planned for."""
+"""Disturbances: differences of robots and worlds from the planned ones."""

@@ -1,4 +1,4 @@
-"""Distributions of what differs between robots; a number is always itself, and draws nothing."""
+"""Distributions of differences between robots; a constant draws no random number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robots.quaternion import Array
 
 @dataclass(frozen=True)
 class Uniform:
-    """Evenly between two bounds."""
+    """A uniform distribution between two bounds."""
 
     lower: float
     upper: float
@@ -23,7 +23,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class LogUniform:
-    """Evenly between the logarithms of two bounds."""
+    """A distribution that is uniform between the logarithms of two bounds."""
 
     lower: float
     upper: float
@@ -35,7 +35,7 @@ class LogUniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """About zero."""
+    """A normal distribution about zero."""
 
     deviation: float
 
@@ -46,7 +46,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class RandomAxis:
-    """Vectors of one length, in any direction."""
+    """Vectors of one length in random directions."""
 
     length: float
 
@@ -58,7 +58,7 @@ class RandomAxis:
 
 @dataclass(frozen=True)
 class Mixture:
-    """One quantity with a probability, else another one."""
+    """One quantity with a given probability, else another one."""
 
     probability: float
     one: Quantity
@@ -74,7 +74,7 @@ Quantity = float | Uniform | LogUniform | Normal | RandomAxis | Mixture
 
 
 def draw(quantity: Quantity, rng: np.random.Generator, *shape: int) -> Array:
-    """Draw numbers of a shape; those of a constant quantity are it."""
+    """Draw numbers of a shape; a constant quantity is repeated."""
     if isinstance(quantity, int | float):
         return np.full(shape, float(quantity))
     return quantity.draw(rng, *shape)

@@ -1,4 +1,4 @@
-"""Disturbances: how robots and their worlds differ from the ones that were planned for."""
+"""Disturbances: differences of robots and their worlds from the planned ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenarios:
-    """Where each of N robots starts, and how it and its world differ."""
+    """Start, domain parameters and world of each of N robots."""
 
     starts: Array
     """MuJoCo positions at the start, at rest, (N, nq)."""
@@ -42,7 +42,7 @@ class Scenarios:
 
     @staticmethod
     def nominal(world: World, starts: Array, limit: TorqueLimit = FULL_TORQUE) -> Scenarios:
-        """Let robots start from MuJoCo positions (N, nq) or (nq,), as they are described."""
+        """Make undisturbed scenarios from MuJoCo positions (N, nq) or (nq,)."""
         starts = np.atleast_2d(starts)
         return Scenarios(
             starts=starts,
@@ -64,14 +64,14 @@ class Scenarios:
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """Differences of robots and their worlds from what was planned for; none by default."""
+    """Differences of robots and their worlds from the planned ones; none by default."""
 
     joints: Quantity = 0.0
     """Offset of each joint at the start [rad]."""
     turn: Quantity = 0.0
     """Angle by which the root is turned about a random axis at the start [rad]."""
     ground_friction: Quantity = GROUND_FRICTION
-    """Sliding friction where the ground is a usual one; elsewhere it is scaled to the scene's."""
+    """Sliding friction on ordinary ground; in other scenes it is scaled to theirs."""
     friction: Quantity | None = None
     """Sliding friction of every contact, in any scene; None for that of the ground."""
     supply: Quantity = 1.0
@@ -192,11 +192,11 @@ USUAL = Disturbance(
     ground_friction=Uniform(0.4, 1.2),
     supply=Uniform(11.0 / 12.0, 12.6 / 12.0),
 )
-"""What a motion has to withstand."""
+"""Disturbances that a motion has to withstand."""
 
 
 def _rest_as(world: World, start: Array, others: Array) -> None:
-    """Put MuJoCo positions (N, nq) as high over what is under them as a start (nq,), in place.
+    """Lift MuJoCo positions (N, nq) to the clearance of a start (nq,), in place.
 
     They are neither lifted off the ground nor pressed into it. Where there is no room for one
     under a table, for instance, it becomes more like the start, until there is.
@@ -222,7 +222,7 @@ def _rest_as(world: World, start: Array, others: Array) -> None:
 
 
 def _blend(layout: Layout, start: Array, other: Array, share: float) -> Array:
-    """Go a share of the way from one lying robot to another, MuJoCo positions (nq,)."""
+    """Interpolate between two lying robots by a share, MuJoCo positions (nq,)."""
     blended = start + share * (other - start)
     orientation = layout.root_orientation
     blended[orientation] = quaternion.slerp(start[orientation], other[orientation], share)

@@ -1,1 +1,1 @@
-"""What was recorded of a run, and how it ended: standing, lying, torque, impacts."""
+"""Judging of runs: records, and their outcome: standing, lying, torque, impacts."""

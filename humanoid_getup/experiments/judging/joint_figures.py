@@ -1,4 +1,4 @@
-"""Figures of a run that joints and servos measure by themselves, without an orientation."""
+"""Figures of a run that follow from joints and servos alone, without an orientation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class JointFigures(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def __str__(self) -> str:
-        """Say in one line how hard the servos worked."""
+        """Describe the load of the servos in one line."""
         return (
             f"peak about {self.peak_torque_nm:.2f} N·m ({self.torque_use:.0%} of the limit), RMS "
             f"{self.rms_torque_nm:.2f} N·m, peak {self.peak_velocity_rad_s:.1f} rad/s"

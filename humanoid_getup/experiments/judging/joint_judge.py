@@ -1,4 +1,4 @@
-"""The judge of a robot without an IMU, by what its joints measure."""
+"""The judge of a robot without an IMU, by the measurements of its joints."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robots import Robot
 
 
 class JointJudge:
-    """Judges a run without an orientation: what the joints did, but not whether it stands."""
+    """Judges a run without an orientation: figures of the joints, but no stand."""
 
     def __init__(self, robot: Robot, torque_limit: float | None) -> None:
         """Judge under a torque limit [N·m]."""
@@ -16,7 +16,7 @@ class JointJudge:
         self._states: list[State] = []
 
     def __call__(self, cycle: Cycle) -> None:
-        """Keep a measurement."""
+        """Record a measurement."""
         self._states.append(cycle.state)
 
     def end(self) -> None:

@@ -58,11 +58,11 @@ class GroundTruthJudge:
         self._qpos: list[Array] = []
         self._site_pos: list[Array] = []
         self._depth: list[tuple[float, float]] = []
-        """Of self-penetration, in the ground."""
+        """Depth of self-penetration and in the ground."""
         self._touch: list[tuple[bool, bool, bool]] = []
-        """Of anything but the feet, of the head, of the torso."""
+        """Contact of anything but the feet, of the head, of the torso."""
         self._speed: list[tuple[float, float]] = []
-        """Of the head, of the torso."""
+        """Speed of the head and of the torso."""
         simulation.on_sensor_update.append(self._look)
 
     def __call__(self, _cycle: Cycle) -> None:
@@ -167,7 +167,7 @@ class SensorJudge:
         self._has_ended = False
 
     def __call__(self, cycle: Cycle) -> None:
-        """Keep the measurement of a cycle.
+        """Record the measurement of a cycle.
 
         Raises:
             NoImuError: if the orientation was not measured: no stand can be judged without it.

@@ -1,4 +1,4 @@
-"""Lying down: when a robot that stood has come to lie, still and without a knock."""
+"""Lying down: judges whether a robot came to lie softly and still."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Lying:
 
     @property
     def lies(self) -> NDArray[np.bool_]:
-        """Return whether the robot ended lying on that side, still, without a knock, (...)."""
+        """Return whether the robot ended lying softly and still on the side, (...)."""
         return (self.lean <= MAX_LEAN) & (self.sway <= MAX_SWAY) & (self.descent <= MAX_DESCENT)
 
 

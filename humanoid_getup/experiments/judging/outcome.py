@@ -1,4 +1,4 @@
-"""Outcomes: how runs ended and what they took. Every figure has its one definition here."""
+"""Outcomes: how runs ended, and their figures. Every figure is defined here alone."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Counts = NDArray[np.int_]
 
 
 class Outcome:
-    """How runs ended and what they took, by their record; figures have the shape of its robots.
+    """How runs ended, and their figures, from a record; figures have the shape of its robots.
 
     That shape is () for a single run. A figure is computed when it is first asked for, and None if
     it could not be observed.
@@ -86,12 +86,12 @@ class Outcome:
 
     @cached_property
     def rising(self) -> Counts:
-        """Return how many samples the way up has: to the stand, or to the end without one."""
+        """Return the number of samples of the way up: to the stand, or to the end without one."""
         return count_rising(self.stand, self.record.period, self.record.cycles)
 
     @cached_property
     def progress(self) -> Array:
-        """Return how near it came to a stand, from 0 to 1: mostly at the end, partly at best."""
+        """Return the progress to a stand, from 0 to 1: mostly that at the end, partly the best."""
         near = compute_uprightness(self.record.stance, self.robot)
         size = min(WINDOW, near.shape[-1])
         if not size:
@@ -105,7 +105,7 @@ class Outcome:
 
     @cached_property
     def shares(self) -> TorqueShares:
-        """Return the torques apart, by whether they drive or brake, (..., T, n)."""
+        """Return driving and braking torques, (..., T, n)."""
         return split_torque(self.record.torque, self.record.actuator_vel)
 
     @cached_property
@@ -136,7 +136,7 @@ class Outcome:
 
     @cached_property
     def saturation(self) -> Array:
-        """Return for how long at most a servo had all the torque of its supply [s]."""
+        """Return the longest time during which a servo had all the torque of its supply [s]."""
         record = self.record
         saturated = find_saturation(
             self.robot, record.torque, record.actuator_vel, record.voltage[..., np.newaxis]
@@ -175,7 +175,7 @@ class Outcome:
 
     @cached_property
     def ground_penetrations(self) -> Counts | None:
-        """Return how often it pressed deeper into the ground than at rest."""
+        """Return how often the robot pressed deeper into the ground than at rest."""
         depth = self.record.ground_depth
         return None if depth is None else self._count_episodes(depth > 0.0)
 
@@ -206,7 +206,7 @@ class Outcome:
 
     @property
     def is_sensed(self) -> bool:
-        """Return whether sensors alone judged: torques are estimated, contacts unknown."""
+        """Return whether it is judged by sensors alone: torques are estimated, contacts unknown."""
         return self.record.is_sensed
 
     def figures(self) -> dict[str, Any]:
@@ -232,7 +232,7 @@ class Outcome:
         }
 
     def _count_episodes(self, present: Bools) -> Counts:
-        """Count the episodes of flags (..., T) that are more than a moment apart, (...)."""
+        """Count the episodes of flags (..., T), joined across short gaps, (...)."""
         apart = round(APART / self.record.period)
         present = present & (np.arange(present.shape[-1]) < self.record.cycles[..., np.newaxis])
         return count_episodes(present, apart)
@@ -263,7 +263,7 @@ def count_episodes(present: Bools, apart: int) -> Counts:
 
 
 def compute_progress(last: Array, best: Array) -> Array:
-    """Compute how near rises came to a stand, from 0 to 1, by their last and best uprightness."""
+    """Compute the progress to a stand, from 0 to 1, from the last and the best uprightness."""
     return 0.6 * last + 0.4 * best
 
 

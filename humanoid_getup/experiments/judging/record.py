@@ -1,4 +1,4 @@
-"""Records: what robots did in a run, as a twin, a vectorized simulation or sensors saw it."""
+"""Records of runs: samples from a twin, a vectorized simulation or sensors."""
 
 from __future__ import annotations
 
@@ -65,15 +65,15 @@ class Record:
     cycles: NDArray[np.int_]
     """Samples until the run was stopped, (...); later ones repeat the last."""
     settled: Bools
-    """Whether it was stopped because the robot stands for good, (...)."""
+    """Whether it was stopped because the robot stands at rest, (...)."""
     failed: Bools
     """Whether it was stopped because the robot fell, or a servo was overloaded, (...)."""
     is_sensed: bool = False
-    """By sensors alone: torques are estimated from currents, contacts are unknown."""
+    """Whether it is from sensors alone: torques estimated from currents, contacts unknown."""
 
     @property
     def duration(self) -> float:
-        """Return the time that was played, all robots together [s]."""
+        """Return the simulated time of all robots together [s]."""
         return float(self.cycles.sum()) * self.period
 
     @property
@@ -121,7 +121,7 @@ def combine_records(parts: Sequence[Record], combine: Callable[[Columns], NDArra
 
 
 def join_records(parts: Sequence[Record]) -> Record:
-    """Join records of the same N robots in time; none is upright whose physics diverged."""
+    """Join records of the same N robots in time; robots with diverged physics are not upright."""
     diverged = np.any([part.diverged for part in parts], axis=0)
     count = sum(part.upright.shape[1] for part in parts)
     joined = combine_records(

@@ -21,14 +21,14 @@ RECORDED = (
     "actuator_force",
     "actuator_velocity",
 )
-"""MjData fields that a record is read from."""
+"""MjData fields from which a record is read."""
 
 
 class Recorder:
     """Reads records of robots in one world."""
 
     def __init__(self, world: World) -> None:
-        """Prepare for a world; what its sensors do not measure is not recorded."""
+        """Prepare for a world; quantities without a sensor are not recorded."""
         self._world, model = world, world.model
         self._layout = world.robot.layout(model)
         self._meter = StanceMeter(world.robot, model, world.scene.support)

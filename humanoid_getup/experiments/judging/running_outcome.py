@@ -1,4 +1,4 @@
-"""Outcomes of long runs of many robots, worked out as they go: a whole record fills the memory."""
+"""Running outcomes: judge long runs of many robots without keeping whole records."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RunFigures:
 
 
 class RunningOutcome:
-    """Takes the records of N runs piece by piece, and keeps what their figures need."""
+    """Takes the records of N runs piece by piece, and stores only the data of their figures."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._period = robot, robot.control_period
@@ -55,11 +55,11 @@ class RunningOutcome:
         self._touch: list[NDArray[np.bool_]] = []
         self._head_speed: list[Array] = []
         self._joint_vel: list[Array] = []
-        """Of the last pieces."""
+        """Joint speeds of the last pieces."""
         self._diverged: NDArray[np.bool_] = np.zeros(1, dtype=bool)
 
     def add(self, record: Record) -> None:
-        """Add what comes next of all runs."""
+        """Add the next piece of all runs."""
         outcome, self._period = Outcome(record, self._robot), record.period
         self._peak = np.maximum(self._peak, outcome.peak_torque)
         self._braking = np.maximum(self._braking, outcome.peak_braking_torque)

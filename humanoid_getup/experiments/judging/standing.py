@@ -1,4 +1,4 @@
-"""Standing: the one definition, and the one measurement, that every test and benchmark shares."""
+"""Standing: its definition and its measurement, shared by all tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MIN_NECK_SHARE = 0.90
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stance:
-    """Quantities that decide whether a robot stands, sample by sample."""
+    """Quantities that determine whether a robot stands, per sample."""
 
     neck_height: Array
     """Height of the neck over what the feet stand on [m], (...)."""
@@ -88,13 +88,13 @@ class StanceMeter:
 
 
 def is_upright(stance: Stance, robot: Robot) -> NDArray[np.bool_]:
-    """Check, sample by sample, whether a robot is in the standing condition, (...)."""
+    """Check per sample whether the standing condition holds, (...)."""
     tall = stance.neck_height >= MIN_NECK_SHARE * robot.standing_neck_height
     return tall & (stance.tilt <= MAX_TILT) & ~stance.non_foot_contact
 
 
 def compute_uprightness(stance: Stance, robot: Robot) -> Array:
-    """Compute how nearly a robot stands, from 0 to 1, sample by sample, (...)."""
+    """Compute the uprightness of a robot, from 0 to 1, per sample, (...)."""
     height = np.clip(stance.neck_height / robot.standing_neck_height, 0.0, 1.0)
     vertical = np.clip(np.cos(stance.tilt), 0.0, 1.0)
     return height * vertical * np.where(stance.non_foot_contact, 0.8, 1.0)

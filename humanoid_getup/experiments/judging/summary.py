@@ -30,7 +30,7 @@ class Quantiles(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How many rises of a case stood, and how fast, hard and clean they were."""
+    """Success, time, load and contacts of the rises of a case."""
 
     n: int
     planned: int

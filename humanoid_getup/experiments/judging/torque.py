@@ -1,4 +1,4 @@
-"""What the torque of a servo does: drives or brakes its joint, and when it has no reserve left."""
+"""Torque of servos: driving or braking, and saturation."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ LONG_SATURATION = 1.5  # s on that line, after which a servo's overload protecti
 
 @dataclass(frozen=True, eq=False)
 class TorqueShares:
-    """Torques of servos apart, by what they do; magnitudes [N·m], (..., n)."""
+    """Driving and braking torques of servos; magnitudes [N·m], (..., n)."""
 
     driving: Array
-    """Torque along the joint's motion, or at rest; else 0. A limit holds for it."""
+    """Torque in the direction of motion, or at rest; else 0. Torque limits apply to it."""
     braking: Array
-    """Torque against a motion that comes from outside; else 0.
+    """Torque against a motion caused from outside; else 0.
 
     By PWM it exceeds the limit: back-EMF adds to the voltage that is limited.
     """
 
 
 def split_torque(torque: Array, velocity: Array) -> TorqueShares:
-    """Tell driving from braking, by torques [N·m] and speeds [rad/s] of actuators, (..., n)."""
+    """Split torques [N·m] at speeds [rad/s] of actuators into driving and braking, (..., n)."""
     size, drives = np.abs(torque), torque * velocity >= 0.0
     return TorqueShares(driving=np.where(drives, size, 0.0), braking=np.where(drives, 0.0, size))
 
@@ -36,7 +36,7 @@ def split_torque(torque: Array, velocity: Array) -> TorqueShares:
 def find_saturation(
     robot: Robot, torque: Array, velocity: Array, voltage: Array | float
 ) -> NDArray[np.bool_]:
-    """Find where servos have all the torque of their supply [V], (...), as (..., n).
+    """Find servos that have all the torque of their supply [V], (...), as (..., n).
 
     Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
     torque-speed line of the supply is not saturation.
@@ -49,14 +49,14 @@ def find_saturation(
 
 
 def find_longest(flags: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Count for how many samples in a row flags (..., T, k) are set at most, (..., k)."""
+    """Count the longest run of samples with set flags (..., T, k), (..., k)."""
     return count_runs(flags).max(axis=-2, initial=0)
 
 
 def count_runs(
     flags: NDArray[np.bool_], before: NDArray[np.int_] | None = None
 ) -> NDArray[np.int_]:
-    """Count for how many samples in a row flags (..., T, k) have been set, up to each.
+    """Count the samples since which flags (..., T, k) have been set without a break.
 
     Up to the first one they had been set in a row for ``before`` samples, (..., k).
     """

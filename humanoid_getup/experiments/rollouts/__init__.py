@@ -1,1 +1,1 @@
-"""Plays targets and feedback laws on many robots at a time."""
+"""Rollouts: targets and feedback laws played on many robots at once."""

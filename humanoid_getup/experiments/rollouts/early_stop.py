@@ -1,4 +1,4 @@
-"""Early stops: when it is known of a robot in simulation whether it stands up."""
+"""Early stops: end a simulated rollout as soon as its outcome is known."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from humanoid_getup.experiments.judging.torque import LONG_SATURATION, count_run
 from robots import Robot
 from robots.quaternion import Array
 
-CHUNK = 25  # control periods between two looks at the robots
-HELD = HOLD_TIME + 0.3  # s of stand that is a held one
-REST_TIME = 0.6  # s of stand at rest after which nothing can change any more
-REST_SPEED = 0.03  # rad/s and m/s, of every degree of freedom at rest
+CHUNK = 25  # control periods between two checks
+HELD = HOLD_TIME + 0.3  # s; a stand that lasts this long counts as held
+REST_TIME = 0.6  # s; a robot that has stood at rest this long stays there
+REST_SPEED = 0.03  # rad/s and m/s; bound for every degree of freedom at rest
 LAST_CALL = 1.5  # s after the last target within which a stand must begin
-DOWN_NECK, DOWN_TILT = 0.6, math.radians(60.0)  # of a robot that fell
-DOWN_TIME = 0.2  # s after the last target from which such a robot will not rise any more
+DOWN_NECK, DOWN_TILT = 0.6, math.radians(60.0)  # bounds beyond which a robot is down
+DOWN_TIME = 0.2  # s after the last target; a robot that is down then has fallen
 
 
 class EarlyStop:
-    """Decides which of N robots are over.
+    """Decides for each of N robots whether its rollout is over.
 
-    A robot that is at rest in a stand, with targets that do not move any more, stays there: its
-    hold need not be simulated. One that lies after its last target has fallen, and one whose
-    servos had no reserve of torque for long fails as its overload protection may trip.
+    A robot at rest in a stand, with constant targets, will stay there, so its hold need not be
+    simulated. A robot that lies after its last target has fallen. One whose servo has been
+    saturated for too long fails, because the overload protection of the servo may trip.
     """
 
     def __init__(self, robot: Robot, length: NDArray[np.int_], voltage: Array) -> None:
-        """Begin with motions of ``length`` samples, (N,), at a supply [V], (N,)."""
+        """Begin rollouts of motions with ``length`` samples, (N,), at a supply [V], (N,)."""
         self._robot, self._length, self._voltage = robot, length, voltage
         count = len(length)
         self.cycle = 0
         """Samples so far."""
         self.going = np.ones(count, dtype=bool)
-        """Which robots go on, (N,)."""
+        """Whether each rollout continues, (N,)."""
         self.failed, self.stood = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         self.cycles = np.zeros(count, dtype=int)
-        """Samples until each was stopped, (N,)."""
+        """Number of samples until each was stopped, (N,)."""
         self._since = np.zeros(count, dtype=int)
         self._saturated = np.zeros((count, robot.n), dtype=int)
 
     def add(self, going: NDArray[np.int_], record: Record, speed: Array) -> None:
-        """Read a chunk of the robots that go on, and decide which of them are over.
+        """Read a chunk of the continuing robots, and decide which rollouts are over.
 
         The speed of each is the greatest of any degree of freedom [rad/s, m/s].
         """
@@ -67,7 +67,7 @@ class EarlyStop:
         self.going[going] = ~(stood | hopeless)
 
     def _find_overloaded(self, going: NDArray[np.int_], record: Record) -> NDArray[np.bool_]:
-        """Find the robots of which a servo's overload protection may have tripped by now."""
+        """Find the robots with a servo whose overload protection may have tripped by now."""
         saturated = find_saturation(
             self._robot, record.torque, record.actuator_vel, self._voltage[going, np.newaxis]
         )

@@ -42,13 +42,13 @@ class Feedback:
 
 
 FeedbackLaw = Callable[[Feedback], Array | None]
-"""Maps feedback to the targets that are sent (N, n), or to ``None`` at the end."""
+"""Maps feedback to the targets to send (N, n), or to ``None`` at the end."""
 PieceSource = Callable[[], Array | None]
 """Returns the targets of the next control periods (N, T, n), or ``None`` at the end."""
 
 
 class Experiment:
-    """Plays robots in a world, side by side; it keeps the simulation that it needs for that."""
+    """Plays robots in a world at once; it keeps its simulation between calls."""
 
     def __init__(self, world: World, *, threads: int = 0, sim: VecSim | None = None) -> None:
         """Prepare for a world; 0 threads are one per processor.
@@ -130,7 +130,7 @@ class Experiment:
         return replace(self._recorder.read(data, voltage, diverged), target=sent)
 
     def _track(self, rows: Ids, law: FeedbackLaw) -> Record:
-        """Play what a feedback law sends until it ends."""
+        """Play the targets of a feedback law until it ends."""
         sim = self._sim
         assert sim is not None
         eye, sent = _Eye(self.world, sim, len(rows)), []
@@ -148,7 +148,7 @@ class Experiment:
     def _play_until_known(
         self, rows: Ids, targets: Sequence[Array] | Array, *, give_up: bool
     ) -> Record:
-        """Play targets (T, n) of each, until it is known how that ends."""
+        """Play targets (T, n) of each robot until its outcome is known."""
         assert self._sim is not None
         stop = EarlyStop(
             self.world.robot,
@@ -178,7 +178,7 @@ def play(
 
 
 class _Eye:
-    """Looks at robots for a feedback law."""
+    """Reads the input of a feedback law from a simulation."""
 
     def __init__(self, world: World, sim: VecSim, count: int) -> None:
         model, robot = world.model, world.robot
@@ -226,7 +226,7 @@ def _cut(target: Array, first: int) -> Array:
 
 
 def _fill(before: Record, rows: Ids, played: Record) -> Record:
-    """Add robots that were stopped to a chunk of others: they stay as they were before it."""
+    """Add stopped robots to a chunk of others; they keep their last sample."""
 
     def fill(last: Array, new: Array) -> Array:
         filled = np.repeat(last[:, -1:], CHUNK, axis=1) if last.ndim > 1 else last.copy()

@@ -1,1 +1,1 @@
-"""Where robots lie or stand before they are played: sampled falls, drops, settling."""
+"""Starts of runs: sampled falls, drops, settling."""

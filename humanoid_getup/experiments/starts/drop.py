@@ -1,4 +1,4 @@
-"""Drops: robots that fall with torque off, and what becomes of them."""
+"""Drops: robots that fall with torque off until they settle."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ LONGEST_FALL = 10.0  # s after which a robot that still moves is left out
 
 
 class FallError(ValueError):
-    """Falls do not lead to the wanted postures."""
+    """Falls do not lead to the requested postures."""
 
 
 class Drops:
-    """Drops robots of one world with torque off, so many at a time."""
+    """Drops batches of robots of one world with torque off."""
 
     def __init__(self, world: World, count: int, *, threads: int = 0) -> None:
-        """Prepare to drop so many at a time; 0 threads are one per processor."""
+        """Prepare for batches of a size; 0 threads are one per processor."""
         self.world, self.count = world, count
         self._sim = VecSim(world, count, threads=threads)
 
@@ -82,7 +82,7 @@ def _count_sample_steps(sim: VecSim) -> int:
 
 
 class DropSampler:
-    """Draws postures in which robots are dropped, just above what is under them."""
+    """Draws postures in which robots are dropped, just above the ground or an obstacle."""
 
     def __init__(self, world: World, regions: Sequence[StartRegion]) -> None:
         self._world, self._regions = world, regions

@@ -1,4 +1,4 @@
-"""Lying postures: which class a posture belongs to, and how falls make them."""
+"""Lying postures: their classes, and falls that lead to them."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
 def _sample(
     world: World, counts: dict[str, int], rng: np.random.Generator
 ) -> tuple[list[Fall], int, int]:
-    """Sample falls; return them, how many robots were dropped and how many were left out."""
+    """Sample falls; return them with the numbers of dropped and left out robots."""
     bare = replace(world.scene, obstacles=(), starts=())
     is_settled = any(start.is_settled for start in world.scene.starts)
     drops = Drops(World(world.robot, bare) if is_settled else world, BATCH)
@@ -144,7 +144,7 @@ def _sample(
 
 
 def _choose(scene: Scene, wanted: dict[str, int]) -> list[StartRegion]:
-    """Choose the regions of a scene in which robots may fall into a class that is wanted.
+    """Choose the regions of a scene in which robots may fall into a requested class.
 
     Raises:
         FallError: if there is none.
@@ -247,7 +247,7 @@ class FallSet:
 
 
 def _check_falls(robot: Robot, position: Array, joint_pos: Array) -> None:
-    """Raise ValueError where falls are not postures of the robot."""
+    """Raise ValueError if falls are not postures of the robot."""
     beyond = (joint_pos < robot.lower - SLACK) | (joint_pos > robot.upper + SLACK)
     for row, joint in np.argwhere(beyond)[:1]:
         limits = float(robot.lower[joint]), float(robot.upper[joint])

@@ -1,1 +1,1 @@
-"""What jobs are asked for, as dataclasses; nothing here imports anything heavy."""
+"""Requests of jobs as dataclasses; nothing here imports anything heavy."""

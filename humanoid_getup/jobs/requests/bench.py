@@ -23,7 +23,7 @@ from humanoid_getup.jobs.requests.values import at_least, between, positive
 
 
 def find_list_problems(**lists: tuple[str, ...]) -> list[str]:
-    """Report options that name nothing, or one thing twice."""
+    """Report lists that are empty or have an item twice."""
     problems = [f"--{key} is empty, expected a name or more" for key, v in lists.items() if not v]
     for key, values in lists.items():
         if twice := [name for name in dict.fromkeys(values) if values.count(name) > 1]:
@@ -51,7 +51,7 @@ class BenchAll(BodyOption, RobotOption):
     out: Annotated[Path, arg(metavar="DIR")] = Path("out/benchmark")
     """Folder for benchmark.md, benchmark.json, pictures, and the results of finished parts."""
     resume: bool = False
-    """Keep the parts that are finished in the folder; they must be of the same benchmark."""
+    """Keep the finished parts in the folder; they must be of the same benchmark."""
 
     @property
     def each(self) -> int:
@@ -59,7 +59,7 @@ class BenchAll(BodyOption, RobotOption):
         return self.n if self.n is not None else 4 if self.quick else 20
 
     def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written, too."""
+        """Report a folder that cannot be written as well."""
         problems = super().find_problems() + find_folder_problems(self.out, WHOLE_ARTEFACTS)
         return problems or find_folder_problems(self.out / PARTS, ())
 
@@ -97,7 +97,7 @@ class BenchDisturbed(TorqueOptions, BodyOption, SceneOptions):
     policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust",)
     """Policies beside the plans, by name or file."""
     cases: Annotated[tuple[str, ...], arg(metavar="CASE,...")] = ()
-    """Disturbances by their names in the table; none for all."""
+    """Disturbances by their names in the table; default: all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ class BenchScenes(BodyOption, TorqueOptions, RobotOption):
     a stored motion, unfiltered; and policies by name or file."""
 
     def find_problems(self) -> list[str]:
-        """Report ways that are missing, and names that come twice, too."""
+        """Report empty lists and repeated names as well."""
         scenes = find_list_problems(scenes=self.scenes) if self.scenes else []
         return super().find_problems() + scenes + find_list_problems(ways=self.ways)
 
@@ -129,7 +129,7 @@ class BenchMotions(BodyOption, SceneOptions):
     """Play every motion of the database: time, load, reserve and robustness."""
 
     n: Count = 50
-    """Disturbed plays of each motion."""
+    """Number of disturbed plays of each motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +145,7 @@ class BenchFilter(BodyOption, SceneOptions):
     """Compare the speed of the filter's simulation with bare physics."""
 
     n: Count = 5
-    """Repetitions."""
+    """Number of repetitions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ class BenchFaults(BodyOption, SceneOptions):
     """Inject each kind of fault in the middle of a motion; exit code 1 if any was unsafe."""
 
     n: Count = 20
-    """Plays of each case."""
+    """Number of plays of each case."""
     motion: MotionName = "supine_roll_over"
     """Name of a motion in the robot's database, an .npz file, or standing: a held stand."""
 
@@ -163,7 +163,7 @@ class BenchKill(BodyOption, SceneOptions):
     """Kill the program (SIGKILL) in the middle of a rise, and measure when the servos stop."""
 
     n: Count = 20
-    """Kills."""
+    """Number of kills."""
     motion: MotionName = "supine_roll_over"
 
 

@@ -22,14 +22,14 @@ from humanoid_getup.jobs.requests.values import at_least, between
 
 @dataclass(frozen=True, kw_only=True)
 class PriorRequest(RobotOption):
-    """Plan many rises and fit the pose prior to them, which styled policies are trained with."""
+    """Plan many rises and fit the pose prior of styled policies to them."""
 
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
     rises: Annotated[int, at_least(4, step=4)] = 1000
     """Number of rises to plan, equally many of each class; policies add half as many."""
     policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust", "gentle")
-    """Policies of the robot that add rises; '' for none."""
+    """Policies of the robot whose rises are added; '' for none."""
     jobs: Count = 2
     """Number of processes that plan."""
     epochs: Annotated[int, at_least(1)] = 100
@@ -39,7 +39,7 @@ class PriorRequest(RobotOption):
     seed: Seed = 0
 
     def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written, too."""
+        """Report a folder that cannot be written as well."""
         return super().find_problems() + find_folder_problems(self.out, ())
 
 
@@ -64,10 +64,10 @@ class TrainRequest(RobotOption):
     iterations: Annotated[int | None, at_least(1)] = None
     """Updates of the policy; default: the recipe's."""
     robots: Annotated[int | None, at_least(1)] = None
-    """Robots that are simulated side by side; default: the recipe's."""
+    """Number of robots that are simulated at once; default: the recipe's."""
 
     def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written, too."""
+        """Report a folder that cannot be written as well."""
         return super().find_problems() + find_folder_problems(self.out, ())
 
 
@@ -83,7 +83,7 @@ class ExportRequest(RobotOption):
     """Name of a robot, or a folder with a robot.toml; default: the training's."""
 
     def find_problems(self) -> list[str]:
-        """Report a file that cannot be written, too."""
+        """Report a file that cannot be written as well."""
         return super().find_problems() + find_file_problems(self.out)
 
 
@@ -101,7 +101,7 @@ class EvaluateRequest(TorqueOptions, SceneOptions):
     planned for the curves of a motion that is planned for each fall, or nearest, the default: of
     the named styles that begin nearest to the robot, the one that turns it least."""
     height_map: bool = False
-    """Let a policy with a height map see the ground around it; else it takes it for level."""
+    """Let a policy with a height map observe the ground; otherwise it assumes level ground."""
     n: Annotated[int, at_least(4, step=4)] = 1000
     """Number of falls in each scene, equally many of each class. Rough ground is another one for
     every four of them, unless they are read from a file."""

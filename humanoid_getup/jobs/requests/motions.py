@@ -39,7 +39,7 @@ class BuildRequest(RobotOption):
     """Generations of the search that optimizes the keyframes."""
     seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
     prefer: Prefer | None = None
-    """What a motion should be besides successful; default: what its keyframes say."""
+    """What a motion should be besides successful; default: as in its keyframes."""
     jobs: Count = 2
     """Motions that are built in parallel."""
     resume: bool = False
@@ -77,7 +77,7 @@ class DiscoverRequest(RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class NewKeysOptions(JobRequest):
-    """What becomes of new keys."""
+    """Options for new keys."""
 
     start: Literal["supine", "prone", "left", "right", "squat", "standing"] | None = None
     """Posture class from which the keys start; default: the one from which they come nearest to a
@@ -97,16 +97,16 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     file: Annotated[Positional[Path], arg(metavar="FILE")]
     """File of another program: .bin, .json or .csv."""
     page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
-    """Pages of an action file; those that follow one are played with it."""
+    """Pages of an action file; their following pages are played as well."""
     name: str = ""
     """Name of the motion; default: as in the file."""
     end: Literal["standing", "supine", "prone", "left", "right"] = "standing"
     """What the keys end in: a stand, or the side on which the robot lies."""
     clip: bool = False
-    """Take the nearest angle where one is out of the joint's range, instead of refusing it."""
+    """Clip angles outside a joint's range to its ends instead of refusing them."""
 
     def find_problems(self) -> list[str]:
-        """Report pages that cannot be, too."""
+        """Report impossible pages as well."""
         problems = super().find_problems()
         problems += [
             f"--page is {page}, expected 1 to {MOST_PAGE}"
@@ -122,7 +122,7 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class ClipRequest(RobotOption):
-    """Make a motion of a robot from a clip: its limbs point where those of the body do.
+    """Make a motion of a robot from a clip: its limbs point as those of the body.
 
     The motion is kinematic: `getup play` tells what physics makes of it.
     """
@@ -134,7 +134,7 @@ class ClipRequest(RobotOption):
     end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: its end."""
     finish: bool = False
-    """Go on to the robot's stance at the end, whatever the clip ends with."""
+    """End in the robot's stance, however the clip ends."""
     rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
     """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
     up: Literal["y", "z"] | None = None
@@ -151,7 +151,7 @@ class ClipRequest(RobotOption):
 
     @property
     def skeleton(self) -> Path | None:
-        """Return the file of the skeleton, if it is one of its own."""
+        """Return the separate file of the skeleton, if any."""
         return self.files[0] if len(self.files) > 1 else None
 
     @property
@@ -165,7 +165,7 @@ class ClipRequest(RobotOption):
         return self.out or Path(f"{self.motion_name}{SUFFIX}")
 
     def find_problems(self) -> list[str]:
-        """Report files of other kinds, times in the wrong order, and an output, too."""
+        """Report wrong files, times in the wrong order, and a wrong output as well."""
         problems = super().find_problems()
         kinds = [file.suffix.lower() for file in self.files]
         if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):

@@ -29,8 +29,8 @@ class PlanRequest(BodyOption, SceneOptions):
     max_checks: Count = 300_000
     """Postures that may be checked for collisions, for each path between two postures."""
     refinement: bool = True
-    """Where there is no path, loosen the constraints and tighten them step by step."""
+    """If there is no path, loosen the constraints and tighten them step by step."""
 
     def find_problems(self) -> list[str]:
-        """Report a start that is missing, too."""
+        """Report a missing start as well."""
         return super().find_problems() + ([] if self.origin else [NO_ORIGIN])

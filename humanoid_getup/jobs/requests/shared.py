@@ -1,4 +1,4 @@
-"""What requests share: robot, body, scene, seed, torque limit, preference."""
+"""Fields that requests share: robot, body, scene, seed, torque limit, preference."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ TorqueLimitValue = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class JobRequest:
-    """What a job is asked for."""
+    """Base of all requests."""
 
     def find_problems(self) -> list[str]:
-        """Report all that is wrong beyond the type and range of single values."""
+        """Report all problems beyond the type and range of single values."""
         return []
 
     def check(self) -> None:
@@ -67,7 +67,7 @@ A_POLICY = "a policy is made for the original body"
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOption(JobRequest):
-    """Which robot."""
+    """Option for the robot."""
 
     robot: str = "op3"
     """Name of a robot, or a folder with a robot.toml."""
@@ -75,14 +75,14 @@ class RobotOption(JobRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class BodyOption(JobRequest):
-    """The lengths of a robot's parts."""
+    """Option for the lengths of a robot's parts."""
 
     body: Annotated[str, arg(metavar="PART=FACTOR,...")] = ""
     """Another body of a simulated robot: factors on the lengths of shoulders, arms, torso or legs,
     such as arms=1.6,torso=2.2. Masses and inertias follow; servos stay the same."""
 
     def find_problems(self) -> list[str]:
-        """Report a body that cannot be, too."""
+        """Report an impossible body as well."""
         problems = super().find_problems()
         if not self.body:
             return problems
@@ -95,7 +95,7 @@ class BodyOption(JobRequest):
         return problems
 
     def refuse_body(self, reason: str) -> list[str]:
-        """Report a body where only the original one will do."""
+        """Report a body for work that permits only the original one."""
         return [f"--body is {self.body}, expected none: {reason}"] if self.body else []
 
 
@@ -120,7 +120,7 @@ class TorqueOptions(JobRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class PreferenceOptions(JobRequest):
-    """What a planned rise should be, and how long it is searched for."""
+    """Preference of a planned rise, and budget of its search."""
 
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts

@@ -18,13 +18,13 @@ SUFFIX = ".toml"
 
 @dataclass(frozen=True, kw_only=True)
 class StyleOutput(BodyOption, RobotOption):
-    """Where a style is written."""
+    """Output file of a style."""
 
     out: StyleOut
     """Style file to write; an existing file is replaced."""
 
     def find_problems(self) -> list[str]:
-        """Report a file that cannot be written, too."""
+        """Report a file that cannot be written as well."""
         problems = super().find_problems() + find_file_problems(self.out)
         if self.out.suffix != SUFFIX:
             problems.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
@@ -48,10 +48,10 @@ class ExtractRequest(StyleOutput):
     end: Annotated[float | None, arg(metavar="S")] = None
     """Time at which it ends [s]; default: when everything has come to rest."""
     finish: bool = False
-    """Let the last control point be a stand, whatever the source ends with."""
+    """Let the last control point be a stand, however the source ends."""
 
     def find_problems(self) -> list[str]:
-        """Report times in the wrong order, too."""
+        """Report times in the wrong order as well."""
         problems = super().find_problems()
         if self.begin is not None and self.end is not None and not self.begin < self.end:
             problems.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")

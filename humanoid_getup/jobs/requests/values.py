@@ -1,4 +1,4 @@
-"""Values of requests, checked by the type of their field: choices by `Literal`, numbers by `Range`.
+"""Values of requests, checked by type: choices by `Literal`, numbers by `Range`.
 
 Problems name fields as the command line does: `--torque-limit`.
 """
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 @dataclass(frozen=True)
 class Range:
-    """Finite numbers that an option accepts; stands beside the type, in `Annotated`."""
+    """Range of finite numbers that an option accepts; used in `Annotated`."""
 
     lower: float
     upper: float = math.inf
@@ -61,7 +61,7 @@ def between(lower: float, upper: float, unit: str = "") -> Range:
 
 
 def name_choices(names: Sequence[str]) -> str:
-    """Write choices for people: a, b or c."""
+    """Format choices as text: a, b or c."""
     *others, last = names
     return f"{', '.join(others)} or {last}" if others else last
 
@@ -77,7 +77,7 @@ def find_value_problems(options: Any) -> list[str]:
 
 
 def _find_problem(value: Any, hint: Any) -> str | None:
-    """Return a value that does not fit, and what is expected; ``None`` if it fits."""
+    """Describe a wrong value and what is expected; ``None`` if the value fits."""
     kinds, limits = split_hint(hint)
     if value is None:
         return None

@@ -1,1 +1,1 @@
-"""Keys from elsewhere: action files, animations and tables of other programs."""
+"""Import of keys: action files, animations and tables of other programs."""

@@ -96,7 +96,7 @@ class ActionFile:
         return self._content[number * PAGE_SIZE : (number + 1) * PAGE_SIZE]
 
     def _find_damage(self, number: int) -> str:
-        """Return what is wrong with a page; "" for nothing."""
+        """Return the problem of a page; "" if there is none."""
         page = self._page(number)
         if sum(page) % 256 != CHECKSUM and any(page):
             return f"is damaged: its bytes sum to {sum(page) % 256}, expected {CHECKSUM}"

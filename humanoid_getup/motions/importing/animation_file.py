@@ -1,4 +1,4 @@
-"""Animations in JSON, as the soccer robots of the Bit-Bots keep them.
+"""Animations in JSON, in the format of the Bit-Bots' soccer robots.
 
 An object with a name and ``keyframes``: each has ``goals`` (degrees by joint name), the time in
 which they are reached and that for which they are held, ``duration`` (1 if left out) and ``pause``

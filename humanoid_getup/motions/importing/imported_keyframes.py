@@ -1,4 +1,4 @@
-"""Imported keyframes: keys from elsewhere that a robot can play."""
+"""Imported keyframes: keys of other programs, converted for a robot."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySe
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedKeyframes:
-    """Keyframes made of keys from elsewhere, and what changed on the way."""
+    """Keyframes made from imported keys, and messages about changes."""
 
     keyframes: Keyframes
     notes: tuple[str, ...]
@@ -115,12 +115,12 @@ def make_keyframes(
 
 
 def find_travel_time(a: Array, b: Array) -> float:
-    """Find a time for the way between two postures [s] where none is given."""
+    """Compute a time for the movement between two postures [s] where none is given."""
     return max(float(np.abs(b - a).max()) / TRAVEL_SPEED, LEAST_TRAVEL)
 
 
 def _end_in_stance(keys: Array, after: Array, robot: Robot) -> tuple[Array, Array]:
-    """Make the stance the last key: instead of one that is nearly it, else after it."""
+    """Make the stance the last key: it replaces a last key close to it, or follows it."""
     stance = robot.standing.joint_pos
     if len(keys) > 1 and np.abs(keys[-1] - stance).max() <= SYMMETRIC:
         return np.vstack([keys[:-1], stance]), after
@@ -141,7 +141,7 @@ def _choose_free(keys: Array, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
 
 
 def guess_start(world: World, keyframes: Keyframes) -> Trial:
-    """Find how a robot has to lie for keyframes, by playing them from every start class.
+    """Find the start class of keyframes by playing them from every class.
 
     It settles in the first key in each. A robot that begins in its stance is taken to stand;
     otherwise takes the class whose rollout ends best.

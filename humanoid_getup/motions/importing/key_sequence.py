@@ -1,4 +1,4 @@
-"""Key sequences: postures and the times between them, as another program stored them."""
+"""Key sequences: postures and the times between them, from another program."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ class KeySequence:
 
     name: str
     source: str
-    """Where it comes from, for people."""
+    """Its source, for messages."""
     keys: Array
     """Joint angles [rad], shape (K, n), in the robot's joint order."""
     after: Array
     """Time from each key to the next [s], shape (K-1,), above 0."""
     notes: tuple[str, ...] = ()
-    """What it says that keys cannot."""
+    """Messages about content that keys cannot express."""
 
 
 @dataclass(kw_only=True)
 class KeyCollector:
-    """Collects keys one after the other; what a key leaves out stays as in the one before.
+    """Collects keys in order; joints that a key omits keep their last angles.
 
     Joints that are not in the first key stand as in the robot's stance.
     """

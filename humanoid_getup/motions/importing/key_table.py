@@ -50,7 +50,7 @@ def _read_rows(text: str) -> list[list[str]]:
 
 
 def _find_joints(header: list[str], robot: Robot) -> dict[int, tuple[int, float]]:
-    """Find the joint of each column, and what makes its numbers radians."""
+    """Find the joint of each column, and the factor that converts it to radians."""
     names, joints, unknown = robot.joint_names, {}, []
     for column, name in enumerate(header):
         bare = name.removesuffix(DEGREES)

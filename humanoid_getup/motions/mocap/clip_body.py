@@ -1,4 +1,4 @@
-"""The body in a clip: where its pelvis, chest, limbs and feet point over time."""
+"""The body in a clip: directions of pelvis, chest, limbs and feet over time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LimbTrack:
-    """Where a limb points in the world over time."""
+    """Directions of a limb in the world over time."""
 
     upper: Array
     """Unit vectors along upper arm or thigh, (T, 3)."""
@@ -79,13 +79,13 @@ def read_body(clip: Clip) -> ClipBody:
 
 
 class _Places:
-    """Positions of a clip's joints, or of its rest pose as the one frame there is."""
+    """Positions of a clip's joints, or of its rest pose as a single frame."""
 
     def __init__(self, clip: Clip, *, is_rest: bool) -> None:
         self._clip, self._is_rest = clip, is_rest
 
     def of(self, names: tuple[str, ...], what: str) -> Array:
-        """Return where the joint with one of some names is, z up, (T, 3)."""
+        """Return the positions of the joint with one of some names, z up, (T, 3)."""
         name = self._clip.find(names, what)
         rows = self._clip.rest[name][None] if self._is_rest else self._clip.joints[name]
         # A y axis that points up becomes z: x stays, and z becomes -y.
@@ -118,7 +118,7 @@ class _Places:
         return self._axes(across, self._neck() - self._spine(), "shoulders and neck")
 
     def limb(self, name: LimbName, rest: _Places) -> LimbTrack:
-        """Return where a limb points."""
+        """Return the directions of a limb."""
         side, kind = name.split("_")
         if kind == "arm":
             parts = ((SHOULDERS, "shoulder"), (ELBOWS, "elbow"), (WRISTS, "wrist"))

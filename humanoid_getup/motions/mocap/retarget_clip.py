@@ -1,4 +1,4 @@
-"""Clips on a robot: joint angles that point its limbs as those of the body in the clip."""
+"""Retargeting of clips: joint angles that point a robot's limbs as the clip's."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ STANDING_HEIGHT = 0.9  # share of the standing height of the hips, from which it
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ClipDeviation:
-    """How far a robot's limbs point from those of a clip."""
+    """Deviation of a robot's limbs from those of a clip."""
 
     angle: dict[LimbName, Array]
     """Angle between the directions of the upper and of the lower limb [rad], (T, 2)."""
@@ -76,7 +76,7 @@ class RetargetedClip:
 
 @dataclass(frozen=True, eq=False)
 class _Poses:
-    """What a robot does at times of the clip."""
+    """Postures of a robot at times of the clip."""
 
     time: Array
     """[s], (T,)."""
@@ -86,7 +86,7 @@ class _Poses:
 
 
 class ClipRetargeter:
-    """Takes clips to one robot.
+    """Retargets clips to one robot.
 
     The root turns as the pelvis of the body, or as its trunk where the robot has a stiff one; the
     joints of a trunk turn the chest; those of the limbs point them as the body's point in the
@@ -203,7 +203,7 @@ class ClipRetargeter:
         )
 
     def _pace(self, poses: _Poses) -> tuple[_Poses, float]:
-        """Slow down where joints are too fast, and sample at the control period."""
+        """Slow down if joints are too fast, and sample at the control period."""
         robot, steps = self.robot, np.diff(poses.time)
         # The slope of the interpolation is at most 1.5 times that of the way between two frames.
         speed = 1.5 * np.abs(np.diff(poses.joint_pos, axis=0)) / steps[:, None]
@@ -263,7 +263,7 @@ class ClipRetargeter:
 
 
 def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:
-    """Choose the frames that are solved, from the first to the last of a part."""
+    """Choose the frames to solve, from the first to the last of a part."""
     inside = np.flatnonzero((clip.time >= begin - 1e-9) & (clip.time <= end + 1e-9))
     if len(inside) < 2:
         raise ClipError(

@@ -139,7 +139,7 @@ def compare(robot: Robot, peers: Path, meshes: Path, *, number: int, n: int, see
     cases = {}
     for name, variant in make_variants(robot, meshes).items():
         world = World(variant)
-        cases[name] = play_page(world, page, stance, starts, own.scene.friction)
+        cases[name] = play_page(world, page, stance, starts, own.scene.surface.friction)
     for friction in FRICTIONS:
         cases[f"friction {friction}"] = play_page(own, page, stance, starts, friction)
     return {

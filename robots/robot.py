@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -62,15 +62,15 @@ class Layout:
     torso: int
     """Body id of the torso."""
 
-    @property
-    def root_position(self) -> slice:
-        """Return where ``qpos`` holds the root's position."""
-        return slice(self.root_qpos, self.root_qpos + 3)
+    root_position: slice = field(init=False)
+    """Where ``qpos`` holds the root's position."""
+    root_orientation: slice = field(init=False)
+    """Where ``qpos`` holds the root's orientation, w x y z."""
 
-    @property
-    def root_orientation(self) -> slice:
-        """Return where ``qpos`` holds the root's orientation, w x y z."""
-        return slice(self.root_qpos + 3, self.root_qpos + 7)
+    def __post_init__(self) -> None:
+        root = self.root_qpos
+        object.__setattr__(self, "root_position", slice(root, root + 3))
+        object.__setattr__(self, "root_orientation", slice(root + 3, root + 7))
 
 
 class JointArrays:
@@ -108,11 +108,14 @@ class JointArrays:
     """Volts per speed of the actuators [V·s/rad], which is N·m/A as well, (n,)."""
     current_step: Array
     """Current of a count [A], (n,); 0 for servos without current sensor."""
+    supply_range: tuple[float, float]
+    """Lowest and highest supply that all servos accept [V]."""
 
     def _derive(self, joints: Sequence[Joint], couplings: tuple[Coupling, ...]) -> None:
         """Compute all of it; an instance may be frozen."""
         servos = [joint.servo for joint in joints]
         models = [servo.model for servo in servos]
+        lowest, highest = max(m.min_voltage for m in models), min(m.max_voltage for m in models)
         plain = {
             "lower": [joint.lower for joint in joints],
             "upper": [joint.upper for joint in joints],
@@ -137,7 +140,11 @@ class JointArrays:
             | {name: geared.torque_at_actuator(np.array(v)) for name, v in torques.items()}
             | {name: geared.gain_at_actuator(np.array(v)) for name, v in gains.items()}
             | {"n": len(servos), "joint_names": tuple(joint.name for joint in joints)}
-            | {"transmission": geared, "max_velocity": geared.speed_at_joint(speed)}
+            | {
+                "supply_range": (lowest, highest),
+                "transmission": geared,
+                "max_velocity": geared.speed_at_joint(speed),
+            }
         )
         for name, value in derived.items():
             object.__setattr__(self, name, value)
@@ -219,12 +226,6 @@ class Robot(JointArrays):
             replace(joint, lower=float(low), upper=float(high))
             for joint, low, high in zip(self.joints, lower, upper, strict=True)
         )
-
-    @cached_property
-    def supply_range(self) -> tuple[float, float]:
-        """Return the lowest and highest supply that all servos accept [V]."""
-        models = [joint.servo.model for joint in self.joints]
-        return max(m.min_voltage for m in models), min(m.max_voltage for m in models)
 
     def compute_lead(self, torque: Array) -> Array:
         """Compute the lead of targets over joints that makes given torques, (..., n) [rad].

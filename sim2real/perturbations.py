@@ -211,7 +211,9 @@ def make_parameters(
     Which servo is weak and the axes of the IMU's errors are random.
     """
     disturbance = Disturbance(
-        friction=world.scene.friction if perturbation.friction is None else perturbation.friction,
+        friction=world.scene.surface.friction
+        if perturbation.friction is None
+        else perturbation.friction,
         voltage=perturbation.voltage,
         mass=perturbation.mass,
         action_delay=perturbation.delay,

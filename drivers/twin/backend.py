@@ -81,14 +81,16 @@ class Twin(Backend):
         """Measure the robot through its sensors."""
         self._check_connected()
         body = self.simulation
+        time, angle, speed, current = body.time, body.joint_pos, body.joint_vel, body.joint_current
+        temperature = body.temperature
         return State(
-            time=body.time,
-            joint_pos=self._units.quantize(body.joint_pos),
-            joint_vel=self._quantize_speed(body.joint_vel),
-            joint_current=quantize(body.joint_current, CURRENT_STEP),
+            time=time,
+            joint_pos=self._units.quantize(angle),
+            joint_vel=self._quantize_speed(speed),
+            joint_current=quantize(current, CURRENT_STEP),
             gyro=body.imu.gyro if self._filter else np.zeros(0),
             orientation=self._filter.orientation if self._filter else np.zeros(0),
-            temperature=np.rint(body.temperature),
+            temperature=np.rint(temperature),
             voltage=round(body.voltage / VOLTAGE_STEP) * VOLTAGE_STEP,
         )
 

@@ -205,7 +205,7 @@ class _Search:
         return ""
 
     def _result(self) -> SearchResult:
-        nodes = sum(len(tree) for tree in self.trees)
+        nodes = sum(tree.size for tree in self.trees)
         if self.meeting is None:
             status, reason, path = SearchStatus.BUDGET_SPENT, self._spent(), []
         else:

@@ -49,11 +49,6 @@ class Tree:
         return self.size
 
     @property
-    def nodes(self) -> Array:
-        """Return the nodes, shape (N, d)."""
-        return self._nodes[: self.size]
-
-    @property
     def candidates(self) -> NDArray[np.bool_]:
         """Return which nodes are worth growing from: live, with edges untried, (N,)."""
         return self._growable[: self.size]
@@ -151,6 +146,8 @@ class Tree:
         self._state.append(Viability.LIVE)
         self._edges.append([self.edges_per_node, 0, 0, 0])
         self.size += 1
+        self.nodes = self._nodes[: self.size]
+        """The nodes, (N, d)."""
         return row
 
 

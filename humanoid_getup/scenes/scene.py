@@ -42,6 +42,10 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     starts: tuple[StartRegion, ...] = ()
     """Where robots lie; at the origin in any direction if there are none."""
+    is_flat: bool = field(init=False, repr=False)
+    """Whether it is the same in every place and direction."""
+    deepest_sink: float = field(init=False, repr=False)
+    """How deep a part of a robot may sink into what is softest [m]."""
 
     def __post_init__(self) -> None:
         names = Counter([GROUND, *(obstacle.name for obstacle in self.obstacles)])
@@ -50,21 +54,10 @@ class Scene:
                 f"two obstacles, or one and the ground, have the name '{twice[0]}', "
                 "expected each name once"
             )
-
-    @property
-    def friction(self) -> float:
-        """Return the sliding friction of the ground."""
-        return self.surface.friction
-
-    @property
-    def deepest_sink(self) -> float:
-        """Return how deep a part of a robot may sink into what is softest [m]."""
-        return max(s.deepest_sink for s in [self.surface, *(o.surface for o in self.obstacles)])
-
-    @property
-    def is_flat(self) -> bool:
-        """Return whether it is the same in every place and direction."""
-        return self.ground.is_level and not self.obstacles and not self.starts
+        is_flat = self.ground.is_level and not self.obstacles and not self.starts
+        surfaces = [self.surface, *(obstacle.surface for obstacle in self.obstacles)]
+        object.__setattr__(self, "is_flat", is_flat)
+        object.__setattr__(self, "deepest_sink", max(s.deepest_sink for s in surfaces))
 
     def support(self, point: Array) -> Array:
         """Compute the height of what is under points (..., 3) [m]: ground or an obstacle, (...)."""

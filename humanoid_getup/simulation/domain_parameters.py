@@ -73,7 +73,7 @@ class DomainParameters:
         if nothing else is asked for.
         """
         robot = world.robot
-        friction = world.scene.friction if friction is None else friction
+        friction = world.scene.surface.friction if friction is None else friction
         voltage = robot.supply_voltage if voltage is None else voltage
         limit = float(robot.max_torque.max()) if torque_limit is None else torque_limit
         return DomainParameters(

@@ -48,7 +48,7 @@ class VecSim:
         self.bind("qpos", "qvel", "ctrl", "actuator_force")
         self._fields = {name: self.batch.expand(name) for name in DRIVE_FIELDS}
         # Friction of each geom as a share of the ground's: obstacles may have their own.
-        own = self.model.geom_friction[:, 0] / world.scene.friction
+        own = self.model.geom_friction[:, 0] / world.scene.surface.friction
         self._friction_share = np.where(world.is_world_geom, own, 1.0)
         self._set_drives(self.everyone, self.parameters)
 

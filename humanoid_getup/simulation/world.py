@@ -33,7 +33,12 @@ class World:
         """
         self.robot = robot
         self.scene = load_scene(scene, robot) if isinstance(scene, str) else scene
-        self.model = _compile(robot, self.scene) if model is None else model
+        self.model = model = _compile(robot, self.scene) if model is None else model
+        self.is_world_geom = model.body_weldid[model.geom_bodyid] == 0
+        """Which geoms are the scene's, (ngeom,)."""
+        roots = np.flatnonzero(model.body_parentid == model.body(robot.torso).id)
+        self.limbs = tuple(model.body(int(body)).name for body in roots)
+        """Bodies at the root of each limb."""
 
     @property
     def content(self) -> bytes:
@@ -41,18 +46,6 @@ class World:
         model = np.empty(mujoco.mj_sizeModel(self.model), np.uint8)
         mujoco.mj_saveModel(self.model, None, model)
         return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes()
-
-    @cached_property
-    def limbs(self) -> tuple[str, ...]:
-        """Return the bodies at the root of each limb."""
-        model = self.model
-        roots = np.flatnonzero(model.body_parentid == model.body(self.robot.torso).id)
-        return tuple(model.body(int(body)).name for body in roots)
-
-    @cached_property
-    def is_world_geom(self) -> NDArray[np.bool_]:
-        """Return which geoms are the scene's, (ngeom,)."""
-        return self.model.body_weldid[self.model.geom_bodyid] == 0
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
         """Find where anything but the feet touches the world, (..., nsensordata) to (...)."""

@@ -53,7 +53,7 @@ def _describe(scene: Scene, about: str) -> dict[str, Any]:
         "about": about,
         "starts": starts or list(CLASSES),
         "obstacles": len(scene.obstacles),
-        "friction": scene.friction,
+        "friction": scene.surface.friction,
     }
 
 

@@ -155,7 +155,7 @@ class Disturbance:
         p.com_shift[:] = draw(self.com_shift, rng, n, 3)
         if self.friction is None:
             of_ground = draw(self.ground_friction, rng, n)
-            p.friction[:] = of_ground * (world.scene.friction / GROUND_FRICTION)
+            p.friction[:] = of_ground * (world.scene.surface.friction / GROUND_FRICTION)
         else:
             p.friction[:] = draw(self.friction, rng, n)
         if self.voltage is None:

@@ -19,9 +19,9 @@ from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.choice import StrategySelector
 from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from humanoid_getup.strategies.choice import StrategySelector
 from humanoid_getup.strategies.track_record import (
     PLAN,
     POLICY,

@@ -68,7 +68,7 @@ def test_a_file_says_all_that_a_scene_has(op3: Robot, tmp_path: Path):
     np.testing.assert_allclose(pole.size[:2], [0.05, 0.5])
     assert ball.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE
     assert (ball.friction[2], ball.condim[0]) == (0.01, 6)
-    assert scene.friction == 0.5
+    assert scene.surface.friction == 0.5
     assert scene.surface.sink == 0.01
     assert scene.ground.height(np.array(1.0), np.array(5.0)) == pytest.approx(0.17633, abs=1e-5)
     (start,) = scene.starts

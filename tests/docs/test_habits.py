@@ -44,6 +44,10 @@ def test_no_test_passes_because_its_loop_is_empty():
         ("for item in (): assert item", True),
         ("for item in (1, 2):\n        for other in item: assert other", True),
         ("for item in items: assert item\n    assert items", False),
+        ("assert all(item for item in items)", True),
+        ("assert not any([item for item in items])", True),
+        ("assert all(item for item in nonempty(items))", False),
+        ("assert all(items)", False),
         ("while items: np.testing.assert_array_equal(items.pop(), 1)", True),
     ],
 )

@@ -100,6 +100,7 @@ def test_a_measurement_does_not_change_after_it_was_taken(backend: Backend):
         before = [np.copy(value) for value in vars(state).values()]
         turn(backend, Command.position(backend.robot, np.array([0.3, -0.3])), 20)
         later = list(vars(state).values())
+    assert before
     assert all(np.array_equal(a, b) for a, b in zip(before, later, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Finds tests that would pass if a collection were empty: they assert only in loops over it."""
+"""Finds tests that would pass if a collection were empty: they assert only of all its items."""
 
 import ast
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ def find_unsure_tests(file: Path) -> list[str]:
 def _list_assertions(node: ast.AST, is_sure: bool) -> Iterator[bool]:
     """For each assertion below a node, tell whether every loop around it surely has items."""
     if _asserts(node):
-        yield is_sure
+        yield is_sure and _has_something_to_check(node)
     if isinstance(node, ast.While):
         is_sure = False
     if isinstance(node, ast.For):
@@ -34,6 +34,18 @@ def _list_assertions(node: ast.AST, is_sure: bool) -> Iterator[bool]:
 def _asserts(node: ast.AST) -> bool:
     called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
     return isinstance(node, ast.Assert) or called.startswith(("np.testing.assert", "pytest.raises"))
+
+
+def _has_something_to_check(node: ast.AST) -> bool:
+    """Tell whether an assertion that something holds for all of a collection surely has items."""
+    test, name = node.test if isinstance(node, ast.Assert) else None, "all"
+    if isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not):
+        test, name = test.operand, "any"
+    if not (isinstance(test, ast.Call) and ast.unparse(test.func) == name and test.args):
+        return True
+    items = test.args[0]
+    is_loop = isinstance(items, ast.GeneratorExp | ast.ListComp)
+    return not is_loop or all(_has_items(part.iter) for part in items.generators)
 
 
 def _has_items(items: ast.expr) -> bool:

@@ -6,6 +6,7 @@ import pytest
 from humanoid_getup.experiments.judging.lying import (
     LYING_TIME,
     MAX_DESCENT,
+    MAX_HEAD_IMPACT,
     MAX_LEAN,
     MAX_SWAY,
     judge_lying,
@@ -56,6 +57,20 @@ def test_each_bound_decides(changes, lies):
     assert bool(judge_lying(*record(**changes), "supine").lies) is lies
 
 
+def test_bounds_are_the_shared_definition():
+    assert pytest.approx(np.pi / 6) == MAX_LEAN
+    assert (LYING_TIME, MAX_DESCENT, MAX_HEAD_IMPACT) == (1.0, 0.5, 0.3)
+
+
+def test_a_short_drop_is_as_fast_as_it_was():
+    """It sinks by 12 cm in 0.06 s, 2 m/s, and by nothing else in all the time."""
+    orientation, joint_pos, neck, period = record(speed=0.0)
+    neck[50:] -= 0.02 * np.minimum(np.arange(SAMPLES - 50), 6)
+    judged = judge_lying(orientation, joint_pos, neck, period, "supine")
+    assert judged.descent == pytest.approx(2.0)
+    assert not judged.lies
+
+
 def test_the_speed_of_descent_is_measured():
     assert judge_lying(*record(speed=0.37), "supine").descent == pytest.approx(0.37)
 
@@ -72,6 +87,7 @@ def test_a_batch_is_judged_as_each_of_its_records():
     assert judge_lying(*batch, PERIOD, "supine").lies.tolist() == [True, True, False]
 
 
-def test_a_record_that_is_too_short_tells_nothing():
-    orientation, joint_pos, neck, period = (r[:50] if np.ndim(r) else r for r in record())
-    assert not judge_lying(orientation, joint_pos, neck, period, "supine").lies
+@pytest.mark.parametrize(("count", "lies"), [(50, False), (100, False), (101, True)])
+def test_a_record_of_no_more_than_a_second_tells_nothing(count: int, lies: bool):
+    orientation, joint_pos, neck, period = (r[-count:] if np.ndim(r) else r for r in record())
+    assert judge_lying(orientation, joint_pos, neck, period, "supine").lies == lies

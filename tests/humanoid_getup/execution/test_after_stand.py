@@ -1,0 +1,120 @@
+"""What followed a stand is told in one line, and whether it went as it should."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import ClipCounts, Command, Ending, RunReport
+from drivers.control_loop import TimingSummary
+from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
+from humanoid_getup.playback.monitors import Abort, AbortKind
+from robots import Robot
+
+FELL = Abort(AbortKind.FELL, "tilt 40°", 3.26)
+
+
+def step(ending: Ending = Ending.DONE, duration: float = 3.0, **changes: Any) -> Step:
+    run = RunReport(
+        ending=ending,
+        reason="servo 3 is silent",
+        cycles=1,
+        overruns=0,
+        period=0.008,
+        duration=duration,
+        clips=ClipCounts(*np.zeros((5, 2))),
+        holds=0,
+        pace=TimingSummary.of(np.zeros((0, 4))),
+    )
+    return Step(run=run, **changes)
+
+
+@pytest.fixture
+def handed_over(tiny: Robot) -> AfterStand:
+    command = Command.position(tiny, np.array([0.1, -0.2]), 2.0)
+    return AfterStand(
+        hold=step(), hand_over=HandOver(robot=tiny, command=command, limit_by="current")
+    )
+
+
+@pytest.mark.parametrize(
+    ("after", "reason"),
+    [
+        (AfterStand(), "torque off where it stood"),
+        (AfterStand(hold=step()), "held for 3.0 s, torque off where it stood"),
+        (
+            AfterStand(hold=step(duration=0.0), way_down=step()),
+            "released at once, sat and lay down, torque off",
+        ),
+        (AfterStand(way_down=step()), "sat and lay down, torque off"),
+    ],
+)
+def test_what_went_as_it_should_is_told_in_order(after: AfterStand, reason: str):
+    assert after.succeeded
+    assert not after.by_fault
+    assert after.reason == reason
+
+
+@pytest.mark.parametrize(
+    ("failed", "is_fault", "why"),
+    [
+        (step(abort=FELL), False, "aborted after 3.3 s: the robot was up and is falling: tilt 40°"),
+        (step(Ending.FAULT), True, "servo 3 is silent"),
+        (step(Ending.TIMEOUT), False, "servo 3 is silent"),
+        (step(succeeded=False), False, "it does not end as it should, by the judge"),
+    ],
+)
+def test_the_first_step_that_failed_is_the_reason(failed: Step, is_fault: bool, why: str):
+    assert not failed.is_done
+    alone, after_hold = AfterStand(hold=failed), AfterStand(hold=step(), way_down=failed)
+    went_on = AfterStand(hold=failed, way_down=step())
+    for after in (alone, after_hold, went_on):
+        assert not after.succeeded
+        assert after.by_fault == is_fault
+    assert alone.reason == f"holding the stand failed: {why}; torque off"
+    assert after_hold.reason == f"sitting and lying down failed: {why}; torque off"
+    assert went_on.reason == f"holding the stand failed: {why}; it sat and lay down"
+
+
+def test_a_refusal_goes_before_all_else():
+    refused = AfterStand(refusal="the robot does not stand")
+    assert (refused.succeeded, refused.by_fault) == (False, False)
+    assert refused.reason == "the robot does not stand"
+    assert AfterStand(refusal="the supply is too low", refused_by_fault=True).by_fault
+
+
+def test_an_aborted_step_did_not_come_to_its_end_and_a_judged_one_did():
+    assert not step(abort=FELL).ran
+    assert not step(Ending.INTERRUPTED).ran
+    assert step(succeeded=False).ran
+
+
+def test_a_hand_over_names_what_each_servo_is_left_with(handed_over: AfterStand, tiny: Robot):
+    assert handed_over.reason == "held for 3.0 s, handed over under torque"
+    record = handed_over.record()
+    assert (record["succeeded"], record["held_s"], record["way_down_s"]) == (True, 3.0, None)
+    left = record["hand_over"]
+    assert (left["watchdog"], left["limit_by"]) == ("off", "current")
+    assert left["joints"].keys() == set(tiny.joint_names)
+    second = left["joints"][tiny.joint_names[1]]
+    assert second == {
+        "target_rad": -0.2,
+        "torque_limit_nm": 2.0,
+        "position_p_gain": float(tiny.p_gain[1]),
+        "pwm_limit": 1.0,
+    }
+
+
+def test_a_softer_servo_is_left_with_a_smaller_gain(tiny: Robot):
+    command = Command(
+        joint_pos=np.zeros(2),
+        gain_scale=np.array([1.0, 0.25]),
+        torque_limit=np.array([1.5, 3.0]),
+        pwm_limit=np.ones(2),
+    )
+    left = HandOver(robot=tiny, command=command, limit_by="pwm")
+    np.testing.assert_array_equal(left.p_gain, tiny.p_gain * [1.0, 0.25])
+    weakest = f"{tiny.p_gain[1] / 4.0:.0f}"
+    assert str(left) == (
+        f"servos hold their targets, at most 3.00 N·m by pwm, position gain {weakest}, watchdog off"
+    )

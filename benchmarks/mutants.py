@@ -96,6 +96,12 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/humanoid_getup/playback/test_supervisor.py",
         "-k=not stored_motion",  # whole rises
     ),
+    "robots/body/parts.py": _BODY,
+    "robots/body/limb_finder.py": _BODY,
+    "robots/body/mirror_pairs.py": _BODY,
+    "robots/body/soles.py": _BODY,
+    "robots/body/statics.py": _BODY,
+    "robots/model_import/servo_choice.py": ("tests/robots/model_import/test_servo_choice.py",),
     "robots/storage/arrays.py": ("tests/robots/storage/test_arrays.py", "-k=not bomb"),
     "robots/storage/files.py": ("tests/robots/storage/test_files.py", "-k=not standard_output"),
 }

@@ -8,6 +8,7 @@ from drivers import SafetyGuard, Twin
 from drivers.dynamixel.backend import DynamixelBackend
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.experiments.judging.joint_judge import JointJudge
+from humanoid_getup.experiments.judging.judge import GroundTruthJudge, SensorJudge
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
 
@@ -22,6 +23,21 @@ def test_a_robot_on_servos_is_held_in_real_time(op3: Robot, world: World):
     session = Session.on(driver, world)
     assert (session.then, session.realtime, session.services) == ("hold", True, driver)
     assert session.locate is None
+
+
+def test_the_judge_is_the_one_that_knows_most(op3: Robot, world: World):
+    by_truth = Session.on(Twin(world), world).make_judge()
+    assert isinstance(by_truth, GroundTruthJudge)
+    driver = DynamixelBackend(op3, {"main": "/dev/none"})
+    assert isinstance(Session.on(driver, world).make_judge(), SensorJudge)
+
+
+def test_nothing_is_left_out_and_nothing_waits_unless_it_is_chosen():
+    chosen = SessionOptions()
+    assert chosen.is_released()
+    assert chosen.balance
+    assert chosen.preflight
+    assert chosen.settle
 
 
 def test_what_is_chosen_counts(op3: Robot, world: World):

@@ -1,11 +1,12 @@
 """A disturbance draws what differs and nothing else; without any, robots are as described."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from humanoid_getup.experiments.disturbances.distributions import (
+    LogUniform,
     Mixture,
     Normal,
     RandomAxis,
@@ -13,9 +14,14 @@ from humanoid_getup.experiments.disturbances.distributions import (
     draw,
 )
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance
+from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.scenes.obstacle import Obstacle
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots.kinematics import place
+from robots import Robot, quaternion
+from robots.kinematics import lowest_point, place
+from robots.quaternion import Array
 
 COUNT = 200
 
@@ -60,10 +66,112 @@ def test_one_servo_of_each_robot_is_weak(world: World):
     assert len(np.unique(np.argmin(drawn.strength, axis=1))) == world.robot.n
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_share_of_robots_has_a_weak_servo(world: World, share: float):
+    disturbance = Disturbance(weak_servo=0.6, weak_share=share)
+    drawn = disturbance.draw(world, 5 * COUNT, np.random.default_rng(0))
+    weak = (drawn.strength == 0.6).sum(axis=1)
+    assert set(weak.tolist()) <= {0, 1}
+    assert weak.mean() == pytest.approx(share, abs=0.05)
+
+
 def test_distributions_have_their_range_size_and_probability():
     rng = np.random.default_rng(0)
-    assert np.linalg.norm(draw(RandomAxis(0.3), rng, COUNT, 3), axis=1) == pytest.approx(0.3)
-    assert draw(Normal(2.0), rng, 20 * COUNT).std() == pytest.approx(2.0, rel=0.05)
+    for shape in ((3,), (COUNT, 3), (4, 5, 3)):
+        length = np.linalg.norm(draw(RandomAxis(0.3), rng, *shape), axis=-1)
+        assert length == pytest.approx(np.full(shape[:-1], 0.3))
+    normal = draw(Normal(2.0), rng, 20 * COUNT)
+    assert normal.std() == pytest.approx(2.0, rel=0.05)
+    assert normal.mean() == pytest.approx(0.0, abs=0.1)
+    for quantity in (Uniform(0.25, 4.0), LogUniform(0.25, 4.0)):
+        drawn = draw(quantity, rng, 20 * COUNT)
+        assert 0.25 <= drawn.min() < 0.27
+        assert 3.9 < drawn.max() <= 4.0
+        is_even = isinstance(quantity, Uniform)
+        assert np.mean(drawn < 1.0) == pytest.approx(0.2 if is_even else 0.5, abs=0.03)
     mixed = draw(Mixture(0.25, 7.0, Uniform(0.0, 1.0)), rng, 20 * COUNT)
     assert np.mean(mixed == 7.0) == pytest.approx(0.25, abs=0.03)
     assert mixed[mixed != 7.0].max() <= 1.0
+
+
+# Starts -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def lying(op3: Robot) -> tuple[World, Array]:
+    """A robot that has come to lie on its face, on flat ground."""
+    world = World(op3)
+    posture = sample_fall(world, "prone", seed=1).posture
+    return world, place(op3, world.model, posture)
+
+
+def sample_starts(world: World, start: Array, count: int = 12, **changes) -> Array:
+    return Disturbance(**changes).sample(world, start, count, np.random.default_rng(5)).starts
+
+
+def test_a_turn_turns_every_robot_but_the_first_by_its_angle(lying: tuple[World, Array]):
+    world, start = lying
+    layout = world.robot.layout(world.model)
+    starts = sample_starts(world, start, turn=0.2)
+    turned = starts[:, layout.root_orientation]
+    angle = quaternion.angle_between(turned, start[layout.root_orientation])
+    assert angle == pytest.approx([0.0, *[0.2] * 11], abs=1e-6)
+    np.testing.assert_array_equal(starts[:, layout.qpos], np.tile(start[layout.qpos], (12, 1)))
+
+
+def test_offsets_move_every_joint_within_its_range(lying: tuple[World, Array]):
+    world, start = lying
+    layout, robot = world.robot.layout(world.model), world.robot
+    starts = sample_starts(world, start, 100, joints=Normal(0.1))
+    moved = starts[:, layout.qpos] - start[layout.qpos]
+    assert not moved[0].any()
+    free = np.minimum(robot.upper - start[layout.qpos], start[layout.qpos] - robot.lower) > 0.4
+    assert moved[1:, free].std() == pytest.approx(0.1, rel=0.1)
+    assert np.all(starts[:, layout.qpos] <= robot.upper)
+    assert np.all(starts[:, layout.qpos] >= robot.lower)
+    for row in starts:  # as deep in the ground as the one that came to rest
+        assert lowest_point(world.model, row) == pytest.approx(lowest_point(world.model, start))
+
+
+def box_over(start: Array, bottom: float, x: float = 0.0) -> Obstacle:
+    """Hang a slab over a robot, or beside it."""
+    center = np.array([start[0] + x, start[1], bottom + 0.05])
+    size = np.array([2.0, 2.0, 0.05])
+    return Obstacle(name="slab", kind="box", half_size=size, position=center)
+
+
+def test_where_there_is_room_a_scene_changes_no_disturbance(lying: tuple[World, Array]):
+    world, start = lying
+    beside = World(world.robot, replace(FLAT_SCENE, obstacles=(box_over(start, 0.0, 9.0),)))
+    changes = {"joints": Normal(0.03), "turn": Normal(0.05)}
+    np.testing.assert_allclose(
+        sample_starts(beside, start, **changes), sample_starts(world, start, **changes), atol=0.002
+    )
+
+
+def test_under_a_slab_a_disturbance_is_as_large_as_there_is_room(lying: tuple[World, Array]):
+    """None is put onto the slab, which is 4 cm over the highest point of the robot."""
+    world, start = lying
+    layout = world.robot.layout(world.model)
+    height = measure_top(world, start) + 0.04
+    under = World(world.robot, replace(FLAT_SCENE, obstacles=(box_over(start, height),)))
+    changes = {"joints": Normal(0.3), "turn": Normal(0.3)}
+    free, starts = (sample_starts(each, start, **changes) for each in (world, under))
+    moved = np.linalg.norm(starts[:, layout.qpos] - start[layout.qpos], axis=1)
+    whole = np.linalg.norm(free[:, layout.qpos] - start[layout.qpos], axis=1)
+    shares = np.round(moved[1:] / whole[1:], 3)
+    assert set(shares.tolist()) <= {1.0, 0.5, 0.25, 0.1, 0.0}
+    assert len(set(shares.tolist())) >= 3
+    for row in starts:
+        assert abs(row[layout.root_qpos + 2] - start[layout.root_qpos + 2]) < 0.04
+        assert measure_top(world, row) < height + 0.002
+
+
+def measure_top(world: World, qpos: Array) -> float:
+    """Measure the height of a robot's highest point [m]: that of its lowest, upside down."""
+    layout = world.robot.layout(world.model)
+    over = qpos.copy()
+    half_turn = np.array([0.0, 1.0, 0.0, 0.0])
+    over[layout.root_position] = quaternion.rotate(half_turn, qpos[layout.root_position])
+    over[layout.root_orientation] = quaternion.multiply(half_turn, qpos[layout.root_orientation])
+    return -lowest_point(world.model, over)

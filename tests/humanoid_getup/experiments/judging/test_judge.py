@@ -109,17 +109,21 @@ def test_a_limp_robot_is_not_judged_and_a_judge_that_concluded_looks_no_more(tin
     assert len(judge.conclude().record.torque) == 3
 
 
-@pytest.mark.parametrize("touch", ["l_el", "head_tilt", "l_ank_roll"])
+@pytest.mark.parametrize("touch", ["l_el_link", "head_tilt_link", "body_link", "l_ank_roll_link"])
 def test_only_a_contact_of_the_feet_is_no_break_of_a_stand(op3, world, monkeypatch, touch):
     """An upright robot at full height, of which one part is said to touch the world, too."""
-    body = world.model.joint(touch).bodyid[0]
+    body = world.model.body(touch).id
     monkeypatch.setattr(GroundTruth, "touching_bodies", property(lambda _: np.array([body])))
     twin = Twin(world)
     twin.place(op3.standing)
     judge = GroundTruthJudge(twin.simulation, None)
     play(twin, np.tile(op3.standing.joint_pos, (380, 1)))
     outcome = judge.conclude()
-    assert outcome.stand.stood == (touch == "l_ank_roll")
+    assert outcome.stand.stood == (touch == "l_ank_roll_link")
+    assert outcome.record.head_touch.all() == (touch == "head_tilt_link")
+    assert outcome.record.head_touch.any() == (touch == "head_tilt_link")
+    assert outcome.record.torso_touch.all() == (touch == "body_link")
+    assert outcome.record.torso_touch.any() == (touch == "body_link")
 
 
 def test_a_head_that_drops_hits_the_ground_as_fast_as_it_fell(op3):

@@ -215,7 +215,9 @@ def test_what_a_plan_depends_on_changes_the_fingerprint(world, database, planner
     assert compute_fingerprint(PlannedRise(World(op3))) == compute_fingerprint(planner)
 
 
-def test_beside_obstacles_only_the_same_place_counts(op3, database, solved, start, tmp_path):
+def test_beside_obstacles_only_the_same_place_and_heading_count(
+    op3, database, solved, start, tmp_path
+):
     foot = np.full(3, 9.0)
     far_post = make_capsule("post", foot, foot + np.array([0.0, 0.0, 1.0]), 0.05)
     world = World(op3, replace(FLAT_SCENE, name="post", obstacles=(far_post,)))
@@ -225,8 +227,12 @@ def test_beside_obstacles_only_the_same_place_counts(op3, database, solved, star
     assert isinstance(cached.plan(start, np.random.default_rng(0)), KeptPlan)
     assert len(planner.states) == 1
     moved = replace(start, position=start.position + np.array([0.1, 0.0, 0.0]))
-    cached.plan(moved, np.random.default_rng(0))
-    assert len(planner.states) == 2
+    turn = quaternion.from_yaw(0.1)
+    turned = replace(start, orientation=quaternion.multiply(turn, start.orientation))
+    for other in (moved, turned):
+        planner.states.clear()
+        cached.plan(other, np.random.default_rng(0))
+        assert len(planner.states) == 1
 
 
 def test_a_kept_plan_that_does_not_stand_is_not_used_and_changes_no_fresh_one(

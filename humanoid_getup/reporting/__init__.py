@@ -1,1 +1,1 @@
-"""Results of a run for people: reports, film strips, plots, replays."""
+"""Reporting of results: reports, film strips, plots, replays."""

@@ -196,7 +196,7 @@ def _number(value: float | None) -> str:
 
 
 def _write_table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Write a Markdown table; a vertical bar in a cell is not the end of it."""
+    """Write a Markdown table; vertical bars in cells are escaped."""
     lines = [tuple(headings), ("---",) * len(headings), *rows]
     cells = [[str(cell).replace("|", "\\|") for cell in line] for line in lines]
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)

@@ -19,7 +19,7 @@ SPREAD = 0.08  # of the distance between two caps, between methods that would hi
 
 
 def save_benchmark(cases: Cases, path: Path) -> None:
-    """Plot how often each method stood, with 95 % intervals, and its times to stand, as PNG."""
+    """Plot the success of each method with 95 % intervals, and its times to stand, as PNG."""
     caps = list(dict.fromkeys(case.cap for case in cases))
     methods = list(dict.fromkeys(case.method for case in cases))
     figure = make_figure(9.0, 3.4)

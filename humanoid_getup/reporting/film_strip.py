@@ -31,7 +31,7 @@ SOLE_SHADE = 0.72  # soles are darker than their limbs
 
 
 class NoRendererError(RuntimeError):
-    """There is no OpenGL to render with."""
+    """No OpenGL is available for rendering."""
 
 
 def pick_frames(count: int, frames: int = FRAMES) -> NDArray[np.intp]:
@@ -121,7 +121,7 @@ def save_sheet(
 
 
 def _make_camera(robot: Robot, azimuth: float, view: float) -> mujoco.MjvCamera:
-    """Make a camera whose picture the robot fills, lying or standing."""
+    """Make a camera in whose picture the robot fits, lying or standing."""
     camera = mujoco.MjvCamera()
     seen = view * robot.standing_neck_height
     camera.distance = 0.5 * seen / np.tan(np.radians(0.5 * FIELD_OF_VIEW))

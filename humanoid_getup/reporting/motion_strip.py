@@ -1,4 +1,4 @@
-"""A stored motion as a film strip, and the keys of a motion beside how they end."""
+"""Film strips of a stored motion, and of keys with the rollout of them."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ STANDING_SHOWN = 1.5  # s of the stand that are drawn
 def save_torque(
     robot: Robot, outcome: Outcome, torque_limit: float | None, path: Path, *, title: str = ""
 ) -> None:
-    """Plot with how much torque every servo drives its joint, and its limit, over time, as PNG.
+    """Plot the driving torque of every servo, and its limit, over time, as PNG.
 
     The joints that came nearest to their limits are named, the others gray. Torque of servos that
     are turned from outside, which no limit by PWM holds for, is one dotted line, the largest of
@@ -96,7 +96,7 @@ def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:
 
 
 def save_difference(report: ReplayReport, path: Path, *, title: str = "") -> None:
-    """Plot how far a replay differs from its log of at least one cycle, as PNG."""
+    """Plot the differences of a replay from its log of at least one cycle, as PNG."""
     figure, axes = _stack_panels(2, title)
     named = _find_largest(report.difference)
     _plot_joints(axes[0], report.time, np.degrees(report.difference), named, report.joint_names)
@@ -153,7 +153,7 @@ def _plot_heat(axis: Axes, record: FlightRecord, time: Array) -> None:
 
 
 def _plot_timing(axis: Axes, record: FlightRecord, time: Array) -> None:
-    """Plot ages and the loop's times where the log has them, else the jitter of the cycles."""
+    """Plot ages and the loop's times if the log has them, else the jitter of the cycles."""
     curves: dict[str, Array] = {"jitter": np.diff(time, prepend=-record.period) - record.period}
     if "joint_age" in record.state:
         curves["oldest joint"] = record.state["joint_age"].max(axis=1)

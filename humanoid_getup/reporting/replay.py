@@ -1,4 +1,4 @@
-"""Replays: the commands of a flight log sent to a twin, and where the twin diverges."""
+"""Replays: send the commands of a flight log to a twin, and find where the twin diverges."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Divergence:
 
     @property
     def part(self) -> str:
-        """Return what differed."""
+        """Return the name of the part that differed."""
         return f"joint '{self.joint}'" if self.joint else "torso's tilt"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayReport:
-    """Differences between a flight log and its replay; what was not measured does not count."""
+    """Differences between a flight log and its replay, as far as both were measured."""
 
     robot: str
     joint_names: tuple[str, ...]
@@ -162,7 +162,7 @@ def choose_supply(record: FlightRecord, robot: Robot) -> float:
 
 
 def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
-    """Count for how many control periods each command was held."""
+    """Count the control periods for which each command was held."""
     owner = f"flight log {record.path}"
     if not record.cycles:
         raise ValueError(f"{owner}: it has no cycles to replay")

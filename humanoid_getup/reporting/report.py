@@ -42,7 +42,7 @@ TRADED = (
     ("neck Δv", "neck_delta_v_m_s", "m/s"),
     ("stand after", "stand_time_s", "s"),
 )
-"""What a preference trades: label, key and unit."""
+"""Figures affected by a preference: label, key and unit."""
 
 
 def make_report(rise: RiseResult, settings: dict[str, Any]) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def _describe_motion(report: dict[str, Any]) -> str:
 
 
 def _describe_attempts(report: dict[str, Any]) -> str:
-    """Describe how each attempt ended, where the last one stood after others."""
+    """Describe how each attempt ended, if a later one stood."""
     reasons = report["attempt_reasons"]
     if len(reasons) < 2 or not report["stood"]:  # the headline names them all
         return ""
@@ -115,7 +115,7 @@ def _describe_attempts(report: dict[str, Any]) -> str:
 
 
 def _describe_style(report: dict[str, Any]) -> str:
-    """Describe which style was followed, and how well."""
+    """Describe the style, and how well it was followed."""
     if not report.get("style"):
         return ""
     summary = report.get("style_summary")
@@ -123,7 +123,7 @@ def _describe_style(report: dict[str, Any]) -> str:
 
 
 def _describe_moves(report: dict[str, Any]) -> str:
-    """Describe how often the robot moved before it rose."""
+    """Describe the moves before the rise."""
     if not report.get("moves"):
         return ""
     text = f"{report['moves']} to where there is room to rise, before it"

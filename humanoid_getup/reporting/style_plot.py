@@ -1,4 +1,4 @@
-"""Plots of style curves: those of styles, and those that a robot followed."""
+"""Plots of style curves: of styles, and of a robot that followed them."""
 
 from __future__ import annotations
 

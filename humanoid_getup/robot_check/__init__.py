@@ -1,1 +1,1 @@
-"""Robot check: is a robot's description sound, and is its body able to get up?"""
+"""Robot check: checks whether a description is sound and a body able to get up."""

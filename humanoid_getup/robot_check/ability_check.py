@@ -1,4 +1,4 @@
-"""Abilities: how deep a robot crouches, what its servos hold, and what its arms can push."""
+"""Abilities: depth of a squat, strength of the servos, push-ups."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_REACH = 0.5  # share of the neck's height in a squat that arms should span
 
 
 def check_depth(limbs: Limbs, squats: Sequence[Squat]) -> CheckFinding:
-    """Find whether a robot can crouch deep enough, and which ranges stop it."""
+    """Find whether a robot can crouch deep enough, and which joint ranges limit it."""
     if not squats:
         return CheckFinding.warning(
             "squat",
@@ -85,7 +85,7 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
 
 
 def check_arms(limbs: Limbs, weight: float, lowest_neck: float) -> Iterator[CheckFinding]:
-    """Find what a robot's arms cannot do.
+    """Find limits of a robot's arms.
 
     Args:
         limbs: Of the robot.
@@ -118,7 +118,7 @@ def _check_reach(limbs: Limbs, arms: list[Limb], lowest_neck: float) -> CheckFin
 
 
 def _check_push(limbs: Limbs, arm: Limb, force: float) -> Iterator[CheckFinding]:
-    """Compare what pushing the torso off the ground takes with what shoulder and elbow have.
+    """Compare the torques of a push-up with those of shoulder and elbow.
 
     Prone, each hand lifts its share of the weight at the end of a straight arm; with the elbow
     bent by a right angle, at that of the upper arm, and the elbow carries it at the forearm's.

@@ -22,13 +22,13 @@ ABILITIES = ("squats", "strength", "arms", "holding the stance")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotCheck:
-    """What was found of a robot."""
+    """Findings of a robot check."""
 
     findings: tuple[CheckFinding, ...]
     squats: tuple[Squat, ...]
     """Balanced squats from high to deep."""
     unchecked: tuple[str, ...] = ()
-    """What could not be checked before the faults are mended."""
+    """Parts that are not checked until the faults are corrected."""
 
     @property
     def is_sound(self) -> bool:

@@ -15,14 +15,14 @@ class CheckFinding:
     level: Level
     """"fault": the robot cannot get up as described. "warning": it may fail. "ok": a figure."""
     subject: str
-    """What it is about, such as "stance" or "joint 'l_knee'"."""
+    """Subject, such as "stance" or "joint 'l_knee'"."""
     text: str
     remedy: str = ""
     """What to do; empty if there is nothing to be done."""
 
     @classmethod
     def ok(cls, subject: str, text: str, remedy: str = "") -> CheckFinding:
-        """Make a finding that nothing is wrong."""
+        """Make a finding without a problem."""
         return cls(level="ok", subject=subject, text=text, remedy=remedy)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Holding the stance in simulation: does the robot stay up, and do its servos stay cool?"""
+"""Hold check: whether the stance holds in simulation, and its servos stay cool."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COOL = 15.0  # °C below its limit that a servo should stay
 
 
 def check_hold(world: World) -> Iterator[CheckFinding]:
-    """Let the robot stand on its servos, and see whether it stays up and cool."""
+    """Let the robot hold its stance, and check that it stays up and cool."""
     record = _stand(world)
     if not record.upright.all():
         yield _describe_fall(world, record)
@@ -64,7 +64,7 @@ def _describe_fall(world: World, record: Record) -> CheckFinding:
 
 
 def _check_heat(robot: Robot, torque: Array) -> Iterator[CheckFinding]:
-    """Compare the temperatures that servos come to, torques (n,) held for good, with limits."""
+    """Compare the final temperatures of servos that hold torques (n,) with their limits."""
     windings = Windings(robot)
     rise = windings.compute_warming(windings.compute_current(torque))
     limit = np.array([joint.servo.model.temperature_limit for joint in robot.joints])
@@ -89,7 +89,7 @@ def _check_heat(robot: Robot, torque: Array) -> Iterator[CheckFinding]:
 
 
 def _tell_time(windings: Windings, k: int, rise: float, room: float) -> str:
-    """Tell when a servo switches itself off, if it does."""
+    """Describe when a servo switches itself off, if it does."""
     if room >= 0.0:
         return ""
     constant = windings.heat_capacity[k] * windings.heat_resistance[k]

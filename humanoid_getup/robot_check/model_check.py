@@ -1,4 +1,4 @@
-"""The model: masses, sites and mirror pairs that such a robot can have."""
+"""Model check: plausibility of masses, sites and mirror pairs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FULL_TURN = 2.0 * np.pi - 1e-3  # rad; shoulders may turn so far, legs do not
 
 
 def check_body(limbs: Limbs) -> Iterator[CheckFinding]:
-    """Find masses, inertias and sites that no such robot has."""
+    """Find implausible masses, inertias and sites."""
     found = [*_check_mass(limbs), *_check_links(limbs), *_check_imu(limbs), *_check_neck(limbs)]
     yield from found
     if not found:
@@ -180,7 +180,7 @@ def _partner(robot: Robot, k: int) -> str:
 
 
 def _describe_stranger(robot: Robot, k: int, is_image: np.ndarray, apart: Array) -> CheckFinding:
-    """Describe a joint whose mirror is elsewhere, or turns about another axis; and what fits."""
+    """Describe a joint whose mirror has another place or axis, and the joint that fits."""
     subject, candidates = f"joint '{robot.joint_names[k]}'", np.flatnonzero(is_image)
     text = f"its mirror is {_partner(robot, k)}, which is not its mirror image in the model"
     if not len(candidates):

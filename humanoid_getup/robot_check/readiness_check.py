@@ -1,4 +1,4 @@
-"""Readiness: what a robot has to get up by, motions and policies, and how to come by them."""
+"""Readiness: the motions and policies of a robot, and how to get missing ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LYING = ("supine", "prone", "left", "right")
 
 
 def check_readiness(robot: Robot) -> Iterator[CheckFinding]:
-    """Find from which sides a robot knows how to get up."""
+    """Find the sides from which a robot has motions, and its policies."""
     yield _check_motions(robot)
     yield _check_policies(robot)
 

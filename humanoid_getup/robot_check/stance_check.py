@@ -1,4 +1,4 @@
-"""The stance: soles on the faces of the feet, balance, contacts, and room in the legs' ranges."""
+"""Stance check: soles on the faces of the feet, balance, contacts, reserves of leg ranges."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _check_sole(model: mujoco.MjModel, site: str) -> Iterator[CheckFinding]:
 
 
 def check_stance(world: World, limbs: Limbs) -> Iterator[CheckFinding]:
-    """Find what is wrong with a robot's stance, before any physics."""
+    """Find problems of a robot's stance, without physics."""
     yield from _check_overlaps(limbs)
     yield from _check_ground(world)
     yield from _check_ranges(limbs)

@@ -1,1 +1,1 @@
-"""Where a robot lies and rises: ground, obstacles, surfaces."""
+"""Scenes in which robots rise: ground, obstacles, surfaces."""

@@ -1,4 +1,4 @@
-"""What pictures of a scene need besides its shapes: sky, light, and a pattern on the ground."""
+"""Backdrop for pictures of a scene: sky, light, and a pattern on the ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crossings: capsules of a robot that pass through a box further than contacts tell."""
+"""Crossings: capsules of a robot that pass through a box deeper than contacts show."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NONE = np.zeros((0, 2), dtype=int)
 
 
 class Crossings:
-    """Finds capsules whose axis meets a box of the scene, where no contact is as deep.
+    """Finds capsules whose axis passes through a box of the scene, which contacts may miss.
 
     MuJoCo's contacts between a capsule and a box are exact while the axis is outside the box. A
     limb that passes through a wall may have none at all.
@@ -47,11 +47,11 @@ class Crossings:
         return np.array(deep, dtype=int) if deep else NONE
 
     def depth(self, capsule: int) -> float:
-        """Return how deep such a capsule is in the box at least [m]."""
+        """Return the smallest depth of such a capsule in the box [m]."""
         return float(self._model.geom_size[capsule, 0])
 
     def _find_meeting(self, data: mujoco.MjData) -> NDArray[np.bool_]:
-        """Find the boxes that the axes of capsules meet, (B, N), by the slabs between faces."""
+        """Find intersections of capsule axes with boxes, (B, N), by the slab method."""
         along = self._half * data.geom_xmat.ravel()[self._axis]
         way = along @ self._turn  # (B, N, 3), in the frames of the boxes
         middle = data.geom_xpos[self._capsules] @ self._turn - self._place

@@ -1,4 +1,4 @@
-"""The scenes that have a name: those of [Lin12], section 5.2, rough ground and a wall."""
+"""Named scenes: those of [Lin12], section 5.2, rough ground and a wall."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FOLDER = Path(__file__).parent / "named"
 STEEPEST = 30.0  # degrees
 SLOPE, ROUGH = "slope", "rough"
 ROUGHNESS: dict[str, float] = {"easy": 0.05, "medium": 0.10, "hard": 0.20}
-"""Largest height over or under the mean of a grid crossing, as a share of the leg's length."""
+"""Largest deviation of a height from the mean, as a share of the leg length."""
 # [Frezzato22], section 3.2, perturbs tiles of 1 m for humans, whose legs are 0.9 m long.
 TILE = 1.1  # legs
 TILES = 16  # on each side of the field
@@ -31,14 +31,14 @@ SUFFIX = ".toml"
 
 @dataclass(frozen=True, kw_only=True)
 class NamedScene:
-    """A scene that can be asked for by name."""
+    """A scene with a name."""
 
     name: str
     about: str
 
 
 def list_scenes() -> list[NamedScene]:
-    """List the scenes that have a name; those with a parameter once, with an example."""
+    """List the named scenes; those with a parameter once, with an example."""
     files = sorted(FOLDER.glob(f"*{SUFFIX}"))
     named = [NamedScene(name=f.stem, about=read_scene_table(f).about) for f in files]
     slope = NamedScene(name=f"{SLOPE}:10", about=f"a slope of 10°, or up to {STEEPEST:g}°")
@@ -78,7 +78,7 @@ def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
 
 
 def load_grounds(name: str, robot: Robot, count: int, seed: int) -> list[tuple[Scene, int]]:
-    """Load a scene on ``count`` grounds where a seed makes its ground, else once.
+    """Load a scene on ``count`` random grounds, or once if its ground is not random.
 
     With each comes its own seed: no two seeds have a ground in common.
 

@@ -1,4 +1,4 @@
-"""Obstacles: spheres, capsules and boxes that stand in the way or can be leaned on."""
+"""Obstacles: spheres, capsules and boxes in the way or for support."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Obstacle:
     name: str
     kind: Kind
     half_size: Array
-    """As MuJoCo has it: radius; radius and half length along z; or half edges [m]."""
+    """Size as in MuJoCo: radius; radius and half length along z; or half edges [m]."""
     position: Array
-    """Of its center in the world [m], (3,)."""
+    """Position of its center in the world [m], (3,)."""
     orientation: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     surface: Surface = field(default_factory=Surface)
 
@@ -49,7 +49,7 @@ class Obstacle:
         return float(self.half_size.min() if self.kind == "box" else self.half_size[0])
 
     def sweep(self, radius: float) -> Array:
-        """Return the half sizes that it has when a smaller sphere is swept [m], (k,)."""
+        """Return its half sizes with a smaller swept sphere [m], (k,)."""
         if self.kind == "box":
             return np.maximum(self.half_size - (self.radius - radius), THINNEST)
         return np.array([max(radius, THINNEST), *self.half_size[1:]])
@@ -111,7 +111,7 @@ def make_capsule(
 
 
 def _leave_box(origin: Array, up: Array, half: Array) -> Array:
-    """Compute how far along ``up`` lines (..., 3) leave a box; -inf where they miss it."""
+    """Compute the distance along ``up`` at which lines (..., 3) leave a box; -inf if they miss."""
     with np.errstate(divide="ignore", invalid="ignore"):
         near = (-half * np.sign(up) - origin) / up
         far = (half * np.sign(up) - origin) / up

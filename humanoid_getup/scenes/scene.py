@@ -1,4 +1,4 @@
-"""Scenes: the ground and the obstacles around a robot, and where it lies among them."""
+"""Scenes: ground and obstacles around a robot, and its start regions."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class Scene:
     """What it is, in one line."""
     ground: Ground = FLAT
     surface: Surface = field(default_factory=Surface)
-    """Of the ground."""
+    """Surface of the ground."""
     obstacles: tuple[Obstacle, ...] = ()
     starts: tuple[StartRegion, ...] = ()
-    """Where robots lie; at the origin in any direction if there are none."""
+    """Start regions; without any, robots lie at the origin in any direction."""
     is_flat: bool = field(init=False, repr=False)
     """Whether it is the same in every place and direction."""
     deepest_sink: float = field(init=False, repr=False)
@@ -60,7 +60,7 @@ class Scene:
         object.__setattr__(self, "deepest_sink", max(s.deepest_sink for s in surfaces))
 
     def support(self, point: Array) -> Array:
-        """Compute the height of what is under points (..., 3) [m]: ground or an obstacle, (...)."""
+        """Compute the height of the ground or obstacle under points (..., 3) [m], (...)."""
         x, y, z = np.moveaxis(point, -1, 0)
         height = self.ground.height(x, y)
         for obstacle in self.obstacles:

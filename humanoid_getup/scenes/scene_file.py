@@ -37,7 +37,7 @@ MOST_OBSTACLES = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceTable:
-    """A surface as it is written."""
+    """A surface in a scene file."""
 
     friction: Friction = GROUND_FRICTION
     rolling_friction: Share = 0.0
@@ -54,7 +54,7 @@ class SurfaceTable:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundTable(SurfaceTable):
-    """The ground as it is written: a slope in degrees, or heights on a grid."""
+    """The ground in a scene file: a slope in degrees, or heights on a grid."""
 
     slope_deg: SlopeAngle = 0.0
     heights: Annotated[Array, on_axes(2)] | None = None
@@ -77,7 +77,7 @@ class GroundTable(SurfaceTable):
 
 @dataclass(frozen=True, kw_only=True)
 class BoxTable(SurfaceTable):
-    """A box as it is written: its center, its edges, and how it is turned, first about z."""
+    """A box in a scene file: center, edges, and rotation, first about z."""
 
     name: str
     center: Point
@@ -101,7 +101,7 @@ class BoxTable(SurfaceTable):
 
 @dataclass(frozen=True, kw_only=True)
 class CapsuleTable(SurfaceTable):
-    """A capsule as it is written: two ends and a radius; a sphere has the same end twice."""
+    """A capsule in a scene file: two ends and a radius; a sphere has equal ends."""
 
     name: str
     start: Point
@@ -116,7 +116,7 @@ class CapsuleTable(SurfaceTable):
 
 @dataclass(frozen=True, kw_only=True)
 class SphereTable(SurfaceTable):
-    """A sphere as it is written."""
+    """A sphere in a scene file."""
 
     name: str
     center: Point
@@ -130,7 +130,7 @@ class SphereTable(SurfaceTable):
 
 @dataclass(frozen=True, kw_only=True)
 class StartTable:
-    """Where robots lie, as it is written."""
+    """A start region in a scene file."""
 
     lying: Literal["supine", "prone", "left", "right"]
     x: NumberRange = (0.0, 0.0)
@@ -167,7 +167,7 @@ class StartTable:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneTable:
-    """A scene as it is written."""
+    """The content of a scene file."""
 
     about: str = ""
     """What it is, in one line."""
@@ -235,7 +235,7 @@ def build_scene(table: SceneTable, robot: Robot, name: str) -> Scene:
 
 
 def _check_starts_on_field(table: SceneTable) -> None:
-    """Check that robots are dropped on the field of heights, beyond which there is no ground."""
+    """Check that robots are dropped on the height field, beyond which there is no ground."""
     if table.ground.heights is None or table.ground.heights.ndim != 2:
         return
     rows, columns = table.ground.heights.shape

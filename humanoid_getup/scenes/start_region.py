@@ -1,4 +1,4 @@
-"""Start regions: where and how a robot lies in a scene before it rises."""
+"""Start regions: places and ways of lying of robots in a scene."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ DRIFT = math.radians(30.0)  # by which its heading may leave the range while it 
 
 @dataclass(frozen=True, kw_only=True)
 class StartRegion:
-    """Robots that lie in one way in one place of a scene."""
+    """A region of a scene in which robots lie in one way."""
 
     start_class: str | None = None
     """supine, prone, left or right; None for any."""
     x: Range = (0.0, 0.0)
-    """Where the torso is dropped [m]."""
+    """Range in which the torso is dropped [m]."""
     y: Range = (0.0, 0.0)
     z: Range = (-math.inf, math.inf)
-    """Height of the torso, which tells under a table from on it [m]."""
+    """Range of the height of the torso, to distinguish under a table from on it [m]."""
     margin: float = 0.0
-    """By which it may leave the place while it settles [m]."""
+    """Distance by which the torso may leave the region while the robot settles [m]."""
     is_settled: bool = False
     """Whether robots settle on the bare ground first and are then put in the region, because no
     robot falls there, such as under a table."""
@@ -37,7 +37,7 @@ class StartRegion:
     """Horizontal direction in which the head points [rad], 0 along +x."""
 
     def sample(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Draw where a robot is dropped [m], (2,), and in which orientation, (4,)."""
+        """Draw the place [m], (2,), and orientation, (4,), of a dropped robot."""
         if self.start_class is None:
             orientation = quaternion.normalize(rng.normal(size=4))
             return self._draw_place(rng) if self._has_place else np.zeros(2), orientation
@@ -50,14 +50,14 @@ class StartRegion:
 
     @property
     def _has_place(self) -> bool:
-        """Return whether robots lie somewhere else than at the origin."""
+        """Return whether robots lie at another place than the origin."""
         return (*self.x, *self.y) != (0.0, 0.0, 0.0, 0.0)
 
     def _draw_place(self, rng: np.random.Generator) -> Array:
         return np.array([rng.uniform(*self.x), rng.uniform(*self.y)])
 
     def move(self, posture: Posture, rng: np.random.Generator) -> Posture:
-        """Move a lying robot to a place in the region, and turn its head to a heading there."""
+        """Move a lying robot to a place in the region, with a heading of the region."""
         head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
         turn = quaternion.from_yaw(rng.uniform(*self.heading) - math.atan2(head[1], head[0]))
         at = np.array([rng.uniform(*self.x), rng.uniform(*self.y), posture.position[2]])
@@ -73,7 +73,7 @@ class StartRegion:
         return bool(np.all((position >= low) & (position <= high)))
 
     def accepts(self, posture: Posture, start_class: str) -> bool:
-        """Return whether a robot that has settled lies as it should."""
+        """Return whether a settled robot lies in the class and the region."""
         if self.start_class is None:
             return True
         head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))

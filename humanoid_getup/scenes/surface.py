@@ -1,4 +1,4 @@
-"""Surfaces: how slippery and how soft the world is where it is touched."""
+"""Surfaces: friction and softness of the world."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Surface:
     """Friction and softness of the ground or of an obstacle."""
 
     friction: float = GROUND_FRICTION
-    """Sliding friction against whatever touches it."""
+    """Sliding friction in every contact."""
     rolling_friction: float = 0.0
     """Torque against rolling per normal force [m]."""
     sink: float = 0.0

@@ -1,1 +1,1 @@
-"""Physics: a robot compiled into a scene, worlds stepped side by side, where there is room."""
+"""Simulation: a robot compiled into a scene, vectorized physics, clearance, standing places."""

@@ -1,4 +1,4 @@
-"""Clearance: how far a posture is above the ground and the obstacles of a scene."""
+"""Clearance: height of a posture over the ground and the obstacles of a scene."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FINE = 0.0005  # m to which the height is then known
 
 
 class Clearance:
-    """Measures and mends the height of postures over whatever is under them."""
+    """Measures and corrects the height of postures over the ground and obstacles."""
 
     def __init__(self, world: World) -> None:
         self._model, self._scene = world.model, world.scene
@@ -29,13 +29,13 @@ class Clearance:
         self._is_world = world.is_world_geom
 
     def rest_where(self, qpos: Array, height: float = 0.0) -> Array:
-        """Put a robot on what is under its root at the height that it has, as `rest` does."""
+        """Put a robot onto the ground or obstacle under its root, as `rest` does."""
         return self.rest(
             qpos, height, float(self._scene.support(qpos[self._root : self._root + 3]))
         )
 
     def measure_overlap(self, qpos: Array) -> float:
-        """Measure how deep a robot reaches into the scene [m], at MuJoCo positions (nq,)."""
+        """Measure how deep a robot penetrates the scene [m], at MuJoCo positions (nq,)."""
         self._collide(qpos)
         contact = self._data.contact
         chosen = self._is_world[contact.geom].any(axis=1)
@@ -44,12 +44,12 @@ class Clearance:
         return max([deepest, *(self._crossings.depth(capsule) for capsule, _ in crossed)])
 
     def measure_self_overlap(self, qpos: Array) -> float:
-        """Measure how deep a robot reaches into itself [m], at MuJoCo positions (nq,)."""
+        """Measure how deep a robot penetrates itself [m], at MuJoCo positions (nq,)."""
         self._collide(qpos)
         return measure_self_overlap(self._model, self._data)
 
     def measure_overlaps(self, qpos: Array) -> dict[str, float]:
-        """Measure how deep a robot reaches into the ground and each obstacle it touches [m]."""
+        """Measure how deep a robot penetrates the ground and each obstacle that it touches [m]."""
         self._collide(qpos)
         deepest: dict[str, float] = {}
         for contact in self._data.contact[: self._data.ncon]:
@@ -97,6 +97,6 @@ class Clearance:
         return raised
 
     def _ground_around(self, qpos: Array) -> float:
-        """Return the least height of the ground around a robot [m]."""
+        """Return the smallest height of the ground around a robot [m]."""
         x, y = np.meshgrid(*(qpos[self._root + i] + self._around for i in range(2)))
         return float(self._scene.ground.height(x, y).min())

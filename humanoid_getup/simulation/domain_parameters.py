@@ -1,4 +1,4 @@
-"""Domain parameters: what differs between simulated robots besides where they start."""
+"""Domain parameters: differences between simulated robots besides their starts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DomainParameters:
     torque_limit: Array
     """Torque limit of every servo [N·m], (N,)."""
     limit_by: NDArray[np.int_]
-    """What the torque limit acts on, a place in ``LIMIT_MODES`` each, (N,)."""
+    """What the torque limit acts on, as an index into ``LIMIT_MODES``, (N,)."""
     strength: Array
     """Scale of each servo's torque and gain, (N, n)."""
     armature: Array

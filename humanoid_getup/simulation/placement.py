@@ -1,4 +1,4 @@
-"""Placement: where in a scene a robot lies, which its own sensors do not tell."""
+"""Placement: place and heading of a robot in a scene, which its sensors cannot measure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Placement:
     """Place and heading of a robot in its scene."""
 
     x: float
-    """Of the torso [m]."""
+    """Position of the torso [m]."""
     y: float
     heading: float
     """Horizontal direction in which the head of a lying robot points, or the front of an upright

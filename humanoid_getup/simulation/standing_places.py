@@ -1,4 +1,4 @@
-"""Standing places: where in a scene a robot has room to stand."""
+"""Standing places: places in a scene with room for a robot to stand."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ ABOVE = 0.01  # m over its support at which a robot is checked
 
 
 class StandingPlaces:
-    """Looks for places around a point where a standing robot has room."""
+    """Finds places around a point with room for a standing robot."""
 
     def __init__(self, world: World, center: Array) -> None:
-        """Look around a point (3,) [m]: on the ground, and on what is under the point's height."""
+        """Search around a point (3,) [m]: on the ground, and on obstacles below its height."""
         self._world, self._center = world, center
         self._data = mujoco.MjData(world.model)
         mujoco.mj_kinematics(world.model, self._data)
@@ -42,7 +42,7 @@ class StandingPlaces:
         return self._tree.query(point[..., :2])[0]
 
     def distance_to_any(self, point: Array) -> float:
-        """Compute how far a point (3,) is from where the robot just fits [m]."""
+        """Compute the distance of a point (3,) from the nearest place, with or without margin [m]."""
         grid, fits = self._grid
         return float(np.linalg.norm(grid[fits] - point[:2], axis=1).min())
 
@@ -57,7 +57,7 @@ class StandingPlaces:
 
     @cached_property
     def _found(self) -> Array:
-        """Return the places, (K, 2): those with some room around them, if there are any."""
+        """Return the places, (K, 2), if possible those with some room around them."""
         grid, fits = self._grid
         if fits.all() or not fits.any():
             return grid[fits]
@@ -133,7 +133,7 @@ class StandingPlaces:
 
 
 def check_standing_place(world: World, position: Array) -> None:
-    """Check that a robot at a position (3,) [m] could stand anywhere near.
+    """Check that there is a place to stand near a position (3,) [m].
 
     Raises:
         ValueError: if it could not.

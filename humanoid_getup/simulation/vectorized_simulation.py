@@ -1,4 +1,4 @@
-"""Vectorized simulation: N worlds stepped side by side on a thread pool."""
+"""Vectorized simulation: N worlds stepped at once on a thread pool."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class VecSim:
         self._set_drives(self.everyone, self.parameters)
 
     def read(self, name: str) -> Array:
-        """Return a live view of an MjData field that was bound, (N, ...).
+        """Return a live view of a bound MjData field, (N, ...).
 
         State fields may be written; outputs are those of the last call that computed them.
         """
         return self._data[name]
 
     def bind(self, *names: str) -> None:
-        """Make MjData fields readable, from the next call that computes them on."""
+        """Make MjData fields readable, starting with the next call that computes them."""
         self._data |= {name: self.batch.bind(name) for name in names}
 
     @property
@@ -126,11 +126,11 @@ class VecSim:
         self.diverged = np.any(warnings > 0, axis=1)
 
     def _compute_sensors(self, ids: Ids) -> None:
-        """Bring the outputs of robots just placed up to date."""
+        """Update the outputs of robots that were just placed."""
         self.batch.forward(ids)
 
     def _set_drives(self, ids: Ids, parameters: DomainParameters) -> None:
-        """Set contact friction and what the servos can do."""
+        """Set contact friction, and gains and limits of the servos."""
         robot, model, p, fields = self.robot, self.model, parameters, self._fields
         fields["geom_friction"][ids, :, 0] = p.friction[:, None] * self._friction_share
         if not self._has_motors:

@@ -26,7 +26,7 @@ class World:
     def __init__(
         self, robot: Robot, scene: Scene | str = "flat", *, model: mujoco.MjModel | None = None
     ) -> None:
-        """Compile a robot in a scene, unless ``model`` is that with other sensors or options.
+        """Compile a robot in a scene, unless ``model`` is given, with other sensors or options.
 
         Raises:
             ValueError: if there is no scene of that name.
@@ -42,13 +42,13 @@ class World:
 
     @property
     def content(self) -> bytes:
-        """Return the compiled model and the robot's description, which tell worlds apart."""
+        """Return the compiled model and the robot's description, which identify a world."""
         model = np.empty(mujoco.mj_sizeModel(self.model), np.uint8)
         mujoco.mj_saveModel(self.model, None, model)
         return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes()
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
-        """Find where anything but the feet touches the world, (..., nsensordata) to (...)."""
+        """Find contacts of more than the feet with the world, (..., nsensordata) to (...)."""
         robot_address, *feet = self._contact_addresses
         return sensordata[..., robot_address] > sensordata[..., feet].sum(axis=-1)
 
@@ -68,7 +68,7 @@ def _compile(robot: Robot, scene: Scene) -> mujoco.MjModel:
 
 
 def add_stance_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Sense how often the robot, and each of its feet, touches the world."""
+    """Add sensors of the contacts of the robot, and of each foot, with the world."""
     add_contact_sensor(spec, ROBOT_CONTACT, robot.torso, subtree=True)
     for site in robot.sole_sites:
         add_contact_sensor(spec, f"foot_{site}", spec.site(site).parent.name, subtree=False)
@@ -77,7 +77,7 @@ def add_stance_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
 def add_contact_sensor(
     spec: mujoco.MjSpec, name: str, body: str, *, subtree: bool, force: bool = False
 ) -> None:
-    """Count the contacts between a body (or its subtree) and the world.
+    """Add a sensor of the contacts between a body (or its subtree) and the world.
 
     With ``force`` the number is followed by the point at which the net contact force acts.
     """
@@ -95,7 +95,7 @@ def add_contact_sensor(
 
 
 def _add_overlap(spec: mujoco.MjSpec, torso: str) -> None:
-    """Sense the deepest contact of the robot with itself."""
+    """Add a sensor of the deepest contact of the robot with itself."""
     distance, nearest = 1 << 3, 1  # mjCONDATA_DIST, reduction by smallest distance
     spec.add_sensor(
         name="overlap",

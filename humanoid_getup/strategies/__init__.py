@@ -1,1 +1,1 @@
-"""Ways to get up: planned, learned, stored; and how one is chosen."""
+"""Strategies to get up: planned, learned, stored; and the choice of one."""

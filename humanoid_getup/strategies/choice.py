@@ -28,18 +28,18 @@ from humanoid_getup.strategies.track_record import (
 from robots import FULL_TORQUE, Posture, TorqueLimit
 
 NEAREST, STRAIGHT = "nearest", "straight"
-"""Baselines: the nearest stored motion as it is, and a straight way to it without physics."""
+"""Baselines: the nearest stored motion, and straight interpolation to it, unfiltered."""
 DEFAULT_POLICY, STYLED_POLICY = "robust", "styled"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyRequest:
-    """What a robot should get up by."""
+    """Request for a strategy."""
 
     method: Literal["plan", "policy", "auto"] = "plan"
-    """Plan a motion, run a policy, or use what has the better track record for the start."""
+    """Plan a motion, run a policy, or use the one with the better track record for the start."""
     torque_limit: TorqueLimit = FULL_TORQUE
-    """Of the servos."""
+    """Torque limit of the servos."""
     prefer: PreferenceName = "time"
     """What a planned rise should be besides successful."""
     search_budget: float = SEARCH_BUDGET
@@ -47,7 +47,7 @@ class StrategyRequest:
     keys: tuple[Posture | KeyPosture, ...] = ()
     """Key postures for a planned rise, in order."""
     options: PlannerOptions | None = None
-    """Of the planner; None for the best known."""
+    """Options of the planner; None for the best known."""
     policy: str | None = None
     """Name of a policy, or its file; None for the robust one, or the styled one with a style."""
     style: str | None = None
@@ -62,7 +62,7 @@ class StrategySelector:
     """
 
     def __init__(self, strategies: dict[StrategyId, Strategy], records: TrackRecord) -> None:
-        """Select among strategies for one world and one torque limit."""
+        """Prepare to select among strategies for one world and one torque limit."""
         self._strategies, self._records = strategies, records
         default = next(iter(strategies.values()))
         self.world, self.torque_limit = default.world, default.torque_limit
@@ -121,7 +121,7 @@ def make_strategy(
     torque_limit: TorqueLimit = FULL_TORQUE,
     database: MotionDatabase | None = None,
 ) -> Strategy:
-    """Make the strategy of a name, as benchmarks compare them.
+    """Make a strategy by the name that benchmarks use.
 
     Args:
         world: Robot and scene.

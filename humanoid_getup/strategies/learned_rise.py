@@ -42,7 +42,7 @@ class PolicyPlan(RisePlan):
     def preflight(
         self, strategy: Strategy, settled: State, _measure: Callable[[], Posture]
     ) -> Verdict:
-        """Judge supply and temperatures: the motion of a policy is not known beforehand."""
+        """Judge supply and temperatures; the motion of a policy is unknown beforehand."""
         return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)
 
     def record(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ class LearnedRise:
         """For reports."""
 
     def plan(self, _start: Posture, _rng: np.random.Generator) -> PolicyPlan:
-        """Plan to run the policy; with a style, one of its own, which knows how it followed it."""
+        """Plan to run the policy; with a style, a copy that records how it followed it."""
         style = self.policy.style
         policy = self.policy.following(style) if style else self.policy
         return PolicyPlan(status=RiseStatus.LEARNED, policy=policy, name=self.name)

@@ -38,11 +38,11 @@ class RiseStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class RisePlan:
-    """The result of planning a rise; an instance of this base class has nothing to play."""
+    """The result of planning a rise; this base class has nothing to play."""
 
     status: RiseStatus
     detail: str = ""
-    """What the status does not say; empty for nothing."""
+    """Details of the status; may be empty."""
     connection: Connection | None = None
     planned: bool = False
     """Whether a path to a connecting posture was found."""
@@ -57,12 +57,12 @@ class RisePlan:
     filter_s: float = 0.0
     """Wall time of everything after that [s]."""
     search: SearchRecord | None = None
-    """How it was searched for; ``None`` where nothing is searched."""
+    """Record of the search; ``None`` without a search."""
     keys: tuple[KeyRecord, ...] = ()
-    """What became of the key postures that were asked for."""
+    """Results of the requested key postures."""
 
     def __str__(self) -> str:
-        """Say in one line what is played, and how the planning ended."""
+        """Describe in one line the motion to play, and how the planning ended."""
         parts = [self.reason]
         if not math.isnan(self.robust):
             parts.append(f"stands in {self.robust:.0%} of its disturbed rollouts")
@@ -75,7 +75,7 @@ class RisePlan:
 
     @property
     def title(self) -> str:
-        """Return the name of what is played; empty if nothing is."""
+        """Return the name of the motion or policy to play; empty if there is none."""
         return ""
 
     @property
@@ -111,7 +111,7 @@ class RisePlan:
         """Save the plan's motion, if it has one, in a folder."""
 
     def forget(self) -> None:
-        """Take the plan out of the cache, if it is in one: it was refused, or failed."""
+        """Remove the plan from its cache, if any: it was refused, or failed."""
 
     def record(self) -> dict[str, Any]:
         """Return the figures of the plan under report.json's keys."""

@@ -32,16 +32,16 @@ MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerOptions:
-    """What a planner leaves out, and what its simulation uses; the defaults are the best known."""
+    """Options of a planner and its simulation; the defaults are the best known."""
 
     planning: bool = True
     """Plan a path to the connecting posture; False: interpolate straight to it."""
     filtering: bool = True
     """Filter through physics; False: path and motion are played as they are."""
     assistance: float = 1.0
-    """Share of the virtual actuator's torques that the filter uses."""
+    """Factor on the virtual actuator's torques in the filter."""
     threads: int = 0
-    """That step physics; 0 for one per processor. They change no result."""
+    """Threads that step physics; 0 for one per processor. They change no result."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.assistance <= MOST_ASSISTANCE:
@@ -186,7 +186,7 @@ class PlannedRise:
 
 
 def _add_effort(found: FoundRise, through: FoundRise) -> FoundRise:
-    """Add what the search through key postures took, and why it dropped them."""
+    """Add effort and result of the search through key postures to a plan."""
     return replace(
         found,
         keys=through.keys,

@@ -1,4 +1,4 @@
-"""Motions that a planned rise makes: of a rollout, or of a path and a stored motion."""
+"""Motions of a planned rise, made from a rollout, or from a path and a stored motion."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def make_move(world: World, start: Posture, move: Move) -> Motion:
 
 
 def _find_side(start: Posture) -> LyingSide:
-    """Classify a robot that need not lie, by the side to which it leans."""
+    """Classify a robot by the side to which it leans; it need not lie."""
     return classify(start.orientation) or ("prone" if start.gravity_b[0] > 0.0 else "supine")
 
 

@@ -1,4 +1,4 @@
-"""A policy that follows the curves of a planned motion: it rises as planned, with feedback."""
+"""Styled rise: a policy follows the curves of a planned motion, with feedback."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from robots.kinematics import place_postures
 from robots.quaternion import Array
 
 PLANNED = "planned"
-"""Name of the style that is the curves of a plan."""
+"""Name that stands for the curves of a plan."""
 
 
 class StyledRise:
     """Plans a motion, and lets a policy follow its style curves."""
 
     def __init__(self, learned: LearnedRise, planner: Strategy) -> None:
-        """Join a policy that follows style curves with a planner of the same world.
+        """Combine a policy that follows style curves with a planner of the same world.
 
         Raises:
             ValueError: if the policy follows no style curves.

@@ -55,7 +55,7 @@ class StrategyId:
 
 @dataclass(frozen=True)
 class StandCount:
-    """How many of a number of rises ended in a held stand."""
+    """Number of rises, and of those that ended in a held stand."""
 
     stood: Annotated[int, whole(0, MOST_RISES)]
     n: Annotated[int, whole(1, MOST_RISES)]
@@ -66,7 +66,7 @@ ClassCount = Annotated[StandCount, Meta(description="{ stood = ..., n = ... }")]
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyRecord:
-    """How often one strategy succeeded under one torque limit: a table [[record]] of the file."""
+    """Success of one strategy under one torque limit: a table [[record]] of the file."""
 
     method: Literal["plan", "policy"]
     torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")]
@@ -101,7 +101,7 @@ class TrackRecord:
         return any(record.strategy == strategy for record in self.records)
 
     def success(self, strategy: StrategyId, start_class: str, torque_limit: TorqueLimit) -> float:
-        """Return the share of held stands to expect of a strategy, from 0 to 1.
+        """Return the expected share of held stands of a strategy, from 0 to 1.
 
         It is the lower end of the 95 % interval, so that few rises count for little. Stronger
         servos do no harm: the record with the highest torque limit up to the given one counts.

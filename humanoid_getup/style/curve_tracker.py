@@ -1,4 +1,4 @@
-"""Tracks robots along style curves: measured features, and those wanted now and ahead.
+"""Tracks robots along style curves: measured features, and targets now and ahead.
 
 Training, evaluation and robot call the same code, on a thousand robots or on one.
 """
@@ -32,7 +32,7 @@ class CurveTracker(SavedArrays):
         self._curves = CurveTargets(n)
         self._sense = FeatureSense(robot, n, threads)
         self.time = np.zeros(n)
-        """Of each robot on its curves [s], (N,)."""
+        """Time of each robot on its curves [s], (N,)."""
         self.features = np.zeros((n, COUNT))
         """Features that the robots measure, (N, 3)."""
         self.targets = np.zeros((n, len(LOOKAHEAD), COUNT))
@@ -46,7 +46,7 @@ class CurveTracker(SavedArrays):
 
     @property
     def deviating(self) -> Array:
-        """Return for how long each robot has deviated without a restart [s], (N,)."""
+        """Return how long each robot has deviated without a restart [s], (N,)."""
         return self._deviating
 
     @property
@@ -84,7 +84,7 @@ class CurveTracker(SavedArrays):
     def restart_deviating(
         self, step_time: float, choose: Callable[[int, Array], StyleCurves]
     ) -> NDArray[np.int_]:
-        """Restart robots that deviate too long from their curves; return which, (m,).
+        """Restart robots that deviate too long from their curves; return their rows, (m,).
 
         To be called once in each policy step [s]. The new curves are those that ``choose`` returns
         for the number of a robot and its measured features (3,); they are not followed if they

@@ -1,4 +1,4 @@
-"""Edits of style curves: raise sooner or later, rise slower or faster, hold on the way."""
+"""Edits of style curves: rise sooner or later, slower or faster, with a hold."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def shift_rise(curves: StyleCurves, delay: float) -> StyleCurves:
 
 
 def hold(curves: StyleCurves, at: float, time: float) -> StyleCurves:
-    """Hold the features of a moment [s] for some time [s], by which the duration grows.
+    """Hold the features of a time [s] for a duration [s]; the curves become longer by it.
 
     Nine control points round the corners of a hold that is short against the duration.
 

@@ -1,4 +1,4 @@
-"""The height map: the ground around a robot, as a policy may observe it."""
+"""The height map: the ground around a robot, for policies that observe it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GRID = 5
 PLACES = np.linspace(-1.0, 1.0, GRID)
 FORWARD, LEFT = (grid.ravel() for grid in np.meshgrid(PLACES, PLACES, indexing="ij"))
 UNKNOWN = np.zeros(GRID**2)
-"""Height map of a robot that does not know the ground around it: as if it were level."""
+"""Height map of a robot without knowledge of the ground: level."""
 
 
 def measure_height_map(robot: Robot, ground: Ground, position: Array, orientation: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Arrays of an object that are saved with a training, and restored when it is resumed."""
+"""Saved arrays: the state of an object in a training that is saved and resumed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A style: curves for one or several ways of lying, of which a rise follows the nearest."""
+"""A style: curves for one or several ways of lying; a rise follows the nearest."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Style:
 
     @cached_property
     def _choices(self) -> tuple[list[StyleCurves], Array, Array]:
-        """All curves and their mirror images, how they begin, (m, 3), and how they turn, (m,).
+        """All curves and mirror images, with their beginnings, (m, 3), and turns, (m,).
 
         They are kept, because a robot chooses within a control cycle.
         """

@@ -1,4 +1,4 @@
-"""Mean errors of robots from the style curves that they followed first."""
+"""Style errors: mean deviations of robots from their first curves."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ FAR = math.radians(45.0)  # between how a robot lies and how its curves begin
 
 
 class StyleErrors:
-    """Errors of N robots from the curves that they followed first, while these last.
+    """Deviations of N robots from their first curves, while these last.
 
     A robot that deviates restarts on other curves: the errors are still those from the first. One
     that stands from the first is at the end of its curves; its errors are those from a stand.
     """
 
     def __init__(self, curves: Sequence[StyleCurves], features: Array, time: Array) -> None:
-        """Begin with robots of some features (N, 3) at times on their curves [s], (N,)."""
+        """Begin with features (N, 3) of robots at times on their curves [s], (N,)."""
         n = len(curves)
         self._asked = CurveTargets(n)
         pieces = np.array([curve.pieces for curve in curves])
@@ -49,7 +49,7 @@ class StyleErrors:
 
     @property
     def stood_already(self) -> NDArray[np.bool_]:
-        """Return which robots were at the end of their curves from the first, (N,)."""
+        """Return whether each robot was at the end of its curves at the start, (N,)."""
         return self._begin >= self.duration
 
     @property
@@ -60,7 +60,7 @@ class StyleErrors:
 
     @property
     def mean(self) -> Array:
-        """Return the mean errors, (N, 3); NaN where nothing was noted."""
+        """Return the mean errors, (N, 3); NaN where nothing was recorded."""
         if not self._seen:
             return np.full((len(self.duration), COUNT), np.nan)
         passed = np.array(self._passed)  # (T,)
@@ -73,20 +73,20 @@ class StyleErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class FollowedStyle:
-    """Figures of one robot on the curves that it followed first."""
+    """Figures of one robot on its first curves."""
 
     height_error: float
     """Mean error of the neck height while they lasted, as a share of standing; NaN for none."""
     angle_error: float
     """Mean error of both torso angles while they lasted [rad]; NaN for none."""
     share: float
-    """Share of their duration that passed before the rise ended."""
+    """Share of the duration that had passed when the rise ended."""
     restarts: int
     """How often the robot deviated, and restarted on other curves."""
     start_error: float
-    """Angle between how the robot lay and how the curves begin [rad]."""
+    """Angle between the robot's start and the beginning of the curves [rad]."""
     stood_already: bool = False
-    """Whether it stood from the first, so that there was nothing to follow."""
+    """Whether the robot stood at the start, so that there was nothing to follow."""
 
     @staticmethod
     def of(
@@ -110,7 +110,7 @@ class FollowedStyle:
         return is_near and self.restarts == 0 and self.share == 1.0
 
     def __str__(self) -> str:
-        """Summarize them in one line."""
+        """Summarize the figures in one line."""
         if self.stood_already:
             return "the robot stood already"
         text = "followed" if self.was_followed else "not followed"

@@ -32,7 +32,7 @@ Seconds = Annotated[float, positive(LONGEST, "s")]
 
 @dataclass(frozen=True, kw_only=True)
 class CurvesTable:
-    """Curves as they are written, nine control points each."""
+    """Curves in a style file, nine control points each."""
 
     start: str = ""
     """How the body lies at their beginning; for readers only."""
@@ -45,11 +45,11 @@ class CurvesTable:
 
 @dataclass(frozen=True, kw_only=True)
 class StyleTable:
-    """A style as it is written."""
+    """The content of a style file."""
 
     about: str = ""
     leg_length: Annotated[float, positive(TALLEST, "m")]
-    """Length of the legs of the body that the durations are of [m]."""
+    """Leg length of the body to which the durations belong [m]."""
     duration: Seconds | None = None
     """Duration of the curves that have none of their own [s]."""
     curves: Annotated[
@@ -84,7 +84,7 @@ def load_style(name: str, robot: Robot) -> Style:
 
 
 def load_any_style(robot: Robot) -> Style:
-    """Load all named styles as one, whose curves `Style.choose` chooses from."""
+    """Load all named styles as one; `Style.choose` chooses among its curves."""
     styles = [load_style(name, robot) for name in list_styles()]
     curves = tuple(curve for style in styles for curve in style.curves)
     return Style(name="any", about="the nearest of all named styles", curves=curves)
@@ -117,7 +117,7 @@ def read_style(file: Path, robot: Robot) -> Style:
 
 
 def write_style(style: Style, robot: Robot, file: Path) -> None:
-    """Write a style file whose durations are those of a robot."""
+    """Write a style file with durations for a robot."""
     document = tomlkit.document()
     if style.about:
         document.add("about", tomlkit.item(readable(style.about)))

@@ -1,1 +1,1 @@
-"""The cache of plans: solved rises in a folder, and the strategy that reuses the nearest."""
+"""The plan cache: solved rises in a folder, and a strategy that reuses the nearest one."""

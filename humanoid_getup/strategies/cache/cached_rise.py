@@ -1,4 +1,4 @@
-"""A strategy that reuses the plan of the nearest solved rise where that still stands."""
+"""A strategy that reuses the plan of the nearest solved rise if it still stands."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FADE = 0.5  # s in which the difference between two starts fades out of the join
 
 @dataclass(frozen=True, kw_only=True)
 class Nearness:
-    """How near a start is to that of a solved rise."""
+    """Distance of a start from that of a solved rise."""
 
     distance: float
     """Posture metric."""
@@ -50,18 +50,18 @@ class Nearness:
 
     @property
     def is_same(self) -> bool:
-        """Return whether no encoder could tell one start from the other."""
+        """Return whether the starts differ by less than encoders resolve."""
         return max(self.joint, self.tilt) < SAME_ANGLE
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeptPlan(MotionPlan):
-    """A motion plan that is in the cache: it came from there, or was put there."""
+    """A motion plan that is in the cache, taken from it or added to it."""
 
     cache: PlanCache
     entry: CacheEntry
     nearness: Nearness | None = None
-    """How near the start is to that of the entry; ``None`` if it was planned for this start."""
+    """Distance of the start from that of the entry; ``None`` if planned for this start."""
 
     def forget(self) -> None:
         """Remove the plan from the cache."""
@@ -81,7 +81,7 @@ class KeptPlan(MotionPlan):
 
 
 class CachedRise:
-    """Plans rises, keeps those that are solved, and begins with the nearest one.
+    """Plans rises, stores solved ones, and tries the nearest stored one first.
 
     The plan of a start so near that the disturbed rollouts of the check covered it is fitted to
     the measured start and rolled out again: undisturbed, and disturbed unless the start is the
@@ -134,7 +134,7 @@ class CachedRise:
         return self._keep(start, self._planner.plan(start, rng))
 
     def _find_nearest(self, start: Posture) -> tuple[CacheEntry, Nearness] | None:
-        """Find the solved rise that began nearest to a start, if it is near enough."""
+        """Find the solved rise with the start nearest to a given one, if it is near enough."""
         try:
             content = self._cache.read(self.context.robot)
         except OSError as error:
@@ -160,7 +160,7 @@ class CachedRise:
         )
 
     def _is_usable(self, entry: CacheEntry, near: Nearness, start: Posture) -> bool:
-        """Return whether the check of a rise says something about a start."""
+        """Return whether a rise may be reused for a start."""
         if not self.world.scene.is_flat:  # there, place and heading matter as well
             shift = np.abs(start.position - entry.rise.position).max()
             turn = quaternion.angle_between(start.orientation, entry.rise.orientation)
@@ -175,7 +175,7 @@ class CachedRise:
         rng: np.random.Generator,
         began: float,
     ) -> KeptPlan | None:
-        """Fit a kept motion to a start, and return its plan if it stands there."""
+        """Fit a stored motion to a start, and return its plan if it stands there."""
         rise, planner = entry.rise, self._planner
         try:
             motion = fit(entry.load_motion(), start, self.world.robot)
@@ -207,7 +207,7 @@ class CachedRise:
         )
 
     def _keep(self, start: Posture, plan: RisePlan) -> RisePlan:
-        """Put a plan that stands into the cache."""
+        """Store a plan that stands in the cache."""
         joined = plan.connection
         if not isinstance(plan, MotionPlan) or plan.status is not RiseStatus.STOOD or not joined:
             return plan
@@ -240,7 +240,7 @@ class CachedRise:
 
 
 def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
-    """Turn and shift a motion over the ground to a near start, and let it begin at its angles.
+    """Turn and shift a motion over the ground to a near start; it begins at the start's angles.
 
     The targets stay as they were checked from disturbed starts, but for the first few, which must
     not be beyond the reach of the servos. Shifted by the difference between the starts, they fell
@@ -263,12 +263,12 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
 
 
 def _fade(time: Array) -> Array:
-    """Return the share of the difference that is left at times [s], smoothly from 1 to 0."""
+    """Return the remaining share of the difference at times [s], smoothly from 1 to 0."""
     return 1.0 - smooth_step(time / FADE)
 
 
 def compute_fingerprint(planner: PlannedRise) -> str:
-    """Compute a checksum of all that a plan depends on, besides start, limit and seed.
+    """Compute a checksum of the inputs of a plan, besides start, limit and seed.
 
     It is that of the compiled model of robot and scene, the robot's description, the motions, the
     settings of the planner, and the versions of this program and of MuJoCo.

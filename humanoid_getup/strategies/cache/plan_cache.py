@@ -1,4 +1,4 @@
-"""The plan cache: a folder of solved rises, with the starts that they were solved for.
+"""The plan cache: a folder of solved rises, with their starts.
 
 A solved rise consists of two files in the subfolder of its robot: ``NAME.npz``, the motion, and
 ``NAME.json``, a `SolvedRise`, which is written last. A rise without it does not exist.
@@ -45,7 +45,7 @@ class CacheEntry:
     """Its ``NAME.json``."""
     rise: SolvedRise
     motion_sha256: str
-    """Of the content of the motion's file."""
+    """Checksum of the motion's file."""
 
     @property
     def name(self) -> str:
@@ -59,7 +59,7 @@ class CacheEntry:
 
     @property
     def size(self) -> int:
-        """Return the size of both files [bytes]; what is missing counts as nothing."""
+        """Return the size of both files [bytes]; a missing file has 0."""
         files = (self.file, self.motion_file)
         return sum(file.stat().st_size for file in files if file.is_file())
 
@@ -92,7 +92,7 @@ class CacheEntry:
 
 @dataclass(frozen=True)
 class CacheContent:
-    """What a cache holds."""
+    """The content of a cache."""
 
     entries: tuple[CacheEntry, ...]
     """Newest first."""
@@ -104,7 +104,7 @@ class PlanCache:
     """Solved rises in a folder, with one subfolder for each robot."""
 
     def __init__(self, folder: Path | str | None = None, *, capacity: int = CAPACITY) -> None:
-        """Open a cache; the folder is made when the first rise is kept.
+        """Open a cache; the folder is created with the first rise.
 
         Args:
             folder: ``None`` for the user's own, see `default_folder`.
@@ -154,7 +154,7 @@ class PlanCache:
         return problems
 
     def keep(self, rise: SolvedRise, motion: Motion) -> CacheEntry:
-        """Keep a solved rise; one with the same start and context is replaced.
+        """Store a solved rise; one with the same start and context is replaced.
 
         Raises:
             OSError: if it cannot be written.
@@ -173,7 +173,7 @@ class PlanCache:
         return CacheEntry(file=file, rise=rise, motion_sha256=checksum)
 
     def remove(self, entry: CacheEntry) -> None:
-        """Remove an entry; one whose files cannot be removed is not read any more."""
+        """Remove an entry; one whose files cannot be removed is no longer read."""
         self._removed.add(entry.file)
         with contextlib.suppress(OSError):
             _remove(entry.file)
@@ -214,7 +214,7 @@ class PlanCache:
         return self.folder / re.sub(r"\W", "_", robot)
 
     def _drop_oldest(self, robot: str) -> None:
-        """Remove what exceeds the capacity, by the time at which its files were written."""
+        """Remove the oldest rises beyond the capacity, by the times of their files."""
         written: dict[Path, float] = {}
         for file in self._list_files(robot):
             entry = file.with_suffix(".json")
@@ -254,7 +254,7 @@ def _read_entry(file: Path) -> CacheEntry:
 
 
 def _remove(file: Path) -> None:
-    """Remove an entry's files: first the one without which it does not exist."""
+    """Remove an entry's files, first the one that makes it an entry."""
     for suffix in SUFFIXES:
         one = file.with_suffix(suffix)
         if one.is_dir() and not one.is_symlink():

@@ -1,4 +1,4 @@
-"""A solved rise: where the robot lay, under which conditions, and how well the plan stood."""
+"""A solved rise: start, conditions, and robustness of the plan."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ MOST_TIME = 1e11  # s since 1970
 
 @dataclass(frozen=True, kw_only=True)
 class PlanContext:
-    """What a plan depends on, besides where the robot lies."""
+    """Inputs of a plan besides the start."""
 
     robot: str
     scene: str
     fingerprint: str
-    """Of the robot, the scene, the motions, the program and its settings."""
+    """Checksum of robot, scene, motions, program and settings."""
     limit_by: LimitMode
     torque_limit: Annotated[float, positive(MOST_TORQUE, "N·m")] | None = None
     """Torque limit of every servo [N·m]; None for stall torque."""
@@ -43,7 +43,7 @@ class PlanContext:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolvedRise:
-    """A start, and how the rise from it was solved; the motion has a file of its own."""
+    """A start, and the solution of its rise; the motion has a file of its own."""
 
     context: PlanContext
     start_class: StartClass
@@ -56,7 +56,7 @@ class SolvedRise:
     connection: str
     """Name of the stored motion that the rise joins."""
     frame: Annotated[int, whole(0, MOST_FRAMES)]
-    """At which it joins."""
+    """Frame at which it joins."""
     distance: Annotated[float, Meta(ge=0.0, description="a finite number, 0 or more")]
     """Posture metric from the start to that frame."""
     planned: bool
@@ -84,7 +84,7 @@ class SolvedRise:
 
 
 def read_solved_rise(record: dict[str, Any]) -> SolvedRise:
-    """Read a solved rise from what JSON holds.
+    """Read a solved rise from the content of JSON.
 
     Raises:
         ValueError: naming everything that is wrong.

@@ -1,1 +1,1 @@
-"""Rises through key postures that a user gives."""
+"""Rises through key postures of a user."""

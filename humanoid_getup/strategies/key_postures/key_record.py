@@ -1,4 +1,4 @@
-"""Key postures in a motion: when it passes through them, and how closely."""
+"""Key postures in a motion: times and errors at which it passes them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class KeyPass:
 
     @property
     def distance(self) -> float:
-        """Return how far the posture is from the key; up to 1 it is kept."""
+        """Return the distance of the posture from the key; up to 1 the key is kept."""
         return max(self.largest / CLOSE_JOINT, self.tilt / CLOSE_TILT)
 
     @property
@@ -44,19 +44,19 @@ class KeyPass:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KeyRecord:
-    """What became of a key posture in a plan."""
+    """Result of a key posture in a plan."""
 
     name: str
     posture: Posture
     kept: bool
     time: float | None = None
-    """When the motion passes through it [s]; ``None`` if it does not."""
+    """Time at which the motion passes it [s]; ``None`` if it does not."""
     joint_error: float | None = None
     """Largest joint error at that instant of the undisturbed rollout [rad]."""
     tilt_error: float | None = None
     """Error of the torso's tilt at that instant [rad]."""
     reason: str = ""
-    """Why it was dropped; empty if it was kept."""
+    """Reason why it was dropped; empty if it was kept."""
 
     def record(self) -> dict[str, Any]:
         """Return it under report.json's keys."""
@@ -71,7 +71,7 @@ class KeyRecord:
 
 
 def find_passes(world: World, qpos: Array, keys: Sequence[Posture]) -> list[KeyPass]:
-    """Find when a robot comes closest to each of several key postures, in their order.
+    """Find the times at which a robot is closest to each of several key postures, in order.
 
     Of all ordered instants those are taken whose distances have the least sum. MuJoCo positions
     have the shape (T, nq), one row for each control period.
@@ -90,7 +90,7 @@ def find_passes(world: World, qpos: Array, keys: Sequence[Posture]) -> list[KeyP
 
 
 def _pick_in_order(distance: Array) -> list[int]:
-    """Pick a column in each row of (K, T), none before that of the row above, of least sum."""
+    """Pick non-decreasing columns in the rows of (K, T) with the smallest sum."""
     total = np.zeros_like(distance)
     before = np.zeros(distance.shape[1])
     for k, row in enumerate(distance):

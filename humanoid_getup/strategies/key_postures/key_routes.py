@@ -1,4 +1,4 @@
-"""The ways through key postures that are worth a rollout, each planned in the scene.
+"""Candidate ways through key postures, each planned in the scene.
 
 A path of postures alone rolls no robot over and sits none up; a stored motion does. So a key
 posture is approached on a path, or by the motion that passes nearest to it.
@@ -45,7 +45,7 @@ class Stretch:
 def find_stretches(
     database: MotionDatabase, start: Posture, key: Posture, count: int
 ) -> list[Stretch]:
-    """Find the stretches of stored motions, one of each, that lead nearest from start to key.
+    """Find the stretch of each stored motion that leads most closely from start to key.
 
     They begin at an entry frame.
     """

@@ -1,4 +1,4 @@
-"""A rise through key postures: kept where physics permits, and dropped with a reason."""
+"""Keyed rise: a rise through key postures, which are kept where physics permits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FINALISTS = 4  # rollouts that may be checked against disturbances
 
 @dataclass
 class _Passing:
-    """A rollout, and how it passes the keys."""
+    """A rollout, and its passes of the keys."""
 
     rollout: CandidateRollout
     passes: list[KeyPass]
@@ -48,7 +48,7 @@ class _Passing:
 
 @dataclass
 class _Tries:
-    """What was rolled out through some of the keys."""
+    """Rollouts through some of the keys."""
 
     count: int = 0
     standing: list[_Passing] = field(default_factory=list)
@@ -102,7 +102,7 @@ class KeyedRise:
         keys: Sequence[KeyPosture],
         rng: np.random.Generator,
     ) -> _Tries:
-        """Roll out the ways through keys, resting at them, or else not; correct those that stand.
+        """Roll out ways with rests at the keys, else without; correct those that stand.
 
         Ways that do not rest are tried only if none that rests keeps all keys.
         """
@@ -131,7 +131,7 @@ class KeyedRise:
     def _correct(
         self, start: Posture, passing: list[_Passing], keys: Sequence[KeyPosture]
     ) -> list[_Passing]:
-        """Shift targets around each key by the error that is left there, again and again.
+        """Shift targets around each key repeatedly by the remaining error.
 
         Servos stay behind their targets by their load. Of each rollout the closest is kept that
         still stands.
@@ -185,14 +185,14 @@ class KeyedRise:
         )
 
     def _describe(self, one: KeyPass) -> str:
-        """Say how far from a key posture a motion passes."""
+        """Describe the distance at which a motion passes a key posture."""
         worst = int(np.argmax(np.abs(one.joint_error)))
         name = self._world.robot.joint_names[worst]
         text = f"the nearest that it comes: joint '{name}' {one.largest:.2f} rad off"
         return f"{text}, torso {one.tilt:.2f} rad" if one.tilt > CLOSE_TILT else text
 
     def _explain(self, tries: _Tries, number: int) -> str:
-        """Say why the last of several keys, with its number from 0, was dropped."""
+        """Describe why the last of several keys, with its number from 0, was dropped."""
         if not tries.count:
             return tries.reason
         if not tries.standing:

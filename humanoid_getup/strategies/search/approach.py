@@ -1,4 +1,4 @@
-"""Approach: from a lying posture to where a stored motion is joined."""
+"""Approach: paths from a lying posture to stored motions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Approach:
         rng: np.random.Generator,
         before: Array | None = None,
     ) -> list[Candidate]:
-        """Plan from a posture to connecting ones, and keep those with a path.
+        """Plan from a posture to connecting ones, and return candidates for those with a path.
 
         After two failures and no path the start itself counts as blocked, and the others are not
         tried; nor are they after five failures.

@@ -1,4 +1,4 @@
-"""Continuation: failed rollouts from whose ends another rise may succeed."""
+"""Continuation: chooses ends of failed rollouts from which another rise may succeed."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MOST_ENDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class End:
-    """Where a failed rollout came to rest, and how it got there."""
+    """The end of a failed rollout at rest, and the targets that led there."""
 
     posture: Posture
     target: Array
-    """Targets sent up to then [rad], (T, n)."""
+    """Targets sent until then [rad], (T, n)."""
     confinement: float
     """Distance from the nearest place where the robot has room to stand [m]."""
 
@@ -52,7 +52,7 @@ class Continuation:
         return picked
 
     def _end(self, failed: CandidateRollout) -> End:
-        """Cut a rollout where the robot is at rest."""
+        """Cut a rollout at the time from which the robot is at rest."""
         robot, model = self._world.robot, self._world.model
         length = min(failed.moving + round(REST / robot.control_period), len(failed.target))
         posture = read_posture(robot, model, failed.qpos[length - 1])

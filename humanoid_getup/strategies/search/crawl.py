@@ -1,4 +1,4 @@
-"""Crawl: a search for targets that bring a lying robot to where it has more room."""
+"""Crawl: a search for moves that bring a lying robot to a place with more room."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ SPREAD, LEAST_SPREAD = 0.8, 0.2  # rad, standard deviation of the first knots an
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """Targets of a move, and where they bring the robot."""
+    """Targets of a move, and the resulting postures."""
 
     target: Array
     """[rad], (T, n)"""
     qpos: Array
     """MuJoCo positions after each target, in the undisturbed world, (T, nq)."""
     cost: float
-    """In the worst of the worlds in which it was tried."""
+    """Cost in the worst world in which it was tried."""
 
 
 class Crawl:
@@ -65,7 +65,7 @@ class Crawl:
         cost: Callable[[Array], Array],
         rng: np.random.Generator,
     ) -> Move | None:
-        """Find the move from a posture at rest that costs least, in the worst of a few worlds.
+        """Find the move from a posture at rest with the smallest cost in the worst of some worlds.
 
         If all diverge, there is none.
 

@@ -1,4 +1,4 @@
-"""A rise without key postures: rounds of candidates, until one stands under every disturbance."""
+"""Free rise: rounds of candidates until one stands under every disturbance."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class FreeRise:
         places: StandingPlaces | None,
         rng: np.random.Generator,
     ) -> None:
-        """Try slower still, and then from where the rollouts ended, until one is robust."""
+        """Try stronger slowdown, and then from the ends of the rollouts, until one is robust."""
         if search.tried and not search.is_done:
             search.try_all([replace(c, slowdown=s) for s in OTHER_SLOWDOWNS for c in first])
         continuation = Continuation(self._tools.world, places)
@@ -133,7 +133,7 @@ class FreeRise:
         return candidates
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
-        """Find where the robot has room to stand; ``None`` without obstacles."""
+        """Find the places with room to stand; ``None`` without obstacles."""
         world = self._tools.world
         places = StandingPlaces(world, start.position)
         return places if world.scene.obstacles and places.exist else None
@@ -141,7 +141,7 @@ class FreeRise:
     def _crawl(
         self, start: Posture, places: StandingPlaces, rng: np.random.Generator
     ) -> Move | None:
-        """Find a move towards where the robot has room to stand; ``None`` if none leads nearer."""
+        """Find a move towards a place with room to stand; ``None`` if none leads nearer."""
         distance = float(places.distance(start.position))
         for _ in range(CRAWLS):
             move = self._tools.crawl.search(start, places.distance, rng)

@@ -23,7 +23,7 @@ SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 
 @dataclass(frozen=True, kw_only=True)
 class SearchTools:
-    """What the searches for the rises of one robot in one scene share."""
+    """Tools shared by the searches for rises of one robot in one scene."""
 
     world: World
     database: MotionDatabase
@@ -43,7 +43,7 @@ class SearchTools:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundRise:
-    """What was found from a start."""
+    """Result of a search from a start."""
 
     rollout: CandidateRollout | None = None
     """The best rise; None if nothing stands."""
@@ -52,9 +52,9 @@ class FoundRise:
     robust: float = float("nan")
     """Share of the disturbed rollouts in which the best one stood."""
     move: Move | None = None
-    """A move to where there is room, in place of a rise."""
+    """A move to a place with room, instead of a rise."""
     keys: tuple[KeyRecord, ...] = ()
-    """What became of each key posture, in the order given."""
+    """Result of each key posture, in the given order."""
     planned: bool = False
     """Whether any path was planned."""
     rolled_out: bool = False
@@ -101,7 +101,7 @@ class RiseSearch:
 
     @property
     def found(self) -> FoundRise:
-        """Return what was found so far."""
+        """Return the result so far."""
         return FoundRise(
             rollout=self._best,
             before=self._before,
@@ -132,7 +132,7 @@ class RiseSearch:
                 return
 
     def refit(self, times: int, finalists: int) -> None:
-        """Fit the legs of the last round's candidates to where their rollouts came, and try again.
+        """Fit the legs of the last candidates to the places of their rollouts, and try again.
 
         Where the ground is uneven, a robot that came to another place or heading than its
         motion would on level ground needs another fit.
@@ -155,7 +155,7 @@ class RiseSearch:
                     return
 
     def improve(self) -> None:
-        """Vary the targets of a rise that stands everywhere, where more is preferred."""
+        """Vary the targets of a rise that stands everywhere, if the preference requires it."""
         best, preference = self._best, self._filter.preference
         if best and self.is_done and (preference.is_demanding or best.collides):
             budget = preference.improvement * self._tools.budget
@@ -169,11 +169,11 @@ class RiseSearch:
         return rollout.stood and not is_worse
 
     def _rank(self, rollout: CandidateRollout) -> tuple[int, float]:
-        """Return what is sorted by, the best first."""
+        """Return the sort key of a rollout, smallest for the best."""
         return self._count_lost(rollout), rollout.cost
 
     def _check(self, rollout: CandidateRollout) -> None:
-        """Check a rollout that stands, its touching limbs separated; keep it if it is the best."""
+        """Check a rollout that stands, with limbs separated; keep it if it is the best."""
         separated = self._filter.separate(self._start, rollout)
         for one in [separated] if separated is rollout else [separated, rollout]:
             best, (lost, cost) = self._best, self._rank(one)

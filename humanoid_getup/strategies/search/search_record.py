@@ -1,4 +1,4 @@
-"""What a plan was searched for, what that took, and what it brought."""
+"""Record of a search: its preference, its effort and its result."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from humanoid_getup.motions.preference import PreferenceName
 
 @dataclass(frozen=True, kw_only=True)
 class SearchRecord:
-    """How a rise was searched for."""
+    """Record of the search for a rise."""
 
     prefer: PreferenceName
     budget: float
-    """Time that a search might simulate [s]."""
+    """Simulated time that was permitted [s]."""
     simulated: float = 0.0
-    """Time that searches and improvement simulated [s]."""
+    """Simulated time of searches and improvement [s]."""
     outcome: Outcome | None = None
-    """Of the rise that is played, in its own rollout; None if none stood."""
+    """Outcome of the rise to play, in its own rollout; None if none stood."""
     before: Outcome | None = None
-    """Of the rise that was improved; None if none was, or nothing better was found."""
+    """Outcome of the rise before its improvement; None if it was not improved."""
 
     def record(self) -> dict[str, Any]:
         """Return it under report.json's keys."""
@@ -57,4 +57,4 @@ NO_SEARCH = {
     "rollout": None,
     "rollout_before_improvement": None,
 }
-"""The keys of a rise that is not searched for."""
+"""The record of a rise without a search."""

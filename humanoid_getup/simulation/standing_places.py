@@ -42,7 +42,7 @@ class StandingPlaces:
         return self._tree.query(point[..., :2])[0]
 
     def distance_to_any(self, point: Array) -> float:
-        """Compute the distance of a point (3,) from the nearest place, with or without margin [m]."""
+        """Compute the distance of a point (3,) from where the robot just fits [m]."""
         grid, fits = self._grid
         return float(np.linalg.norm(grid[fits] - point[:2], axis=1).min())
 

@@ -61,7 +61,7 @@ def test_what_went_as_it_should_is_told_in_order(after: AfterStand, reason: str)
         (step(abort=FELL), False, "aborted after 3.3 s: the robot was up and is falling: tilt 40°"),
         (step(Ending.FAULT), True, "servo 3 is silent"),
         (step(Ending.TIMEOUT), False, "servo 3 is silent"),
-        (step(succeeded=False), False, "it does not end as it should, by the judge"),
+        (step(succeeded=False), False, "the judge does not accept its end"),
     ],
 )
 def test_the_first_step_that_failed_is_the_reason(failed: Step, is_fault: bool, why: str):

@@ -100,12 +100,7 @@ class Follower:
         self, starts: Sequence[Posture], curves: Callable[[int, Array], StyleCurves]
     ) -> Followed:
         """Roll out from each start, with the curves that are chosen for it."""
-        driver = PolicyDriver(
-            action=self.policy.action,
-            act=self.policy.act,
-            style=self.policy.contract.style,
-            choose_style=curves,
-        )
+        driver = PolicyDriver.of(self.policy, curves)
         rollouts = PolicyTrial(robot=self.robot, policy=driver).run(starts)
         height = np.concatenate([r.features[:, :, 0] for r in rollouts])
         step = self.robot.control_period * self.policy.action.cycles

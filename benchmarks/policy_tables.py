@@ -119,15 +119,10 @@ def main(options: Options) -> None:
 
     def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[PolicyRollouts]:
         style = policy.style
-        driver = PolicyDriver(
-            action=policy.action,
-            act=policy.act,
-            style=policy.contract.style,
-            choose_style=(lambda _, features: style.choose(features)) if style else None,
-        )
+        choose = (lambda _, features: style.choose(features)) if style else None
         return PolicyTrial(
             robot=robot,
-            policy=driver,
+            policy=PolicyDriver.of(policy, choose),
             perturbation=trial,
             seed=options.seed,
             threads=options.threads,

@@ -19,6 +19,7 @@ from humanoid_getup.policy.observation import (
     compute_torque_share,
     observe,
 )
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.policy.style_follower import StyleChoice, StyleFollower
 from humanoid_getup.style.features import COUNT
 from robots.quaternion import Array
@@ -42,6 +43,19 @@ class PolicyDriver:
     """Chooses the curves that each robot follows."""
     sees_ground: bool = False
     """Whether a policy with a height map gets the true one instead of a flat one."""
+
+    @staticmethod
+    def of(
+        policy: OnnxPolicy, choose_style: StyleChoice | None = None, *, sees_ground: bool = False
+    ) -> PolicyDriver:
+        """Take a policy from a file."""
+        return PolicyDriver(
+            action=policy.action,
+            act=policy.act,
+            style=policy.contract.style,
+            choose_style=choose_style,
+            sees_ground=sees_ground,
+        )
 
     def skip(self, count: int) -> PolicyDriver:
         """Leave out the first starts."""

@@ -26,14 +26,13 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.benchmarks.witness import ServoTrace, Witness
 from humanoid_getup.experiments.judging.summary import Quantiles, summarize
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.kinematics import read_posture
 
 WINDOW = (0.1, 0.8)  # part of the motion, or of a held stand, in which the fault is injected
 AFTERMATH = 0.5  # s of bus time observed after the run: longer than the servos' watchdog
@@ -245,8 +244,7 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         witness = Witness(virtual, ports, clock=CycleClock(), options=OPTIONS)
         with witness:
             pass  # the first connection configures the servos, which may take time
-        at_rest = settle_posture(world, motion.posture(0))
-        start = read_posture(robot, world.model, at_rest)
+        start = find_rest(world, motion.posture(0))
         ports.main.call(lambda: virtual.place(start))
         guard = SafetyGuard(witness, GuardLimits.of(robot))
         at = (motion.duration or hold_time(motion)) * rng.uniform(*WINDOW)
@@ -341,7 +339,7 @@ def _kill_once(world: World, motion: Motion, share: float) -> KillTrial | None:
     """Kill a client; ``None`` if it never started, as on an overloaded machine."""
     robot = world.robot
     virtual = VirtualRobot(Simulation(world))
-    virtual.place(read_posture(robot, world.model, settle_posture(world, motion.posture(0))))
+    virtual.place(find_rest(world, motion.posture(0)))
     trace = ServoTrace(virtual)
     with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -21,7 +20,6 @@ from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
-from robots.ground import GROUND
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -119,15 +117,13 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
 def _play_disturbed(
     world: World, motion: Motion, start: Array, plays: int, rng: np.random.Generator
 ) -> list[bool]:
-    robot = world.robot
     scenarios = USUAL.sample(world, start, plays + 1, rng)
     starts, parameters = scenarios.starts, scenarios.parameters
     succeeded = []
     for i in range(1, plays + 1):  # the first is the undisturbed one
-        model = copy.copy(world.model)
-        model.geom_friction[model.geom(GROUND).id, 0] = parameters.friction[i]
-        twin = Twin(World(robot, world.scene, model=model), voltage=float(parameters.voltage[i]))
-        twin.place(read_posture(robot, model, starts[i]))
+        place = world.vary(ground_friction=parameters.friction[i])
+        twin = Twin(place, voltage=float(parameters.voltage[i]))
+        twin.place(read_posture(world.robot, world.model, starts[i]))
         succeeded.append(bool(ends_as_meant(motion, _play(twin, world, motion)[1])))
     return succeeded
 

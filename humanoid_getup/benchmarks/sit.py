@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,11 +17,9 @@ from humanoid_getup.experiments.disturbances.distributions import draw
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.experiments.judging.summary import Quantiles, summarize, wilson_interval
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit, quaternion
-from robots.ground import GROUND
-from robots.kinematics import read_posture
 
 LIMITS = {
     "full torque": FULL_TORQUE,
@@ -94,16 +91,14 @@ def _sample_stand(world: World, rng: np.random.Generator) -> DisturbedStand:
             orientation=quaternion.from_yaw(float(rng.uniform(-np.pi, np.pi))),
             joint_pos=np.clip(angles, robot.lower, robot.upper),
         )
-        posture = read_posture(robot, world.model, settle_posture(world, disturbed))
+        posture = find_rest(world, disturbed)
         stance = meter.estimate(posture.orientation[None], posture.joint_pos[None])
         if is_upright(stance, robot)[0]:
             return DisturbedStand(posture=posture, friction=friction, voltage=voltage)
 
 
 def _sit(world: World, stand: DisturbedStand, limit: TorqueLimit) -> AfterStand:
-    model = copy.copy(world.model)
-    model.geom_friction[model.geom(GROUND).id, 0] = stand.friction
-    place = World(world.robot, world.scene, model=model)
+    place = world.vary(ground_friction=stand.friction)
     twin = Twin(place, stand.posture, voltage=stand.voltage)
     options = SessionOptions(preflight=False)
     return keep_stand(twin, place, torque_limit=limit, options=options)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
-from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome
+from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_share
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.early_stop import LAST_CALL
 from humanoid_getup.experiments.rollouts.play import Feedback, FeedbackLaw
@@ -118,8 +118,7 @@ class DynamicsFilter:
         """Return the share that stood, as a check does, and the time that was simulated [s]."""
         self.count += len(scenarios)
         outcome = self._experiment.compare(scenarios, [target], give_up=True)
-        share = float(outcome.stood.mean()) if outcome.stood[0, 0] else 0.0
-        return share, outcome.record.duration
+        return compute_share(outcome.stood[0]), outcome.record.duration
 
     def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.motions.population import EvolutionStrategy
@@ -77,7 +77,7 @@ class TargetSearch:
         """
         tries = _Tries(self, scenarios, target, STEP, rng)
         outcome = tries.compare(scenarios, [target])
-        best, share, hardest = target, _share(outcome), _find_hardest(outcome)
+        best, share, hardest = target, compute_share(outcome.stood[0]), _find_hardest(outcome)
         while share < 1.0 and tries.simulated < budget:
             generation = tries.vary(scenarios.take(hardest))
             for i in generation.order[:RIVALS]:
@@ -85,8 +85,8 @@ class TargetSearch:
                     break
                 motion = generation.motions[i]
                 whole = tries.compare(scenarios, [motion])
-                if _share(whole) > share:
-                    best, share, hardest = motion, _share(whole), _find_hardest(whole)
+                if (reached := compute_share(whole.stood[0])) > share:
+                    best, share, hardest = motion, reached, _find_hardest(whole)
                     break
         return FoundTargets(
             target=best,
@@ -180,11 +180,6 @@ class _Tries:
         cost = self._search.weigh(outcome)
         order = self._population.tell(cost)
         return _Generation(motions=motions, outcome=outcome, cost=cost, order=order)
-
-
-def _share(outcome: Outcome) -> float:
-    """Return the share of the worlds in which a motion stands; 0 if not in the first."""
-    return float(outcome.stood[0].mean()) if outcome.stood[0, 0] else 0.0
 
 
 def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:

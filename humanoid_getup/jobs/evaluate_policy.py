@@ -159,13 +159,7 @@ def _roll_out(
     rollouts: list[PolicyRollouts] = []
     count = monitor.count(f"rises ({label})", len(falls))
     for number, (world, fall_set) in enumerate(grounds):
-        driver = PolicyDriver(
-            action=policy.action,
-            act=policy.act,
-            style=policy.contract.style,
-            choose_style=choices[number],
-            sees_ground=request.height_map,
-        )
+        driver = PolicyDriver.of(policy, choices[number], sees_ground=request.height_map)
         trial = PolicyTrial(
             robot=world.robot,
             policy=driver,

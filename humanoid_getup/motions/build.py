@@ -145,11 +145,16 @@ def try_out(world: World, keyframes: Keyframes) -> Trial:
 
 def settle(world: World, keyframes: Keyframes) -> Array:
     """Let the robot settle in the first key posture; return MuJoCo positions (nq,)."""
-    axis, angle = ATTITUDES[keyframes.start_class]
+    return lay_down(world, keyframes.start_class, keyframes.keys[0])
+
+
+def lay_down(world: World, start_class: str, joint_pos: Array) -> Array:
+    """Let a robot settle with held joints [rad], (n,); return MuJoCo positions (nq,)."""
+    axis, angle = ATTITUDES[start_class]
     posture = Posture(
         position=np.array([0.0, 0.0, 1.0]),
         orientation=quaternion.from_axis_angle(np.array(axis), angle),
-        joint_pos=keyframes.keys[0],
+        joint_pos=joint_pos,
     )
     return settle_posture(world, posture)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from humanoid_getup.experiments.disturbances.distributions import Normal
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance, Scenarios
+from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.keyframe_population import KeyframePopulation
@@ -27,6 +27,7 @@ from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.quaternion import Array
 
+UNDISTURBED = 2  # at its own torque limit and at full torque
 SCENARIOS = 5  # rollouts of each candidate: nominal, with full torque, three disturbed
 LIMIT_SHARES = (0.73, 0.61)  # of stall torque, limits of disturbed rollouts beside the motion's own
 FIRST_SHARE = 4  # generations that may look for a first success, for each of the search's own
@@ -56,8 +57,7 @@ class TrajectoryOptimizer:
         self.world, self.start, self.preference = world, start, preference
         wants_margin = preference is not None and preference.wants_margin
         self._disturbance = MARGIN if wants_margin else USUAL
-        coarse = World(world.robot, world.scene, model=copy.copy(world.model))
-        coarse.model.opt.timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
+        coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._coarse = Experiment(coarse, threads=threads)
         self._fine = Experiment(world, threads=threads)
 
@@ -142,8 +142,7 @@ class TrajectoryOptimizer:
         rng = np.random.default_rng([seed, 1])
         scenarios = self._make_scenarios(keyframes, FINAL_SCENARIOS, rng)
         cost, stood = self._roll_out(self._fine, [keyframes], scenarios, HOLD_TIME, self.preference)
-        share = float(stood.mean()) if stood[0, :2].all() else 0.0
-        return float(cost.mean()), share
+        return float(cost.mean()), compute_share(stood[0], UNDISTURBED)
 
     def _roll_out(
         self,

@@ -30,6 +30,7 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
+from robots import Posture
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -97,16 +98,15 @@ class Trial:
 
     def record(self, provenance: dict[str, str | float | int]) -> Motion:
         """Make a motion of it; its end class is "other" if it failed."""
-        robot, period = self.world.robot, self.world.robot.control_period
+        robot = self.world.robot
         hold = HOLD_TIME if self.rises else LYING_TIME
-        moving = len(self.targets) - round((hold + 0.5) / period)
+        moving = len(self.targets) - round((hold + 0.5) / robot.control_period)
         return record_motion(
             self.world,
-            self.start,
+            read_posture(robot, self.world.model, self.start),
             self.targets[:moving],
             self.outcome.record.qpos,
             name=self.keyframes.name,
-            robot=robot.name,
             start_class=self.keyframes.start_class,
             end_class=self.keyframes.end_class if self.succeeded else NO_END,
             strategy=self.keyframes.strategy,
@@ -152,21 +152,23 @@ class Trial:
         return measure_lying(self.outcome.record, self.keyframes.end_class)
 
 
-def record_motion(world: World, start: Array, target: Array, qpos: Array, **fields: Any) -> Motion:
+def record_motion(
+    world: World, start: Posture, target: Array, qpos: Array, **fields: Any
+) -> Motion:
     """Make a motion from sent targets and recorded postures.
 
     Args:
         world: Robot and scene.
-        start: MuJoCo positions at the start, (nq,).
+        start: Where it was at the start.
         target: Targets at each control period [rad], (T, n).
         qpos: MuJoCo positions at the end of each control period, (T or more, nq).
         fields: All else of the motion.
     """
-    # Where the robot was at the time of each target.
-    went = np.concatenate([start[None], qpos[: len(target) - 1]])
+    robot, went = world.robot, qpos[: len(target) - 1]
     return Motion.through(
-        [read_posture(world.robot, world.model, q) for q in went],
-        world.robot.control_period,
+        [start, *(read_posture(robot, world.model, q) for q in went)],
+        robot.control_period,
+        robot=robot.name,
         joint_target=target,
         **fields,
     )

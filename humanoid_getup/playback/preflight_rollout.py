@@ -13,7 +13,7 @@ from drivers.safety_limits import find_max_temperature
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
 from humanoid_getup.playback.ending import ends_as_meant, hold_time
@@ -22,7 +22,7 @@ from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import measure_pair_overlaps, overlaps_at
-from robots.kinematics import place, read_posture
+from robots.kinematics import place
 from robots.quaternion import Array
 
 MOST_RISES = 100  # in a row, after which temperatures are steady
@@ -74,9 +74,7 @@ def measure(
 ) -> Figures:
     """Roll a motion out and compute the figures of a verdict; arguments as of `preflight`."""
     robot = world.robot
-    at_rest = start
-    if at_rest is None:
-        at_rest = read_posture(robot, world.model, settle_posture(world, motion.posture(0)))
+    at_rest = find_rest(world, motion.posture(0)) if start is None else start
     balance = make_balance(world, motion) if balanced else None
     outcome, overlap = _roll_out(world, motion, at_rest, voltage, torque_limit, balance)
     at_start = _find_overlap(world, at_rest, mujoco.MjData(world.model))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import mujoco
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
 from robots import Robot
+from robots.ground import GROUND
 from robots.quaternion import Array
 
 ROBOT_CONTACT = "whole"
@@ -39,6 +41,15 @@ class World:
         roots = np.flatnonzero(model.body_parentid == model.body(robot.torso).id)
         self.limbs = tuple(model.body(int(body)).name for body in roots)
         """Bodies at the root of each limb."""
+
+    def vary(self, *, ground_friction: float | None = None, timestep: float | None = None) -> World:
+        """Return this world with another sliding friction of the ground, or physics step [s]."""
+        model = copy.copy(self.model)
+        if ground_friction is not None:
+            model.geom_friction[model.geom(GROUND).id, 0] = ground_friction
+        if timestep is not None:
+            model.opt.timestep = timestep
+        return World(self.robot, self.scene, model=model)
 
     @property
     def content(self) -> bytes:

@@ -2,47 +2,46 @@
 
 from __future__ import annotations
 
-from humanoid_getup.experiments.starts.falls import LyingSide, classify
+from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.retargeting import name_body
+from humanoid_getup.motions.trial import record_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.search.crawl import Move
 from robots import Posture
-from robots.kinematics import read_posture
 
 
 def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Motion:
     """Make a motion of the postures and the targets of a rollout."""
-    robot, model, count = world.robot, world.model, rollout.moving
     joined = rollout.candidate.connection.motion
-    return Motion.through(
-        [start, *(read_posture(robot, model, q) for q in rollout.qpos[: count - 1])],
-        robot.control_period,
+    return record_motion(
+        world,
+        start,
+        rollout.target[: rollout.moving],
+        rollout.qpos,
         name=f"rise_by_{joined.name}",
-        robot=robot.name,
         start_class=classify(start.orientation) or joined.start_class,
         strategy=joined.strategy,
-        joint_target=rollout.target[:count],
-        provenance={"program": "getup rise", "connection": joined.name} | name_body(robot),
+        provenance={"program": "getup rise", "connection": joined.name} | name_body(world.robot),
     )
 
 
 def make_move(world: World, start: Posture, move: Move) -> Motion:
     """Make a motion of a move, which does not end standing."""
-    robot, model = world.robot, world.model
-    return Motion.through(
-        [start, *(read_posture(robot, model, q) for q in move.qpos[:-1])],
-        robot.control_period,
+    return record_motion(
+        world,
+        start,
+        move.target,
+        move.qpos,
         name="crawl",
-        robot=robot.name,
         start_class=_find_side(start),
         end_class=NO_END,
         strategy="crawl",
-        joint_target=move.target,
-        provenance={"program": "getup rise"} | name_body(robot),
+        provenance={"program": "getup rise"} | name_body(world.robot),
     )
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import LyingSide
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.trial import record_motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
+from robots.kinematics import read_posture
 from sim2real.motion_discovery.policy_rise import PolicyRise, collect_rises
 from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
 from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
@@ -115,11 +116,10 @@ class MotionDiscovery:
         world = self._world
         motion = record_motion(
             world,
-            replay.rise.start,
+            read_posture(world.robot, world.model, replay.rise.start),
             replay.target,
             replay.qpos,
             name=name,
-            robot=world.robot.name,
             start_class=replay.rise.start_class,
             strategy=name_kind(world, replay),
             provenance={

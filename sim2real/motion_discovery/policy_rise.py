@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import LyingSide, sample_falls, settle_posture
-from humanoid_getup.motions.build import ATTITUDES
+from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.motions.build import lay_down
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, quaternion
+from robots import Robot
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 from sim2real.perturbations import PolicyTrial
@@ -45,7 +46,7 @@ def collect_rises(
     starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
     starts += [_lay_down(world, start_class, rng) for _ in range(count - len(starts))]
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
-    driver = PolicyDriver(action=policy.action, act=policy.act)
+    driver = PolicyDriver.of(policy)
     found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)
     sent = [row for rollouts in found for row in rollouts.target]
     times = [float(time) for rollouts in found for time in rollouts.outcome.stand_time]
@@ -66,14 +67,7 @@ def _lay_down(world: World, start_class: LyingSide, rng: np.random.Generator) ->
     robot = world.robot
     home, share = robot.standing.joint_pos, rng.uniform(0.0, MOST_SPREAD)
     anywhere = rng.uniform(robot.lower, robot.upper)
-    joint_pos = _symmetrize(robot, home + share * (anywhere - home))
-    axis, angle = ATTITUDES[start_class]
-    posture = Posture(
-        position=np.array([0.0, 0.0, 1.0]),
-        orientation=quaternion.from_axis_angle(np.array(axis), angle),
-        joint_pos=joint_pos,
-    )
-    return settle_posture(world, posture)
+    return lay_down(world, start_class, _symmetrize(robot, home + share * (anywhere - home)))
 
 
 def _symmetrize(robot: Robot, joint_pos: Array) -> Array:

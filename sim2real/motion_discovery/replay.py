@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
-from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.motion import hold_last
@@ -42,7 +42,7 @@ class Replay:
     @cached_property
     def share(self) -> float:
         """Return the share that stood; 0 if it fell undisturbed."""
-        return float(self.stood.mean()) if self.stood[:FIRST].all() else 0.0
+        return compute_share(self.stood, FIRST)
 
 
 class Replayer:

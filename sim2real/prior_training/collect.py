@@ -130,7 +130,7 @@ def roll_out(
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
     rng = np.random.default_rng([seed, PRIOR_SEED, *name.encode()])
     falls = drop_falls(Drops(world, count), count, rng)
-    driver = PolicyDriver(action=action, act=policy.act)
+    driver = PolicyDriver.of(policy)
     rollouts = roll_out_policy(sim, driver, falls, duration=LONGEST)
     model = robot.spec().compile()
     for row in np.flatnonzero(rollouts.outcome.stood):

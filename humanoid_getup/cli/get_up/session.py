@@ -15,14 +15,12 @@ from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.session import Session, SessionOptions
-from humanoid_getup.experiments.starts.falls import Fall, settle_posture
+from humanoid_getup.experiments.starts.falls import Fall, find_rest
 from humanoid_getup.jobs.inputs import find_start
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
-from robots import Posture
-from robots.kinematics import read_posture
 
 WHERE_IT_LAY = "where the robot lay"
 OWN_START = "the motion's own"
@@ -63,7 +61,7 @@ def run_session(
         with recording(log) as recorder:
             hooks = SessionHooks(choice, recorder, report)
             if without_imu and motion is not None:
-                options["assumed_start"] = _settle_start(world, motion)
+                options["assumed_start"] = find_rest(world, motion.posture(0))
             chosen = SessionOptions(
                 start_class=start and start.start_class,
                 settle=own_start is None,
@@ -97,10 +95,4 @@ def _choose_start(
         return find_start(world, command.origin, rng)
     if command.is_real or motion is None:
         return None
-    return Fall(posture=_settle_start(world, motion), start_class=motion.start_class)
-
-
-def _settle_start(world: World, motion: Motion) -> Posture:
-    """Return the start posture of a motion, at rest."""
-    at_rest = settle_posture(world, motion.posture(0))
-    return read_posture(world.robot, world.model, at_rest)
+    return Fall(posture=find_rest(world, motion.posture(0)), start_class=motion.start_class)

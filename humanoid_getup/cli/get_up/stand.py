@@ -10,9 +10,8 @@ from humanoid_getup.cli.options.rise import Hold, Sit
 from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
-from robots.kinematics import read_posture
 
 
 def sit(command: Sit) -> int:
@@ -27,7 +26,7 @@ def hold(command: Hold) -> int:
 
 def _keep_stand(command: Sit | Hold) -> int:
     world = load_world(command)
-    at_rest = read_posture(world.robot, world.model, settle_posture(world, world.robot.standing))
+    at_rest = find_rest(world, world.robot.standing)
     limit = make_torque_limit(command, world.robot)
     opened = open_backend(command, world, limit)
     with phase("opening the backend") as report, opened as choice:

@@ -262,6 +262,11 @@ def count_episodes(present: Bools, apart: int) -> Counts:
     return np.sum(present & (at - before > apart), axis=-1)
 
 
+def compute_share(stood: Bools, undisturbed: int = 1) -> float:
+    """Compute the share of runs (K,) that stood; 0 if not all of the first, undisturbed ones."""
+    return float(stood.mean()) if stood[:undisturbed].all() else 0.0
+
+
 def compute_progress(last: Array, best: Array) -> Array:
     """Compute the progress to a stand, from 0 to 1, from the last and the best uprightness."""
     return 0.6 * last + 0.4 * best

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.drop import Drops, FallError
 from humanoid_getup.scenes.scene import Scene
@@ -24,7 +25,6 @@ from robots.quaternion import Array
 from robots.storage.arrays import load_arrays, save_arrays, to_numbers, to_text
 from robots.storage.validation import outside, shown
 
-LyingSide = Literal["supine", "prone", "left", "right"]
 CLASSES: tuple[LyingSide, ...] = get_args(LyingSide)
 UNCLASSED = "other"  # start class of a robot that lies on no side
 BATCH = 24
@@ -290,3 +290,8 @@ def settle_posture(world: World, posture: Posture) -> Array:
     cycles = round(HELD_TIME / robot.control_period)
     targets = np.tile(posture.joint_pos, (1, cycles, 1))
     return play(world, Scenarios.nominal(world, qpos), targets).qpos[0, -1]
+
+
+def find_rest(world: World, posture: Posture) -> Posture:
+    """Let a posture with held joints settle on the ground; return the one in which it rests."""
+    return read_posture(world.robot, world.model, settle_posture(world, posture))

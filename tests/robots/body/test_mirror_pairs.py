@@ -48,6 +48,13 @@ def test_names_decide_among_hinges_at_one_place():
     assert pair(names, places, [Y] * 4).index.tolist() == [3, 2, 1, 0]
 
 
+def test_hinges_at_one_place_are_paired_by_how_many_are_above_them():
+    places = np.array([[0, 0.1, 0], [0, 0.1, 0], [0, -0.1, 0], [0, -0.1, 0]])
+    for depths, pairs in (([1, 2, 2, 1], [3, 2, 1, 0]), ([1, 2, 1, 2], [2, 3, 0, 1])):
+        found = find_mirror(["a", "b", "c", "d"], places, np.array([Y] * 4), places, depths, 1.0)
+        assert found.index.tolist() == pairs
+
+
 @given(seed=st.integers(0, 1000))
 def test_a_mirrored_body_is_paired_with_itself(seed: int):
     rng = np.random.default_rng(seed)

@@ -66,6 +66,13 @@ def test_a_hand_that_branches_is_no_trunk(tmp_path: Path):
     assert firsts(parts.arms) == ["wrist_link"]
 
 
+def test_a_chain_in_the_middle_that_ends_in_nothing_is_no_trunk(tmp_path: Path):
+    tail = limb("tail", "-0.1 0 0", inside=limb("tip", "-0.1 0 0"))
+    parts = find(make_robot(tmp_path, LEGS + tail))
+    assert names(parts.trunk) == ["torso"]
+    assert firsts(parts.arms) == ["tail_link"]
+
+
 def test_the_spine_leads_from_the_torso_to_a_body(tmp_path: Path):
     chest = limb("waist", "0 0 0.05", axis="0 0 1", inside=L_ARM + R_ARM)
     robot = make_robot(tmp_path, LEGS + chest)

@@ -77,6 +77,27 @@ def test_a_face_is_tilted_as_far_as_it_was_turned(angle: float, way: float):
     assert measure_tilt(corners @ turn.T) == pytest.approx(abs(angle), abs=0.01)
 
 
+def test_a_high_foot_stands_on_what_looks_down_and_not_on_its_larger_side():
+    corners = np.array([[x, y, z] for x in (-4, 4) for y in (-2, 2) for z in (-9, 9)]) * 0.01
+    assert measure_tilt(corners) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_round_foot_has_no_tilt():
+    directions = np.random.default_rng(0).normal(size=(400, 3))
+    points = 0.03 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    assert measure_tilt(points) == 0.0
+
+
+@pytest.mark.parametrize("roll", [-20, 20])
+def test_the_sole_of_a_foot_that_rolled_still_points_ahead(roll: int):
+    turned = BOX.replace("/>", f' euler="{roll} 0 0"/>')
+    sole = find_sole(*build(turned), body=1, least_area=1e-4)
+    assert sole is not None
+    assert sole.axes[:, 0] == pytest.approx([1.0, 0.0, 0.0])
+    assert abs(sole.axes[1, 2]) == pytest.approx(np.sin(np.radians(20.0)), abs=1e-3)
+    assert np.linalg.det(sole.axes) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("site", ["l_sole", "r_sole"])
 def test_the_points_of_a_sole_are_in_its_sites_frame(op3: Robot, site: str):
     points = list_sole_points(op3.spec().compile(), site)

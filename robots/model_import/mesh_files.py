@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from robots.quaternion import Array
 from robots.storage.files import read_bounded
-from robots.storage.model_files import MAX_ASSET
+from robots.storage.model_files import MAX_ASSET, parse_xml
 
 READ_BY_MUJOCO = (".stl", ".obj", ".msh")
 MESH_KINDS = (*READ_BY_MUJOCO, ".dae")
@@ -72,10 +72,7 @@ def _read_stl(content: bytes) -> Array:
 
 def _read_collada(content: bytes) -> Array:
     """Read the points of a COLLADA scene [m], z up, (p, 3)."""
-    try:
-        root = ET.fromstring(content)
-    except (ET.ParseError, LookupError) as error:  # the latter of an unknown encoding
-        raise ValueError(f"not XML ({error})") from error
+    root = parse_xml(content)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     unit = root.find("asset/unit")

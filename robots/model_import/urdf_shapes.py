@@ -8,7 +8,12 @@ from pathlib import Path
 
 from robots.model_import.mesh_files import MESH_KINDS, is_readable, read_hull
 from robots.storage.files import check_file, describe
-from robots.storage.model_files import MAX_ASSET, MAX_ASSETS
+from robots.storage.model_files import (
+    MAX_ASSET,
+    MAX_ASSETS,
+    POINTER_PROBLEM,
+    is_pointer,
+)
 from robots.storage.validation import shown
 
 KINDS, SIZES = ("sphere", "cylinder", "capsule", "box"), ("radius", "length", "size")
@@ -21,6 +26,7 @@ class UrdfShapes:
         self._path, self._root, self._notes = path, root, notes
         self._converted: dict[Path, str] = {}
         self._bytes = 0
+        self._pointer = ""
         self.hulls: dict[str, bytes] = {}
         """Files converted from meshes that MuJoCo does not read, by name."""
 
@@ -46,7 +52,7 @@ class UrdfShapes:
             problems += troubles
             for mesh in () if troubles else link.iter("mesh"):
                 self._resolve(mesh)
-        return problems
+        return list(dict.fromkeys(problems))
 
     def _drop_empty(self, link: ET.Element) -> None:
         """Drop shapes without extent."""
@@ -77,7 +83,11 @@ class UrdfShapes:
                 yield f"{where} is of kind {shown(file.suffix)}, expected {', '.join(MESH_KINDS)}"
             else:
                 try:
-                    self._convert(file)
+                    if is_pointer(file):
+                        self._pointer = self._pointer or name  # the first stands for all
+                        yield f"{self._path}: mesh {shown(self._pointer)} {POINTER_PROBLEM}"
+                    else:
+                        self._convert(file)
                 except (OSError, ValueError) as error:
                     reason = describe(error)
                     yield f"{where} cannot be read ({reason}), expected {', '.join(MESH_KINDS)}"

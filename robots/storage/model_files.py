@@ -37,6 +37,9 @@ MOST_SAMPLES = 10_000  # of a delay
 MAX_MEMORY = 2**30  # bytes
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", re.IGNORECASE)
 MEMORY = re.compile(r"(\d+)([KMGTPE]?)", re.IGNORECASE)
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+POINTER = b"version https://git-lfs.github.com/"
+POINTER_PROBLEM = "is a Git LFS pointer, expected the file itself: run `git lfs pull`"
 NONE = "nan"
 PREFIXES = " KMGTPE"
 FOLDERS = ("meshdir", "assetdir", "texturedir")
@@ -54,6 +57,28 @@ def find_file_problems(path: Path) -> list[str]:
     return _ModelFiles(path.parent).check(path)
 
 
+def parse_xml(content: bytes) -> ET.Element:
+    """Parse XML. Comments may hold ``--``, as MuJoCo permits.
+
+    Raises:
+        ValueError: if it is none, or a Git LFS pointer.
+    """
+    if content.startswith(POINTER):
+        raise ValueError(f"it {POINTER_PROBLEM}")
+    try:
+        return ET.fromstring(COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content))
+    except (ET.ParseError, LookupError) as error:  # the latter of an unknown encoding
+        raise ValueError(f"not XML ({error})") from error
+
+
+def is_pointer(path: Path) -> bool:
+    """Tell whether a file only says which file Git LFS would put into its place."""
+    if not path.is_file():  # a FIFO would keep a reader waiting
+        return False
+    with path.open("rb") as file:
+        return file.read(len(POINTER)) == POINTER
+
+
 class _ModelFiles:
     """A model file and all that it includes or attaches."""
 
@@ -64,6 +89,7 @@ class _ModelFiles:
         self._counted: dict[Path, tuple[int, int]] = {}
         self._open: list[Path] = []
         self._problems: list[str] = []
+        self._pointers: list[str] = []
 
     def check(self, path: Path) -> list[str]:
         parts, copies = self._count_file(path)
@@ -77,6 +103,8 @@ class _ModelFiles:
             self._problems.append(
                 f"its meshes and images have {total} bytes, expected at most {MAX_ASSETS}"
             )
+        if self._pointers:  # the first stands for all
+            self._problems.append(f"{shown(self._pointers[0])} {POINTER_PROBLEM}")
         return list(dict.fromkeys(self._problems))
 
     def _count_file(self, path: Path) -> tuple[int, int]:
@@ -86,11 +114,8 @@ class _ModelFiles:
             return 0, 0
         try:
             content = read_bounded(path, MAX_MODEL - self._bytes)
-            root = ET.fromstring(content)
-        except ET.ParseError as error:
-            self._problems.append(f"{path.name}: not XML ({error})")
-            return 0, 0
-        except (OSError, ValueError, LookupError) as error:  # the last of an unknown encoding
+            root = parse_xml(content)
+        except (OSError, ValueError) as error:
             self._problems.append(f"{path.name}: {describe(error)}")
             return 0, 0
         self._bytes += len(content)
@@ -175,6 +200,8 @@ class _ModelFiles:
                     continue
                 try:
                     self._assets[place.resolve()] = check_file(place, MAX_ASSET)
+                    if is_pointer(place):
+                        self._pointers.append(name)
                 except (OSError, ValueError) as error:
                     self._problems.append(f"<{element.tag}> file {shown(name)}: {describe(error)}")
 

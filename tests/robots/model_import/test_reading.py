@@ -100,6 +100,26 @@ def test_loops_name_the_bodies_that_they_join(tmp_path: Path, anchor: str):
     ]
 
 
+def test_comments_may_hold_dashes_and_lines_are_counted_with_them(tmp_path: Path):
+    """As MuJoCo reads them; XML forbids two dashes."""
+    path = tmp_path / "model.xml"
+    comment = "<!-- hip -- knee\n -- -->\n"
+    path.write_text(comment + LEGS.format(more="", knee=""))
+    assert read_model(path).model.njnt == 3
+    path.write_text(comment + "<mujoco><")
+    with pytest.raises(ModelImportError, match="line 3, "):
+        read_model(path)
+
+
+def test_warnings_of_mujoco_are_counted_in_one_note(tmp_path: Path, recwarn):
+    old = '<mujoco><compiler settotalmass="3"/>'
+    path = tmp_path / "model.xml"
+    path.write_text(LEGS.format(more="", knee="").replace("<mujoco>", old))
+    (note,) = read_model(path).notes
+    assert note.startswith("MuJoCo warns 1 times, first: compiler attribute 'settotalmass' is")
+    assert not recwarn
+
+
 def test_a_model_of_more_joints_than_robots_have_is_refused(tmp_path: Path):
     part = '<body><joint/><geom size="0.1"/></body>'
     body = f'<body><freejoint/><geom size="0.1"/>{600 * part}</body>'

@@ -79,6 +79,17 @@ def test_without_any_that_can_be_read_all_are_named(model: Path):
     assert "mesh 'none.stl' of link 'a' is not found" in problems[0]
 
 
+def test_pointers_of_git_lfs_are_told_in_one_line(model: Path):
+    for name in ("one.stl", "two.dae"):
+        (model.parent / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")
+    shapes = [shape("collision", f'<mesh filename="{name}"/>') for name in ("one.stl", "two.dae")]
+    _, problems, _ = resolve(model, *shapes)
+    assert problems == [
+        f"{model}: mesh 'one.stl' is a Git LFS pointer, expected the file itself: "
+        "run `git lfs pull`"
+    ]
+
+
 def test_a_mesh_that_is_used_twice_is_converted_once(model: Path):
     link, problems, _ = resolve(model, shape("collision", PART), shape("collision", PART))
     assert not problems

@@ -19,6 +19,13 @@ def problems_of(folder: Path, content: str) -> str:
     return "\n".join(find_file_problems(path))
 
 
+def test_pointers_of_git_lfs_are_told_in_one_line(tmp_path: Path):
+    for name in ("a.stl", "b.stl"):
+        (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")
+    told = problems_of(tmp_path, '<asset><mesh file="a.stl"/><mesh file="b.stl"/></asset>')
+    assert told == "'a.stl' is a Git LFS pointer, expected the file itself: run `git lfs pull`"
+
+
 @pytest.mark.parametrize("robot", ["human", "op3", "toddlerbot", "wolfgang"])
 def test_the_models_of_the_package_are_within_all_limits(robot: str):
     assert find_file_problems(ROBOTS_FOLDER / robot / "model.xml") == []
@@ -50,7 +57,7 @@ def test_the_models_of_the_package_are_within_all_limits(robot: str):
         ("<worldbody><geom pos='0 NaN 0'/></worldbody>", "<geom> has pos '0 NaN 0', expected fin"),
         ("<include file='model.xml'/>", "model.xml includes itself"),
         ("<asset><model name='m' file='model.xml'/></asset>", "model.xml includes itself"),
-        ("<include file='nonsense.xml'/>", "nonsense.xml: unknown encoding: nonsense"),
+        ("<include file='nonsense.xml'/>", "nonsense.xml: not XML (unknown encoding: nonsense)"),
         ("<include file='broken.xml'/>", "broken.xml: not XML"),
         ("<include file='pipe'/>", "pipe: it is a FIFO, expected a file"),
         ("<asset><mesh file='pipe'/></asset>", "<mesh> file 'pipe': it is a FIFO"),

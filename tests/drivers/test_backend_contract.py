@@ -204,7 +204,7 @@ def test_an_error_inside_the_block_leaves_the_robot_limp(backend: Backend):
         turn(backend, Command.position(backend.robot, np.array([0.5, -0.5])), 5)
         raise ZeroDivisionError
     with backend:
-        # A new connection is limp until it is told otherwise.
+        # A new connection is limp until it gets a command.
         backend.read()
         assert turn(backend, Command.limp(backend.robot.n)).is_limp
         assert np.all(backend.read().joint_current == 0.0)

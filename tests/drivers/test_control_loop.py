@@ -116,7 +116,7 @@ def test_each_cycle_can_be_seen(tiny):
 
 
 class Clock:
-    """A clock that moves only when told, and sleeps without waiting."""
+    """A clock that is advanced by the test, and sleeps without waiting."""
 
     def __init__(self):
         self.now = 100.0

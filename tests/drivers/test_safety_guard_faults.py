@@ -24,7 +24,7 @@ def guard(backend):
 
 
 def turn(guard: SafetyGuard, backend: RecordingBackend, target: float, **changes) -> Command:
-    """Run one period in which the robot measures what it is told to."""
+    """Run one period in which the robot measures given values."""
     backend.state = replace(backend.state, **changes)
     guard.read()
     return guard.write(Command.position(guard.robot, np.full(2, target)))

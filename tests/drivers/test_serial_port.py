@@ -98,7 +98,7 @@ def test_bytes_from_before_a_change_of_speed_are_not_read_after_it(port, wire):
     assert port.read(soon()) == b"new"
 
 
-def test_a_virtual_buss_port_is_told_from_a_serial_adapter(wire, tmp_path):
+def test_a_virtual_buss_port_is_distinguished_from_a_serial_adapter(wire, tmp_path):
     assert is_pseudo_terminal(wire.path), "by the link, as users name it"
     (tmp_path / "file").write_text("")
     for path in ("/dev/null", str(tmp_path / "file"), str(tmp_path / "nothing")):
@@ -197,7 +197,7 @@ def test_a_port_that_was_plugged_in_again_opens_under_its_old_path(wire):
 def test_an_adapter_that_hangs_does_not_hang_the_writer(wire):
     port = SerialPort(wire.path, 1_000_000)
     port.open()
-    with pytest.raises(PortLostError):  # nobody reads: the queue is full at some point
+    with pytest.raises(PortLostError):  # without a reader the queue is full at some point
         for _ in range(100):
             port.write(bytes(4096))
     port.close()

@@ -74,19 +74,19 @@ def test_a_board_on_the_bus_is_the_imu_unless_another_is_described(own_robot):
         ('kind = "serial_line"\ngyro_unit = "rpm"', "imu.gyro_unit is 'rpm', expected rad/s, deg/"),
     ],
 )
-def test_a_wrong_imu_is_told_with_what_is_expected(own_robot, table, words):
+def test_a_wrong_imu_is_reported_with_what_is_expected(own_robot, table, words):
     describe(own_robot, table)
     assert words in complaint(own_robot)
 
 
 def test_a_board_needs_a_model_or_the_addresses_and_scales_of_its_imu(own_robot):
     spoil(own_robot, BOARD, "[bus.board]\n")
-    told = complaint(own_robot)
-    assert "bus.board.model is missing, expected a model, or gyro_address, accelero" in told
-    assert "powers_servos is true, expected a model whose switch is known" in told
+    message = complaint(own_robot)
+    assert "bus.board.model is missing, expected a model, or gyro_address, accelero" in message
+    assert "powers_servos is true, expected a model whose switch is known" in message
 
 
-def test_a_board_by_its_addresses_is_accepted_and_overlaps_are_told(own_robot):
+def test_a_board_by_its_addresses_is_accepted_and_overlaps_are_reported(own_robot):
     spoil(own_robot, BOARD, BY_ADDRESS)
     spoil(own_robot, "powers_servos = true", "powers_servos = false")
     assert load_robot(own_robot).imu_kind == "board"

@@ -82,7 +82,7 @@ def test_a_coupled_joint_follows_its_servo_on_the_twin(sprung: Robot):
         ('"l_toe", "r_fin", "root"', "passive_joints: 'root' is a free joint, expected a hinge"),
     ],
 )
-def test_a_wrong_passive_joint_is_told(sprung: Robot, tmp_path: Path, names, words):
+def test_a_wrong_passive_joint_is_reported(sprung: Robot, tmp_path: Path, names, words):
     for file in sprung.folder.iterdir():
         (tmp_path / file.name).write_text(file.read_text("utf-8"), "utf-8")
     spoil(tmp_path, '"l_toe", "r_fin"', names)

@@ -116,7 +116,7 @@ def test_few_missing_joints_are_named_and_many_are_counted(tmp_path, op3):
     assert message.count("unknown") == 1
 
 
-def test_all_that_is_wrong_is_told_at_once(tmp_path, tiny):
+def test_all_that_is_wrong_is_reported_at_once(tmp_path, tiny):
     message = complaint(tmp_path, tiny, {"position": [0, 0], "joint_pos": {"tail": 0}})
     for words in ("position", "orientation", "'l_hip' is missing", "'r_hip' is missing", "'tail'"):
         assert words in message
@@ -147,7 +147,7 @@ def test_what_is_named_twice_is_refused(tmp_path, tiny):
     assert "'position' is named 2 times, expected once" in complaint(tmp_path, tiny, twice)
 
 
-def test_an_unprintable_name_is_told_in_print(tmp_path, tiny):
+def test_an_unprintable_name_is_printed_escaped(tmp_path, tiny):
     joint_pos = {"l_hip": 0, "r_hip": 0, "a\nb\ud800": 0}
     message = complaint(tmp_path, tiny, record(joint_pos=joint_pos))
     assert r"unknown joint 'a\nb\ud800', expected l_hip, r_hip" in message

@@ -28,7 +28,7 @@ def test_a_body_without_other_factors_is_the_original(text: str):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("tail=2", "body 'tail=2': unknown part 'tail', expected shoulders, arms, torso, legs"),
         ("arms", "arms is '', expected a factor from 0.25 to 4"),
@@ -45,10 +45,10 @@ def test_a_body_without_other_factors_is_the_original(text: str):
         ("arms=0,tail=1", "arms is '0', expected a factor from 0.25 to 4; unknown part 'tail'"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(text: str, told: str):
+def test_what_is_wrong_is_reported_in_one_line(text: str, message: str):
     with pytest.raises(BodyError) as error:
         Body.parse(text)
-    assert told in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 

@@ -46,7 +46,7 @@ def test_spreading_joints_are_none_unless_said(tiny):
         ("[]", "spreading_joints is [], expected a list of texts, at least one"),
     ],
 )
-def test_wrong_spreading_joints_are_told_with_what_is_expected(own_robot, value, words):
+def test_wrong_spreading_joints_are_reported_with_what_is_expected(own_robot, value, words):
     spoil(own_robot, PERIOD, f"{PERIOD}\nspreading_joints = {value}")
     assert words in complaint(own_robot)
 
@@ -62,7 +62,7 @@ def test_wrong_spreading_joints_are_told_with_what_is_expected(own_robot, value,
         ("[1]", "rising_joints is [1], expected a list of texts, at least one"),
     ],
 )
-def test_wrong_rising_joints_are_told_with_what_is_expected(own_robot, value, words):
+def test_wrong_rising_joints_are_reported_with_what_is_expected(own_robot, value, words):
     say(own_robot, value)
     assert words in complaint(own_robot)
 

@@ -51,7 +51,7 @@ LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
         ("l_hip = 0.0", "l_hip = 1.2", "'l_hip' is +1.200 rad, expected [-1.571, +1.047] rad"),
     ],
 )
-def test_a_wrong_field_is_told_with_what_is_expected(own_robot, old, new, words):
+def test_a_wrong_field_is_reported_with_what_is_expected(own_robot, old, new, words):
     spoil(own_robot, old, new)
     assert words in complaint(own_robot)
 
@@ -142,7 +142,7 @@ def test_joints_that_are_no_tables_are_refused(own_robot, joints):
         ('"neck" pos="0 0 0.05"', '"neck" pos="0 0 -0.2"', "neck_site 'neck' is -0.100 m over the"),
     ],
 )
-def test_a_wrong_model_is_told_with_what_is_expected(own_robot, old, new, words):
+def test_a_wrong_model_is_reported_with_what_is_expected(own_robot, old, new, words):
     spoil(own_robot, old, new, file="model.xml")
     assert words in complaint(own_robot)
 
@@ -154,12 +154,12 @@ def test_a_joint_that_cannot_be_at_zero_must_be_named_in_the_stance(own_robot):
     assert words in complaint(own_robot)
 
 
-def test_a_missing_model_is_told(own_robot):
+def test_a_missing_model_is_reported(own_robot):
     (own_robot / "model.xml").unlink()
     assert f"{own_robot / 'model.xml'}: no such file" in complaint(own_robot)
 
 
-def test_all_that_is_wrong_is_told_at_once(own_robot):
+def test_all_that_is_wrong_is_reported_at_once(own_robot):
     assert L_HIP in (own_robot / "robot.toml").read_text("utf-8")
     for old, new in (
         ("period = 0.008", "period = -1"),
@@ -197,16 +197,16 @@ def test_all_that_is_wrong_is_told_at_once(own_robot):
         ("[bus.board]", '[bus.ports]\nlegs = ["hip"]\n[bus.board]', "unknown joint 'hip'"),
     ],
 )
-def test_a_wrong_bus_is_told_with_what_is_expected(own_robot, old, new, words):
+def test_a_wrong_bus_is_reported_with_what_is_expected(own_robot, old, new, words):
     spoil(own_robot, old, new)
     assert words in complaint(own_robot)
 
 
 @pytest.mark.parametrize("ports", ["3", "{}"])
-def test_wrong_ports_are_told_once(own_robot, ports):
+def test_wrong_ports_are_reported_once(own_robot, ports):
     spoil(own_robot, "baud = 1_000_000", f"baud = 57600\nports = {ports}")
-    told = f"bus.ports is {ports}, expected a table of port names and joints"
-    assert complaint(own_robot) == told
+    message = f"bus.ports is {ports}, expected a table of port names and joints"
+    assert complaint(own_robot) == message
 
 
 @pytest.mark.parametrize(

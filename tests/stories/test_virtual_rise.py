@@ -33,7 +33,9 @@ def test_a_fallen_robot_gets_up_over_the_bus_from_every_side(start: str, tmp_pat
     report = rise("--from", start, "--backend", "virtual", out=tmp_path / "out")
     assert (report["stood"], report["backend"]) == (True, "virtual")
     assert (report["judged_by"], report["attempts"]) == ("truth", 1)
-    assert report["stand_time_s"] < 10.0  # a tangled fall takes a try more, within one plan
+    assert (
+        report["stand_time_s"] < 10.0
+    )  # a fall with crossed limbs takes a try more, within one plan
 
 
 @pytest.mark.usefixtures("no_film")

@@ -55,14 +55,14 @@ class Case:
     """A command line, in a folder made by `make_files`."""
 
     command: str
-    told: tuple[str, ...]
+    message: tuple[str, ...]
     """Parts of the line on standard error."""
     extra: str | None = None
     """Package that the command needs; without it, the case is left out."""
 
 
-def case(command: str, *told: str, extra: str | None = None) -> Case:
-    return Case(command, told, extra)
+def case(command: str, *message: str, extra: str | None = None) -> Case:
+    return Case(command, message, extra)
 
 
 GROUPS: dict[str, list[Case]] = {

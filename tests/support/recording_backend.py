@@ -1,4 +1,4 @@
-"""A backend that measures what it is told to and remembers what it is sent."""
+"""A backend that measures given values and records its commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots that fit on a page, written by the test: the model is all that is told."""
+"""Robots that fit on a page, written by the test."""
 
 from pathlib import Path
 

@@ -104,7 +104,7 @@ def test_registers_that_power_up_resets_are_always_set(tiny):
         assert rig.peek("position_p_gain") == [800, 800]
 
 
-def test_all_that_is_wrong_is_told_at_once(op3, monkeypatch):
+def test_all_that_is_wrong_is_reported_at_once(op3, monkeypatch):
     monkeypatch.setattr("drivers.dynamixel.startup.BOOT_TIME", 0.01)
 
     def break_some(virtual):
@@ -116,11 +116,11 @@ def test_all_that_is_wrong_is_told_at_once(op3, monkeypatch):
     rig = Rig(op3, prepare=break_some)
     with pytest.raises(DiagnosticsError) as caught:
         rig.backend.connect()
-    told = str(caught.value)
+    message = str(caught.value)
     for words in ("'r_sho_pitch' (id 1)", "'r_el' (id 5)", "silent", "'l_hip_yaw'", "reversed"):
-        assert words in told
-    assert "'l_hip_roll' (id 10): also responds to the secondary id 3" in told
-    assert "\n" not in told
+        assert words in message
+    assert "'l_hip_roll' (id 10): also responds to the secondary id 3" in message
+    assert "\n" not in message
     assert not rig.port.is_open, "a failed connection keeps the port"
 
 
@@ -184,7 +184,7 @@ def test_the_robot_goes_where_it_is_sent(rig):
     assert state.joint_pos == pytest.approx(target, abs=0.05)
 
 
-def test_gain_and_limit_reach_the_servos_and_are_told_as_they_are(pwm_rig):
+def test_gain_and_limit_reach_the_servos_and_are_returned_as_they_are(pwm_rig):
     command = Command(
         joint_pos=np.array([0.1, -0.1]),
         gain_scale=np.array([0.5, 1.0]),
@@ -244,7 +244,7 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_a_command_that_is_no_command_reaches_nobody(rig, bad):
+def test_a_command_that_is_no_command_reaches_no_servo(rig, bad):
     rig.backend.read()
     rig.port.sent.clear()
     with pytest.raises(CommandError, match="target is"):
@@ -293,7 +293,7 @@ def test_a_cycle_of_twenty_servos_and_the_imu_is_small(op3_rig):
     assert np.median(sizes) <= 496
     # Now and then all gains or all limits are sent again: 14 + 20 * 3 more.
     assert max(sizes) <= 496 + 74
-    assert rig.backend.statistics["main"].lost == 30, "while a servo booted, nobody else"
+    assert rig.backend.statistics["main"].lost == 30, "while a servo booted, no other"
 
 
 # Servos that fail ---------------------------------------------------------------------------
@@ -354,7 +354,7 @@ def test_a_servo_that_restarts_is_set_up_again_before_its_torque_comes_on(rig):
         rig.turn(command)
         if rig.sent.torque_limit[1] == 0.0:
             seen_off = True
-    assert seen_off, "nobody noticed"
+    assert seen_off, "it was not noticed"
     assert rig.peek("torque_enable") == [1, 1]
     assert rig.peek("position_p_gain") == [400, 400]
     assert rig.peek("bus_watchdog") == [5, 5]
@@ -441,7 +441,7 @@ def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
             assert rig.peek("torque_enable") == [torque] * 2
 
 
-def test_after_a_pause_longer_than_the_watchdog_goals_begin_anew_at_once(rig):
+def test_after_a_pause_longer_than_the_watchdog_goals_begin_again_at_once(rig):
     rig.turn(cycles=3)
     rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)
     rig.clock.pass_period(0.2)
@@ -453,7 +453,7 @@ def test_after_a_pause_longer_than_the_watchdog_goals_begin_anew_at_once(rig):
 
 
 def drop(rig: Rig, address: int, count: int) -> None:
-    """Let the next sync writes of a register reach nobody."""
+    """Lose the next sync writes of a register."""
     handle, left = rig.port.chain.handle, [count]
 
     def deaf(item, *, baud=None):
@@ -465,7 +465,7 @@ def drop(rig: Rig, address: int, count: int) -> None:
     rig.port.chain.handle = deaf
 
 
-def test_torque_off_that_nobody_heard_is_said_again_in_the_next_cycle(rig):
+def test_torque_off_that_was_lost_is_sent_again_in_the_next_cycle(rig):
     rig.turn(cycles=3)
     drop(rig, TORQUE, 1)
     rig.turn(Command.limp(2))
@@ -474,7 +474,7 @@ def test_torque_off_that_nobody_heard_is_said_again_in_the_next_cycle(rig):
     assert rig.peek("torque_enable") == [0, 0]
 
 
-def test_torque_on_that_nobody_heard_is_said_again(rig):
+def test_torque_on_that_was_lost_is_sent_again(rig):
     drop(rig, TORQUE, 1)
     rig.turn()
     assert rig.peek("torque_enable") == [0, 0], "the test shows nothing"
@@ -483,7 +483,7 @@ def test_torque_on_that_nobody_heard_is_said_again(rig):
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_a_limit_that_nobody_heard_is_sent_again(pwm_rig, lost):
+def test_a_limit_that_was_lost_is_sent_again(pwm_rig, lost):
     pwm_rig.turn(cycles=3)
     drop(pwm_rig, PWM, lost)
     command = replace(
@@ -596,8 +596,8 @@ def test_orientation_follows_the_board(op3_rig):
     R = rig.virtual.simulation.data.site(op3_rig.robot.imu_site).xmat.reshape(3, 3)
     up_b = R[2]  # the world's z axis, in the body's
     w, x, y, z = state.orientation
-    told = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
-    assert told == pytest.approx(up_b, abs=0.05)
+    message = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    assert message == pytest.approx(up_b, abs=0.05)
 
 
 def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
@@ -645,7 +645,7 @@ def test_a_lost_port_raises_nothing_and_makes_everything_older(rig):
 
 
 @pytest.mark.usefixtures("quick_reopen")
-def test_a_port_that_is_back_is_opened_but_torque_waits_until_it_is_asked_for_anew(rig):
+def test_a_port_that_is_back_is_opened_but_torque_waits_until_it_is_requested_again(rig):
     rig.turn(cycles=3)
     rig.port.unplugged = True
     rig.turn(cycles=4)
@@ -661,7 +661,7 @@ def test_a_port_that_is_back_is_opened_but_torque_waits_until_it_is_asked_for_an
 
 
 @pytest.mark.usefixtures("quick_reopen")
-def test_a_port_from_which_nothing_comes_any_more_is_opened_anew(rig, monkeypatch):
+def test_a_port_from_which_nothing_comes_any_more_is_opened_again(rig, monkeypatch):
     monkeypatch.setattr("drivers.dynamixel.servo_chain.MUTE_TIME", 0.0)
     rig.turn(cycles=3)
     rig.port.baud = 57_600  # somebody else changed it
@@ -675,7 +675,7 @@ def test_a_port_from_which_nothing_comes_any_more_is_opened_anew(rig, monkeypatc
     state = rig.turn(cycles=40)
     assert rig.port.opened >= 2
     assert state.joint_age.max() == 0.0
-    assert rig.peek("torque_enable") == [0, 0], "nobody asked for it anew"
+    assert rig.peek("torque_enable") == [0, 0], "it was not requested again"
 
 
 def test_two_ports_are_asked_together_and_move_one_robot(op3):
@@ -804,7 +804,7 @@ def test_a_port_that_another_program_has_is_refused(plugged, tiny):
         DynamixelBackend(tiny, {"main": bus.path}).connect()
 
 
-def test_a_position_that_no_joint_can_have_reached_is_believed_only_when_told_again(rig):
+def test_a_position_that_no_joint_can_have_reached_is_accepted_only_when_confirmed(rig):
     before = rig.turn(Command.limp(2), 3)
     servo = rig.servo("l_hip")
     servo.sense(Measured(ticks=3500.0))

@@ -123,8 +123,8 @@ def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cut
     frame = Status(3, 0, b"\xff\xff\xfd" + data[3:]).encode()
     places = sorted({0, len(frame), *cuts})
     chunks = [frame[a:b] for a, b in pairwise(places)]
-    told = bus_with(chunks).read(3, SPAN)
-    assert told is not None and told.data == b"\xff\xff\xfd" + data[3:]
+    message = bus_with(chunks).read(3, SPAN)
+    assert message is not None and message.data == b"\xff\xff\xfd" + data[3:]
 
 
 def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
@@ -137,7 +137,7 @@ def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
     assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 / 10 * 10 + 0.001 + 0.5, abs=0.05)
 
 
-def test_a_lost_port_is_told():
+def test_a_lost_port_is_reported():
     bus = bus_with()
 
     def lose(_):
@@ -173,50 +173,50 @@ def test_the_request_fits_the_group():
 
 def test_a_plain_group_gives_what_came_and_leaves_out_who_is_silent():
     bus = bus_with([row(1, 1).encode() + row(3, 3).encode()])
-    told = ask_group(bus, (1, 2, 3))
-    assert told.devices.tolist() == [1, 3]
-    assert told.data[:, 0].tolist() == [1, 3]
+    message = ask_group(bus, (1, 2, 3))
+    assert message.devices.tolist() == [1, 3]
+    assert message.data[:, 0].tolist() == [1, 3]
     assert bus.statistics.lost == 1
 
 
 def test_a_late_answer_between_others_is_overtaken_by_the_true_one():
     frames = [row(1, 1), row(3, 99), row(2, 2), row(3, 3), row(4, 4)]
-    told = ask_group(bus_with([b"".join(f.encode() for f in frames)]), (1, 2, 3, 4))
-    assert told.devices.tolist() == [1, 2, 3, 4]
-    assert told.data[:, 0].tolist() == [1, 2, 3, 4]
+    message = ask_group(bus_with([b"".join(f.encode() for f in frames)]), (1, 2, 3, 4))
+    assert message.devices.tolist() == [1, 2, 3, 4]
+    assert message.data[:, 0].tolist() == [1, 2, 3, 4]
 
 
 def test_a_fast_frame_gives_all_values_errors_included():
     statuses = [Status(5, 0x80, bytes(range(10))), Status(2, 0, bytes(range(10, 20)))]
-    told = ask_group(bus_with([encode_fast_status(statuses)]), (5, 2), fast=True)
-    assert told.devices.tolist() == [5, 2]
-    assert told.errors.tolist() == [0x80, 0]
-    assert told.column(6, "<i4").tolist() == [0x09080706, 0x13121110]
+    message = ask_group(bus_with([encode_fast_status(statuses)]), (5, 2), fast=True)
+    assert message.devices.tolist() == [5, 2]
+    assert message.errors.tolist() == [0x80, 0]
+    assert message.column(6, "<i4").tolist() == [0x09080706, 0x13121110]
 
 
 def test_a_fast_frame_of_another_order_is_an_old_one():
     old = encode_fast_status([row(1, 9), row(2, 9)])
     new = encode_fast_status([row(2, 2), row(1, 1)])
     bus = bus_with([old, new])
-    told = ask_group(bus, (2, 1), fast=True)
-    assert told.data[:, 0].tolist() == [2, 1]
+    message = ask_group(bus, (2, 1), fast=True)
+    assert message.data[:, 0].tolist() == [2, 1]
     assert bus.statistics.stale == 1
     assert not len(ask_group(bus_with([old]), (2, 1), fast=True).devices)
 
 
 def test_of_a_cut_fast_frame_the_answers_before_the_cut_are_kept():
     frame = encode_fast_status([row(1, 1), row(2, 2), row(3, 3)])
-    told = ask_group(bus_with([frame[: 8 + 28]]), (1, 2, 3), fast=True)
-    assert told.devices.tolist() == [1, 2]
-    assert not told.is_damaged, "who is silent may be blamed for it"
+    message = ask_group(bus_with([frame[: 8 + 28]]), (1, 2, 3), fast=True)
+    assert message.devices.tolist() == [1, 2]
+    assert not message.is_damaged, "who is silent may be blamed for it"
 
 
 def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
     frame = bytearray(encode_fast_status([row(1, 1), row(2, 2), row(3, 3)]))
     frame[8 + 14 + 5] ^= 4
-    told = ask_group(bus_with([bytes(frame)]), (1, 2, 3), fast=True)
-    assert told.devices.tolist() == [1]
-    assert told.is_damaged
+    message = ask_group(bus_with([bytes(frame)]), (1, 2, 3), fast=True)
+    assert message.devices.tolist() == [1]
+    assert message.is_damaged
 
 
 @settings(max_examples=300, deadline=None)
@@ -230,9 +230,9 @@ def test_no_flipped_bits_make_a_wrong_value(fill, flips, before):
     frame = bytearray(encode_fast_status([row(i, f) for i, f in zip(ids, fill, strict=True)]))
     for place, bit in flips:
         frame[place] ^= 1 << bit
-    told = ask_group(bus_with([before + bytes(frame)]), ids, fast=True)
-    assert flips or len(told.devices) == 6
-    for device, data in zip(told.devices, told.data, strict=True):
+    message = ask_group(bus_with([before + bytes(frame)]), ids, fast=True)
+    assert flips or len(message.devices) == 6
+    for device, data in zip(message.devices, message.data, strict=True):
         assert data.tolist() == [fill[device - 1]] * 10
 
 

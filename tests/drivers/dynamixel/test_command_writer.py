@@ -198,7 +198,7 @@ def test_goal_currents_are_set_before_torque_and_seeds_may_lie_beyond_a_turn(
     ]
 
 
-def test_a_current_limit_is_rounded_down_to_counts_and_told_as_it_is(tiny):
+def test_a_current_limit_is_rounded_down_to_counts_and_returned_as_it_is(tiny):
     """2.0 N·m are 417.09 counts of 2.69 mA at 4.1 N·m / 2.3 A."""
     converter = CommandConverter(tiny, "current")
     command = Command(
@@ -234,7 +234,7 @@ def test_a_limit_that_rounds_to_no_count_of_current_is_torque_off(tiny, limit):
     assert found.torque.tolist() == [False, True]
 
 
-def test_all_servos_are_released_disarmed_or_told_their_return_level_at_once(bus, writer):
+def test_all_servos_are_released_disarmed_or_given_their_return_level_at_once(bus, writer):
     writer.write_all("torque_enable", 0)
     writer.write_all("bus_watchdog", 0)
     writer.write_all("status_return_level", 2)

@@ -280,7 +280,7 @@ def test_without_a_retry_the_replies_that_came_count(joint, frozen_time):
 @pytest.mark.parametrize("firmware", [46, 44])
 @pytest.mark.parametrize("gap", list(ReadGap))
 @pytest.mark.parametrize("silent", IDS)
-def test_a_silent_servo_is_left_out_after_three_misses_and_costs_nobody_else(
+def test_a_silent_servo_is_left_out_after_three_misses_and_costs_no_other(
     joint, silent, gap, firmware
 ):
     bench = Bench(joint, firmwares=(firmware,), gap=gap)
@@ -332,7 +332,7 @@ def flip(_: Packet, replies: list[bytes]) -> list[bytes]:
 
 
 @pytest.mark.parametrize("firmware", [46, 44])
-def test_nobody_is_blamed_for_what_was_damaged_on_the_wire(joint, firmware):
+def test_no_servo_is_blamed_for_what_was_damaged_on_the_wire(joint, firmware):
     bench = Bench(joint, firmwares=(firmware,))
     kind = bench.cyclic.kind
     bench.port.spoil = flip
@@ -376,7 +376,7 @@ def test_a_servo_that_is_left_out_is_polled_every_ten_cycles(bench):
     assert due == [10, 20, 30]
 
 
-def test_with_nobody_left_out_nobody_is_polled(bench):
+def test_with_none_left_out_none_is_polled(bench):
     bench.turns(15)
     assert bench.cyclic.due_poll() is None
 
@@ -447,7 +447,7 @@ def test_after_the_pause_fast_reads_have_three_tries_again(bench, monkeypatch):
     assert kinds == ([True] * 2 + [False] * 20) * 2 + [True] * 2 + [False] * 3
 
 
-def test_a_whole_fast_read_begins_the_count_anew(bench):
+def test_a_whole_fast_read_restarts_the_count(bench):
     for _ in range(3):
         bench.mute(FAST)
         bench.turns(2)

@@ -39,13 +39,13 @@ def look(rig: Rig):
 
 
 def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):
-    told = look(rig)
-    assert told.findings == ()
-    assert [servo.table.model for servo in told.servos] == ["XM430-W350"] * 2
-    assert [servo.firmware for servo in told.servos] == [46, 46]
-    assert told.servos[0].voltage == pytest.approx(12.0)
-    assert told.servos[0].temperature == 25.0
-    assert told.servos[1].angle == pytest.approx(rig.true_angles()[1])
+    message = look(rig)
+    assert message.findings == ()
+    assert [servo.table.model for servo in message.servos] == ["XM430-W350"] * 2
+    assert [servo.firmware for servo in message.servos] == [46, 46]
+    assert message.servos[0].voltage == pytest.approx(12.0)
+    assert message.servos[0].temperature == 25.0
+    assert message.servos[1].angle == pytest.approx(rig.true_angles()[1])
 
 
 def test_looking_changes_nothing(rig):
@@ -66,7 +66,7 @@ def test_looking_changes_nothing(rig):
         ("shutdown", 16, Severity.WARNING, "would not stop it"),
     ],
 )
-def test_each_thing_that_is_wrong_is_told_with_a_remedy(rig, item, value, severity, words):
+def test_each_thing_that_is_wrong_is_reported_with_a_remedy(rig, item, value, severity, words):
     rig.servo("l_hip").poke(item, value)
     (finding,) = look(rig).findings
     assert finding.severity is severity
@@ -79,7 +79,7 @@ def feel(rig: Rig, ticks: float, voltage: float) -> None:
     rig.servo("l_hip").sense(Measured(ticks=ticks, voltage=voltage))
 
 
-def test_a_flat_battery_is_told(rig):
+def test_a_flat_battery_is_reported(rig):
     feel(rig, 2048.0, 9.6)
     (finding,) = look(rig).errors
     assert "supply is 9.6 V, expected 10.0 to 14.8 V; charge" in str(finding)
@@ -94,7 +94,7 @@ def test_a_supply_at_the_servos_highest_is_no_finding(rig):
     assert "supply is 14.9 V, expected 10.0 to 14.8 V" in str(finding)
 
 
-def test_a_joint_that_stands_outside_its_range_is_told(rig):
+def test_a_joint_that_stands_outside_its_range_is_reported(rig):
     feel(rig, 3500.0, 12.0)
     (finding,) = look(rig).findings
     assert "is at +2.23 rad, outside [-1.57, +1.05] rad" in str(finding)
@@ -105,9 +105,9 @@ def test_an_old_firmware_is_refused(tiny):
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
     rig.virtual.physics.advance(1.0)
     rig.port.open()
-    told = look(rig)
-    assert len(told.errors) == 2
-    assert "firmware 37 has no bus watchdog, expected 38 or newer" in str(told.errors[0])
+    message = look(rig)
+    assert len(message.errors) == 2
+    assert "firmware 37 has no bus watchdog, expected 38 or newer" in str(message.errors[0])
 
 
 def test_a_silent_servo_among_others_is_named(rig):
@@ -116,7 +116,7 @@ def test_a_silent_servo_among_others_is_named(rig):
     assert str(finding).startswith("joint 'r_hip' (id 2): silent; check its cable")
 
 
-def test_a_bus_without_anybody_is_told_once(rig):
+def test_a_bus_without_devices_is_reported_once(rig):
     for servo in rig.virtual.servos:
         servo.alive = False
     (finding,) = look(rig).findings

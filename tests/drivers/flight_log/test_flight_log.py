@@ -483,12 +483,12 @@ def test_a_fifo_is_refused_and_not_waited_for(tmp_path):
 def test_what_is_no_flight_log_is_refused_in_one_line(tmp_path, content, fault):
     path = tmp_path / "notes.txt"
     path.write_bytes(content)
-    with pytest.raises(ValueError) as told:
+    with pytest.raises(ValueError) as refusal:
         FlightRecord.load(path)
-    assert str(told.value) == f"flight log {path}: {fault}"
+    assert str(refusal.value) == f"flight log {path}: {fault}"
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(ValueError, match=r"flight log .*gone: No such file or directory"):
         FlightRecord.load(tmp_path / "gone")
 

@@ -19,8 +19,8 @@ def test_the_example_of_the_data_sheet_is_read_as_printed_there():
     # The third row of Rz(yaw) Ry(pitch) Rx(roll): the world's z axis in the sensor.
     up = [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)]
     w, x, y, z = frame.orientation
-    told = [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
-    assert told == pytest.approx(up)
+    message = [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    assert message == pytest.approx(up)
     # At rest the accelerometer points there, too, within the noise of the example.
     assert frame.accelerometer / np.linalg.norm(frame.accelerometer) == pytest.approx(up, abs=0.4)
     assert 2.0 * np.arctan2(z, w) == pytest.approx(yaw, abs=5e-3)

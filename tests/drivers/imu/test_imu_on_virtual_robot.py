@@ -95,8 +95,8 @@ def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
             for _ in range(2):  # falls, then rests
                 state = run(driver, 200)
                 model, truth = virtual.simulation.model, virtual.simulation.truth.posture
-                told = torso_orientation(robot, model, state.orientation)
-                gravity = replace(TOPPLING, orientation=told).gravity_b
+                message = torso_orientation(robot, model, state.orientation)
+                gravity = replace(TOPPLING, orientation=message).gravity_b
                 assert gravity == pytest.approx(truth.gravity_b, abs=0.06)
             newest = 2 * robot.control_period
             wait_until(lambda: run(driver, 1).imu_age <= newest)
@@ -140,8 +140,8 @@ def test_a_robot_without_an_imu_is_refused_in_one_line(own_robot, capsys):
     file = own_robot / "robot.toml"
     file.write_text(file.read_text().split("[bus.board]")[0])
     assert main(("hold", "--robot", str(own_robot), "--backend", "virtual")) == 2
-    told = capsys.readouterr().err.strip().splitlines()
-    assert len(told) == 1 and "robot 'tiny' has no IMU: add an [imu] table" in told[0]
+    message = capsys.readouterr().err.strip().splitlines()
+    assert len(message) == 1 and "robot 'tiny' has no IMU: add an [imu] table" in message[0]
 
 
 class Metronome:
@@ -166,12 +166,12 @@ def test_the_doctor_names_the_imu_and_counts_its_samples(own_robot, capsys, monk
         monkeypatch.setattr("drivers.service.doctor.time", Metronome(ports))
         given = [f"{name}={path}" for name, path in ports.paths.items()]
         arguments = ("doctor", "--robot", str(own_robot), "--port", *given)
-        code, told = run_json(*arguments, capsys=capsys)
-        assert code == 0 and told["imu"].startswith("IMU BNO055 on ")
-        assert told["imu_rate_hz"] > 10.0
-        assert told["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
+        code, message = run_json(*arguments, capsys=capsys)
+        assert code == 0 and message["imu"].startswith("IMU BNO055 on ")
+        assert message["imu_rate_hz"] > 10.0
+        assert message["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
         ports.main.call(lambda: setattr(virtual.imu, "alive", False))
         set_patience(monkeypatch, 0.05)
-        code, told = run_json(*arguments, capsys=capsys)
+        code, message = run_json(*arguments, capsys=capsys)
     assert code == 3
-    assert any(f["device"].startswith("IMU BNO055") for f in told["findings"])
+    assert any(f["device"].startswith("IMU BNO055") for f in message["findings"])

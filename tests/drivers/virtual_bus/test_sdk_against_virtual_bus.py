@@ -97,7 +97,7 @@ def test_reg_write_waits_for_action(port, packets):
     assert packets.regWriteTxRx(port, 3, GOAL_POSITION, 4, goal) == (0, 0)
     assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == before
     packets.action(port, dynamixel_sdk.BROADCAST_ID)
-    # The SDK leaves the port marked as busy after a broadcast that nobody answers.
+    # The SDK leaves the port marked as busy after a broadcast without an answer.
     port.is_using = False
     assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == (1234, 0, 0)
 
@@ -181,10 +181,10 @@ def test_the_bus_sees_that_the_sdk_forgets_to_stuff(bus: VirtualBus, port, packe
 def test_nothing_that_the_sdk_sent_was_odd(bus: VirtualBus, port, packets):
     packets.ping(port, 1)
     packets.read4ByteTxRx(port, 2, PRESENT_POSITION)
-    told = bus.statistics
-    assert (told.packets, told.answers) == (2, 2)
-    assert (told.noise, told.damaged, told.broken_off, told.talked_over) == (0, 0, 0, 0)
-    assert (told.unstuffed, told.wrong_baud, told.overflow) == (0, 0, 0)
+    message = bus.statistics
+    assert (message.packets, message.answers) == (2, 2)
+    assert (message.noise, message.damaged, message.broken_off, message.talked_over) == (0, 0, 0, 0)
+    assert (message.unstuffed, message.wrong_baud, message.overflow) == (0, 0, 0)
 
 
 def test_a_baud_rate_written_to_a_servo_counts_from_the_next_instruction(bus, port, packets):

@@ -1,4 +1,4 @@
-"""The body behind a virtual bus: it moves as its twin does, whatever language it is told in."""
+"""The body behind a virtual bus: it moves as its twin does, however it is commanded."""
 
 from __future__ import annotations
 
@@ -241,6 +241,6 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     assert passed == pytest.approx(60 * robot.control_period)
 
 
-def test_a_robot_without_a_bus_is_told_what_it_lacks(tiny: Robot):
+def test_a_robot_without_a_bus_is_named_with_what_it_lacks(tiny: Robot):
     with pytest.raises(NoBusError, match=r"add a \[bus\] table to its robot.toml"):
         VirtualRobot(Simulation(replace(tiny, bus=None)))

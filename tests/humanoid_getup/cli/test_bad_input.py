@@ -44,6 +44,6 @@ def test_bad_input_is_refused_in_one_line(case: Case, folder: Path, monkeypatch)
     assert (code, out) == (2, "")
     assert error.startswith("getup: ")
     assert error.count("\n") == 1
-    for part in case.told:
+    for part in case.message:
         assert part in error
     assert list_files(folder) == before

@@ -1,4 +1,4 @@
-"""`getup` as a program: fast to start, clear when it cannot go on, quiet when told to stop."""
+"""`getup` as a program: fast to start, clear when it cannot continue, quiet when it is stopped."""
 
 import json
 import os
@@ -47,7 +47,7 @@ def test_an_option_that_cannot_be_read_leaves_with_2():
         ("robots chek", "unknown command 'chek', expected check? see getup robots --help"),
     ],
 )
-def test_a_missing_or_unknown_command_is_told_in_a_line(run: Run, arguments: str, message: str):
+def test_a_missing_or_unknown_command_is_reported_in_a_line(run: Run, arguments: str, message: str):
     assert run(*arguments.split()) == (2, "", f"getup: {message}\n")
 
 
@@ -64,7 +64,7 @@ def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("told", "times"),
+    ("refusal", "times"),
     [
         (signal.SIGINT, 2),
         (signal.SIGTERM, 1),
@@ -72,8 +72,8 @@ def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureF
         pytest.param(signal.SIGTERM, 2, marks=pytest.mark.slow),
     ],
 )
-def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(
-    told: int, times: int, tmp_path: Path
+def test_a_program_asked_to_stop_leaves_with_130_and_the_flight_log_alone(
+    refusal: int, times: int, tmp_path: Path
 ):
     command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", "supine_sit_up_gentle"]
     command += ["--realtime", "--out", str(tmp_path / "out")]
@@ -82,7 +82,7 @@ def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(
         while not log.exists() and process.poll() is None:
             time.sleep(0.01)  # the log begins with the first of eight seconds of motion
         for _ in range(times):  # a second signal must not interrupt switching torque off
-            process.send_signal(told)
+            process.send_signal(refusal)
         _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert error.splitlines()[-1] == "getup: interrupted"
@@ -91,7 +91,7 @@ def test_a_program_told_to_stop_leaves_with_130_and_the_flight_log_alone(
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [("robots",), ("robots", "--json", "-"), ("motions", "list")])
-def test_a_full_disk_is_told_in_one_line(arguments: tuple[str, ...]):
+def test_a_full_disk_is_reported_in_one_line(arguments: tuple[str, ...]):
     with Path("/dev/full").open("w") as full:
         done = getup(*arguments, stdout=full)
     assert done.returncode == 2

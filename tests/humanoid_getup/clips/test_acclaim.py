@@ -115,7 +115,7 @@ def test_a_bone_turns_about_the_axes_of_its_own_frame(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (
             "1\nroot 0 0 0 0 0 0\nhip 1 2\n2\nroot 0 0 0 0 0 0\n",
@@ -129,14 +129,14 @@ def test_a_bone_turns_about_the_axes_of_its_own_frame(tmp_path):
         ("", "there is no root"),
     ],
 )
-def test_frames_that_are_damaged_are_refused_in_one_line(tmp_path, content: str, told: str):
+def test_frames_that_are_damaged_are_refused_in_one_line(tmp_path, content: str, message: str):
     clip, skeleton = tmp_path / "a.amc", tmp_path / "a.asf"
     skeleton.write_text(SKELETON_ASF)
     clip.write_text(content)
     with pytest.raises(ClipError) as caught:
         read_acclaim(clip, skeleton)
     assert str(caught.value).startswith(f"clip {clip}: it is no AMC file of {skeleton}: ")
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

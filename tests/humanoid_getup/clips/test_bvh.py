@@ -89,7 +89,7 @@ def test_a_fifo_is_refused(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "message"),
     [
         ("5.0 6.0", "5.0 six", "could not convert"),
         ("5.0 6.0", "5.0 1e999", "number 2 of frame 1 is not finite"),
@@ -100,10 +100,10 @@ def test_a_fifo_is_refused(tmp_path: Path):
         ("HIERARCHY", "", "HIERARCHY is missing"),
     ],
 )
-def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, before, after, told):
+def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, before, after, message):
     file = write_arm(tmp_path / "arm.bvh")
     assert before in file.read_text()
     file.write_text(file.read_text().replace(before, after))
-    with pytest.raises(ClipError, match=told) as caught:
+    with pytest.raises(ClipError, match=message) as caught:
         read_bvh(file)
     assert "\n" not in str(caught.value)

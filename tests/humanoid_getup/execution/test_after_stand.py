@@ -1,4 +1,4 @@
-"""What followed a stand is told in one line, and whether it went as it should."""
+"""The result after a stand is described in one line, with its success."""
 
 from typing import Any
 
@@ -49,7 +49,7 @@ def handed_over(tiny: Robot) -> AfterStand:
         (AfterStand(way_down=step()), "sat and lay down, torque off"),
     ],
 )
-def test_what_went_as_it_should_is_told_in_order(after: AfterStand, reason: str):
+def test_what_went_as_it_should_is_reported_in_order(after: AfterStand, reason: str):
     assert after.succeeded
     assert not after.by_fault
     assert after.reason == reason

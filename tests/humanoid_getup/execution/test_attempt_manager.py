@@ -27,7 +27,7 @@ FAST = Cooling(min_time=0.2)
 
 
 class Scripted:
-    """Plans what it is told, one motion an attempt; the last again and again."""
+    """Plans the given motions, one an attempt; the last one repeatedly."""
 
     world: World
     torque_limit = FULL_TORQUE
@@ -306,8 +306,8 @@ def test_a_servo_that_trips_by_load_is_rebooted_and_the_rise_tried_again(
     assert first.run is not None and first.run.ending is Ending.FAULT
     assert re.search(f"joint '{KNEE}' .*overload", first.reason)
     assert second.stood
-    told = [change.detail for change in phases if change.phase is Phase.RECOVERING]
-    assert f"rebooting joint '{KNEE}', which tripped by overload" in told
+    message = [change.detail for change in phases if change.phase is Phase.RECOVERING]
+    assert f"rebooting joint '{KNEE}', which tripped by overload" in message
 
 
 def test_a_servo_found_tripped_is_rebooted_before_the_first_attempt(manage, motions, twin, op3):
@@ -327,7 +327,7 @@ def test_a_last_attempt_that_a_servo_cut_off_was_ended_by_a_fault(manage, motion
     assert alerts.rebooted == []  # nothing is to follow, so nothing is touched
 
 
-def test_nobody_can_reboot_on_a_backend_without_the_service(manage, motions, twin, op3):
+def test_no_servo_is_rebooted_on_a_backend_without_the_service(manage, motions, twin, op3):
     alerts = Alerts(op3)
     alerts.trip(KNEE, OVERLOAD)
     twin.spoil = alerts.spoil
@@ -352,7 +352,7 @@ def test_a_servo_that_trips_again_and_again_is_left_alone(manage, motions, twin,
     assert "3 servos were rebooted within 5 min already" in result.reason
 
 
-def test_a_reboot_that_does_not_help_is_told(manage, motions, twin, op3):
+def test_a_reboot_that_does_not_help_is_reported(manage, motions, twin, op3):
     alerts = Alerts(op3, clears=False)
     alerts.trip(KNEE, OVERLOAD)
     twin.spoil = alerts.spoil
@@ -372,13 +372,13 @@ def test_heat_is_never_rebooted_away(manage, motions, twin, op3, bits):
     assert alerts.rebooted == []
 
 
-@pytest.mark.parametrize(("bit", "told"), [(8, "encoder"), (16, "electrical shock")])
-def test_a_broken_servo_needs_a_person(manage, motions, twin, op3, bit, told):
+@pytest.mark.parametrize(("bit", "message"), [(8, "encoder"), (16, "electrical shock")])
+def test_a_broken_servo_needs_a_person(manage, motions, twin, op3, bit, message):
     alerts = Alerts(op3)
     alerts.trip(KNEE, bit)
     twin.spoil = alerts.spoil
     result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
-    assert result.reason == f"joint '{KNEE}' reports {told}: inspect the servo"
+    assert result.reason == f"joint '{KNEE}' reports {message}: inspect the servo"
     assert alerts.rebooted == []
 
 
@@ -447,7 +447,7 @@ def test_a_bus_that_is_lost_before_anything_moved_ends_it_too(manage, motions, t
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "message"),
     [
         (lambda state: replace(state, voltage=9.1), "the supply is too low: 9.1 V"),
         (lambda state: replace(state, time=1.0), "the measurement is repeated"),
@@ -455,11 +455,11 @@ def test_a_bus_that_is_lost_before_anything_moved_ends_it_too(manage, motions, t
         (lambda state: replace(state, imu_age=2.0), "orientation has been unknown"),
     ],
 )
-def test_what_no_rest_cures_needs_a_person(manage, motions, twin, spoil, told):
+def test_what_no_rest_cures_needs_a_person(manage, motions, twin, spoil, message):
     twin.spoil = spoil
     result = get_up_with(manage(Scripted(motions[RIGHT])))
     assert result.status is AttemptStatus.NEEDS_HELP
-    assert told in result.reason
+    assert message in result.reason
     assert not twin.moves
 
 

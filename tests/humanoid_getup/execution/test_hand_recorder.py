@@ -37,13 +37,13 @@ class Script:
     ],
 )
 def test_each_key_does_what_it_says(presses, count, done, is_kept, tiny):
-    told: list[int] = []
-    recorder = HandRecorder(tiny, Script(*presses), told.append)
+    message: list[int] = []
+    recorder = HandRecorder(tiny, Script(*presses), message.append)
     backend = RecordingBackend(tiny)
     report = run(recorder, SafetyGuard(backend), max_time=0.1)
     assert (len(recorder.keys), recorder.done, recorder.is_kept) == (count, done, is_kept)
     assert report.ending is (Ending.DONE if done else Ending.TIMEOUT)
-    assert told[-1] == count
+    assert message[-1] == count
 
 
 def test_the_robot_stays_limp_throughout(tiny):

@@ -117,7 +117,7 @@ def test_a_sagging_supply_is_a_warning(idle: OnnxPolicy):
     assert "sagged to 9.8 V" in supervisor.warnings[0]
 
 
-def test_a_policy_that_loses_its_numbers_is_given_up_and_told(lost: OnnxPolicy):
+def test_a_policy_that_loses_its_numbers_is_given_up_and_reported(lost: OnnxPolicy):
     on_its_back = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -1.5)
     aborted = supervise(lost, 1.0, orientation=on_its_back).aborted
     assert aborted is not None

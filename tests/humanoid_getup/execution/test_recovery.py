@@ -68,8 +68,8 @@ def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, wor
     first, second = rise.attempts
     assert re.search("joint 'r_knee' .*overload", first.reason)
     assert second.stood
-    told = [change.detail for change in phases if change.phase is Phase.RECOVERING]
-    assert "rebooting joint 'r_knee', which tripped by overload" in told
+    message = [change.detail for change in phases if change.phase is Phase.RECOVERING]
+    assert "rebooting joint 'r_knee', which tripped by overload" in message
     assert virtual.servos[KNEE - 1].peek("hardware_error_status") == 0
 
 

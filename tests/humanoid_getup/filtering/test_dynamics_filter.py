@@ -218,17 +218,17 @@ def test_a_motion_that_slows_down_waits_for_its_servos(world, waiting):
     for one in waiting:
         behind = np.abs(one.target - one.qpos[:, layout.qpos])[: one.moving]
         lag.append(np.percentile(behind.max(axis=1), 90))
-    impatient, patient = waiting
-    longest = LONGEST_STRETCH * impatient.moving + 1
-    assert 1.2 * impatient.moving < patient.moving <= longest
+    plain, slowed = waiting
+    longest = LONGEST_STRETCH * plain.moving + 1
+    assert 1.2 * plain.moving < slowed.moving <= longest
     assert lag[1] < lag[0]
 
 
 def test_a_motion_that_slows_down_visits_the_same_targets(waiting):
     """Each of its targets lies between two neighbors of the motion at its own speed."""
-    impatient, patient = waiting
-    quick = impatient.target[: impatient.moving]
-    for target in nonempty(patient.target[: patient.moving : 25]):
+    plain, slowed = waiting
+    quick = plain.target[: plain.moving]
+    for target in nonempty(slowed.target[: slowed.moving : 25]):
         assert np.abs(quick - target).max(axis=1).min() < 0.06
 
 
@@ -245,13 +245,13 @@ def test_a_slowdown_leaves_a_motion_alone_that_its_servos_follow(world, fall, da
 def test_a_motion_waits_for_some_multiple_of_its_duration_at_most(fall, database, world):
     candidate = _candidates(world, fall, database)[0]
     stuck = Slowdown(tolerance=0.0, band=1e-3, slowest=1e-3)
-    impatient, patient = DynamicsFilter(world).roll_out(
+    plain, slowed = DynamicsFilter(world).roll_out(
         fall, [candidate, replace(candidate, slowdown=stuck)]
     )
-    assert patient.moving == pytest.approx(LONGEST_STRETCH * impatient.moving, abs=1.0)
-    hold = patient.target[patient.moving + 10 :]  # the virtual actuator has let go by then
+    assert slowed.moving == pytest.approx(LONGEST_STRETCH * plain.moving, abs=1.0)
+    hold = slowed.target[slowed.moving + 10 :]  # the virtual actuator has let go by then
     assert np.ptp(hold, axis=0).max() < 1e-12
-    assert not patient.stood
+    assert not slowed.stood
 
 
 def test_a_searched_rise_is_checked_in_fresh_worlds_and_searched_on_where_it_falls(

@@ -110,7 +110,7 @@ def test_the_motion_begins_at_the_angles_at_which_the_path_ends(world, path, mot
     np.testing.assert_allclose(reference.target[-1], motion.joint_target[-1], atol=1e-9)
 
 
-def test_the_center_of_mass_goes_on_where_the_path_ends(world, op3, path, motion):
+def test_the_center_of_mass_continues_where_the_path_ends(world, op3, path, motion):
     frame = int(motion.entry_frames[len(motion.entry_frames) // 2])
     reference = compose(world, path, motion, frame)
     row = reference.joined

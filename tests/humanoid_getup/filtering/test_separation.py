@@ -50,10 +50,10 @@ def test_a_shift_makes_the_distance_that_it_should_and_fades_out(world, op3, tou
     assert len(shifts) == 2 * len(MARGINS) * len(FADES)
     angles = op3.layout(world.model).qpos
     for shift in shifts:
-        parted = qpos[100].copy()
-        parted[angles] += shift[100]
+        separated = qpos[100].copy()
+        separated[angles] += shift[100]
         assert overlap[100] > 0.001
-        assert _overlap(world.model, parted) < 1e-6
+        assert _overlap(world.model, separated) < 1e-6
         assert not shift[0].any()
         assert not shift[-1].any()
         assert np.abs(np.diff(shift, axis=0)).max() < op3.max_velocity.min() * op3.control_period
@@ -66,7 +66,7 @@ def test_limbs_that_do_not_touch_stay_where_they_are(world, op3):
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_rises_that_touch_themselves_are_parted_and_still_stand(world, op3, count):
+def test_rises_that_touch_themselves_are_separated_and_still_stand(world, op3, count):
     dynamics_filter, database = DynamicsFilter(world), load_database(op3)
     before, after = 0, 0
     falls = sample_falls(world, {"supine": 2, "prone": 2}, np.random.default_rng(6))
@@ -81,9 +81,9 @@ def test_rises_that_touch_themselves_are_parted_and_still_stand(world, op3, coun
         ]
         for one in dynamics_filter.roll_out(start, candidates):
             if one.stood and one.collides:
-                parted = dynamics_filter.separate(start, one)
-                before, after = before + 1, after + parted.collides
-                assert parted.stood
-                assert parted.overlap.max() <= max(one.overlap.max(), DEEP_OVERLAP)
+                separated = dynamics_filter.separate(start, one)
+                before, after = before + 1, after + separated.collides
+                assert separated.stood
+                assert separated.overlap.max() <= max(one.overlap.max(), DEEP_OVERLAP)
     assert before >= 3
     assert after <= before // 3

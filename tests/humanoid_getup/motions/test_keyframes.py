@@ -138,13 +138,13 @@ def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
     wrong = wrong.replace("knee = 40", "nee = 40").replace("head_pan = 20", "head_pan = nan")
     with pytest.raises(KeyframesError) as refusal:
         _read(tmp_path, op3, wrong)
-    for told in (
+    for message in (
         "keyframes.toml: motion 'wave': start is 'asleep', expected supine, prone, left, right",
         "motion 'wave': stand_after is 0 s, expected above 0 s",
         "motion 'wave': key number 1: middle.head_pan is nan, expected a finite angle in degrees",
         "motion 'wave': key number 2: left: unknown joint 'nee', expected sho_pitch, sho_roll",
     ):
-        assert told in str(refusal.value)
+        assert message in str(refusal.value)
     assert str(refusal.value).isprintable()
 
 

@@ -1,4 +1,4 @@
-"""A motion survives its file, and a damaged file is told from a good one."""
+"""A motion survives its file, and a damaged file is distinguished from a good one."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -57,8 +57,8 @@ def search(world: World, keyframes: Keyframes, log: SearchLog | None, stop: int 
     """Run a search that is interrupted after so many generations; return what it reported too."""
     reports = []
 
-    def report(*told: float) -> None:
-        reports.append(told)
+    def report(*message: float) -> None:
+        reports.append(message)
         if len(reports) == stop < GENERATIONS:
             raise Interrupted
 
@@ -104,7 +104,7 @@ def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda r, k: make_task(r, replace(k, torque_limit=3.0), 7, None), "another keyframes"),
         (lambda r, k: make_task(r, k, 8, None), "another seed"),
@@ -112,10 +112,10 @@ def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_pat
         (lambda r, k: make_task(replace(r, name="big"), k, 7, None), "another robot"),
     ],
 )
-def test_the_log_of_another_search_is_refused(change, told, keyframes, tiny, tmp_path: Path):
+def test_the_log_of_another_search_is_refused(change, message, keyframes, tiny, tmp_path: Path):
     path = tmp_path / "bow.json"
     SearchLog.begin(path, make_task(tiny, keyframes, 7, None)).add(np.ones(POPULATION), 0.5)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         SearchLog.resume(path, change(tiny, keyframes))
 
 

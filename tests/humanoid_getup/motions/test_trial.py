@@ -41,14 +41,14 @@ def test_a_stand_says_when(stood: Trial):
 def test_a_failure_says_how_high_the_neck_came_and_when(fell: Trial, world: World, op3: Robot):
     assert not fell.succeeded
     neck = site_positions(world.model, fell.outcome.qpos, op3.neck_site)[:, 2]  # over flat ground
-    told = fell.describe()
-    found = re.search(r"came to (\d+)% of standing height after ([\d.]+) s", told)
+    message = fell.describe()
+    found = re.search(r"came to (\d+)% of standing height after ([\d.]+) s", message)
     assert found
     share, when = float(found[1]), float(found[2])
     assert share == pytest.approx(100.0 * neck.max() / op3.standing_neck_height, abs=1.0)
     assert when == pytest.approx((neck.argmax() + 1) * op3.control_period, abs=0.02)
-    assert "on the ground besides the feet since" in told
-    assert "body_link" in told
+    assert "on the ground besides the feet since" in message
+    assert "body_link" in message
     assert fell.record({"seed": 1}).end_class == "other"
 
 

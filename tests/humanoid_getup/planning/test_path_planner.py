@@ -275,7 +275,7 @@ def test_a_shorter_path_is_still_free(
     assert max(gains) > 0.5
 
 
-def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_told_apart(
+def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_distinguished(
     checker: CollisionChecker, goals: list[Posture]
 ):
     sunk = replace(goals[0], position=goals[0].position - np.array([0.0, 0.0, 0.03]))

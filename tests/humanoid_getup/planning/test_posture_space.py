@@ -132,7 +132,7 @@ def test_a_target_within_a_step_is_reached_bit_for_bit(problem, bend):
         np.testing.assert_array_equal(step, target)
 
 
-def test_what_has_its_goal_value_is_held_and_the_other_goes_on(problem):
+def test_what_has_its_goal_value_is_held_and_the_other_continues(problem):
     rng = np.random.default_rng(0)
     turned = np.concatenate([problem.goal[:4], problem.start[4:]])
     bent = np.concatenate([problem.start[:4], problem.goal[4:]])

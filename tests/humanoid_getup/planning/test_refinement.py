@@ -91,12 +91,12 @@ def test_a_path_is_tightened_in_forty_steps_to_the_strict_one(seed: int):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_increment_that_adapts_needs_fewer_levels(seed: int):
-    problem, rng, told = Loosened(0.6), np.random.default_rng(seed), []
-    found = refine(problem, rng, OPTIONS, report=told.append)  # type: ignore[arg-type]
+    problem, rng, message = Loosened(0.6), np.random.default_rng(seed), []
+    found = refine(problem, rng, OPTIONS, report=message.append)  # type: ignore[arg-type]
     assert found.status is SearchStatus.SOLVED
     assert len(problem.levels) < 20
-    assert told == sorted(told, reverse=True)
-    assert told[-1] == 0.0
+    assert message == sorted(message, reverse=True)
+    assert message[-1] == 0.0
     assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
 
 

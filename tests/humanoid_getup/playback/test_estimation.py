@@ -147,15 +147,15 @@ def test_angles_beyond_the_stops_are_taken_for_the_stops(world: World, op3: Robo
 
 
 @pytest.mark.parametrize(
-    ("offset", "told"),
+    ("offset", "message"),
     [(0.5, "is 0.5.* above the ground, expected at most 0.3 m"), (-0.02, "mm into the ground")],
 )
 def test_a_start_in_the_air_or_in_the_ground_is_refused(
-    world: World, lateral: Posture, offset: float, told: str
+    world: World, lateral: Posture, offset: float, message: str
 ):
     check_start(world, lateral)
     moved = replace(lateral, position=lateral.position + np.array([0.0, 0.0, offset]))
-    with pytest.raises(StartError, match=told):
+    with pytest.raises(StartError, match=message):
         check_start(world, moved)
 
 

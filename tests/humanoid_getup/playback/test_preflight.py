@@ -69,16 +69,16 @@ def test_the_motion_of_the_first_connection_passes_under_its_limit(world: World,
 
 
 @pytest.mark.parametrize(
-    ("voltage", "told"),
+    ("voltage", "message"),
     [
         (9.9, "the supply is 9.9 V, expected 10.0 to 14.8 V: charge the battery"),
         (16.8, "the supply is 16.8 V, expected 10.0 to 14.8 V: use a battery that"),
     ],
 )
 def test_a_supply_that_the_servos_are_not_made_for_is_refused(
-    world: World, motion: Motion, voltage: float, told: str
+    world: World, motion: Motion, voltage: float, message: str
 ):
-    assert told in refusals(preflight(world, motion, voltage=voltage))[0]
+    assert message in refusals(preflight(world, motion, voltage=voltage))[0]
 
 
 def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
@@ -105,8 +105,8 @@ def test_targets_beyond_a_joint_are_named_with_their_time(
 ):
     target = motion.joint_target.copy()
     target[10, knee] = op3.upper[knee] + 0.2
-    told = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
-    (text,) = [text for text in told if text.startswith(f"joint '{KNEE}': target ")]
+    message = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
+    (text,) = [text for text in message if text.startswith(f"joint '{KNEE}': target ")]
     assert f"target {op3.upper[knee] + 0.2:+.3f} rad at {motion.time[10]:.2f} s" in text
     assert f"outside [{op3.lower[knee]:+.3f}, {op3.upper[knee]:+.3f}] rad" in text
 
@@ -114,9 +114,9 @@ def test_targets_beyond_a_joint_are_named_with_their_time(
 def test_targets_that_jump_are_refused(world: World, motion: Motion, knee: int):
     target = motion.joint_target.copy()
     target[40:, knee] -= 0.3
-    told = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
-    assert any(f"joint '{KNEE}': targets move at" in text for text in told)
-    assert any("at most 4.82 rad/s: the guard would change the motion" in text for text in told)
+    message = refusals(preflight(world, replace(motion, joint_target=target), voltage=12.0))
+    assert any(f"joint '{KNEE}': targets move at" in text for text in message)
+    assert any("at most 4.82 rad/s: the guard would change the motion" in text for text in message)
 
 
 def test_a_servo_that_will_lag_on_this_supply_is_a_warning(world: World):
@@ -182,15 +182,17 @@ def test_a_measured_posture_that_no_robot_can_have_is_refused(
     crossed = lying.joint_pos.copy()
     left, right = (op3.joint_names.index(f"{side}_hip_roll") for side in "lr")
     crossed[left], crossed[right] = op3.upper[left], op3.lower[right]
-    told = refusals(preflight(world, motion, voltage=12.0, start=replace(lying, joint_pos=crossed)))
-    assert any("inside itself, expected at most 25 mm: check the zeros" in text for text in told)
+    message = refusals(
+        preflight(world, motion, voltage=12.0, start=replace(lying, joint_pos=crossed))
+    )
+    assert any("inside itself, expected at most 25 mm: check the zeros" in text for text in message)
 
 
 def test_a_hot_servo_is_refused_by_name(world: World, motion: Motion, op3: Robot, knee: int):
     heat = np.full(op3.n, 30.0)
     heat[knee] = 78.0
-    told = refusals(preflight(world, motion, voltage=12.0, temperature=heat))
-    assert told == [f"joint '{KNEE}': has 78 °C, expected at most 75 °C: let it cool down"]
+    message = refusals(preflight(world, motion, voltage=12.0, temperature=heat))
+    assert message == [f"joint '{KNEE}': has 78 °C, expected at most 75 °C: let it cool down"]
 
 
 def test_a_servo_that_would_get_too_hot_on_the_way_is_refused(world: World):
@@ -231,9 +233,9 @@ def test_the_robot_must_lie_as_the_motion_begins(world: World, motion: Motion):
     assert verdict.passed, str(verdict)
     assert not any("lies" in reason.text for reason in verdict.reasons)
     other = preflight(world, MOTIONS["supine_sit_up_fast"], voltage=12.0, start=lying)
-    (told,) = [text for text in refusals(other) if "lies" in text]
-    assert "it lies prone, the motion begins supine" in told
-    assert "° from where the motion begins, expected at most 45°" in told
+    (message,) = [text for text in refusals(other) if "lies" in text]
+    assert "it lies prone, the motion begins supine" in message
+    assert "° from where the motion begins, expected at most 45°" in message
 
 
 def test_joints_far_from_the_first_posture_are_a_warning(world: World, motion: Motion, op3: Robot):
@@ -248,7 +250,7 @@ def test_joints_far_from_the_first_posture_are_a_warning(world: World, motion: M
     )
 
 
-def test_all_that_is_wrong_is_told_at_once_refusals_first(
+def test_all_that_is_wrong_is_reported_at_once_refusals_first(
     world: World, motion: Motion, op3: Robot, knee: int
 ):
     target = motion.joint_target.copy()
@@ -258,15 +260,15 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
     verdict = preflight(
         world, spoiled, voltage=9.5, torque_limit=TorqueLimit(0.4, "pwm"), temperature=heat
     )
-    told = "; ".join(refusals(verdict))
+    message = "; ".join(refusals(verdict))
     for part in ("the supply is 9.5 V", f"'{KNEE}': target", "held stand", "has 80 °C"):
-        assert part in told
+        assert part in message
     kinds = [reason.kind for reason in verdict.reasons]
     assert kinds == sorted(kinds, key=lambda s: s is ReasonKind.WARN)
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"voltage": math.nan}, "voltage is nan V"),
         ({"voltage": 0.0}, "voltage is 0 V"),
@@ -275,9 +277,9 @@ def test_all_that_is_wrong_is_told_at_once_refusals_first(
     ],
 )
 def test_what_is_no_measurement_is_bad_input(
-    world: World, motion: Motion, options: dict[str, Any], told: str
+    world: World, motion: Motion, options: dict[str, Any], message: str
 ):
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         preflight(world, motion, **options)
 
 
@@ -301,15 +303,15 @@ def test_the_command_passes_refuses_and_writes_its_figures(
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"motion": "moonwalk"}, "unknown motion 'moonwalk'"),
         ({"motion": QUICK, "voltage": -3.0}, "voltage is -3 V"),
         ({"motion": QUICK, "torque_limit": 0.0}, "torque limit is 0 N·m"),
     ],
 )
-def test_the_command_names_bad_input(options: dict, told: str):
-    with pytest.raises(BadInputError, match=told):
+def test_the_command_names_bad_input(options: dict, message: str):
+    with pytest.raises(BadInputError, match=message):
         command.preflight(Preflight(**options))
 
 

@@ -191,7 +191,7 @@ def test_a_hot_servo_ends_it_at_once(world, standing, still, op3):
     assert f"joint '{op3.joint_names[KNEE]}' has 73 °C" in supervisor.aborted.detail
 
 
-def test_a_sagging_supply_is_a_warning_and_told_once(world, standing, still):
+def test_a_sagging_supply_is_a_warning_and_reported_once(world, standing, still):
     supervisor = begin(world, standing, still)
     assert watch(supervisor, replace(still, voltage=9.8), 2.0) == 2.0
     (warning,) = supervisor.warnings
@@ -203,7 +203,7 @@ def test_an_unproven_path_is_not_held_against_the_robot(world, standing, still):
     assert watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0) == 5.0
 
 
-def test_it_can_begin_anew_after_giving_up(world, standing, still):
+def test_it_can_begin_again_after_giving_up(world, standing, still):
     supervisor = begin(world, standing, still)
     watch(supervisor, replace(still, orientation=leaning(80.0)), 5.0)
     assert supervisor.aborted is not None

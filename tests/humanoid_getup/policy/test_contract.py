@@ -1,4 +1,4 @@
-"""The contract: there and back as JSON, and every mismatch told at once."""
+"""The contract: there and back as JSON, and every mismatch reported at once."""
 
 import json
 from dataclasses import replace
@@ -70,13 +70,13 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "told"), WRONG)
-def test_what_does_not_fit_is_told(changes: dict, told: str):
+@pytest.mark.parametrize(("changes", "message"), WRONG)
+def test_what_does_not_fit_is_reported(changes: dict, message: str):
     mismatches = change(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
-    assert any(told in line for line in mismatches), mismatches
+    assert any(message in line for line in mismatches), mismatches
 
 
-def test_all_that_does_not_fit_is_told_at_once():
+def test_all_that_does_not_fit_is_reported_at_once():
     keys = ("robot", "mode", "rate_hz", "imu_frame", "joints", "position_gain", "home", "reach")
     changes = {key: value for change, _ in WRONG for key, value in change.items() if key in keys}
     changes["max_torque"] = 0.5 * OP3.max_torque
@@ -106,12 +106,12 @@ def test_gains_and_torques_may_differ_by_a_hundredth():
 
 def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
     mismatches = "; ".join(CONTRACT.find_mismatches(load_robot("tests/robots/tiny"), PERIOD))
-    for told in ("made for 'op3'", "it lacks l_hip, r_hip", "joint_pos[20]", "here gravity[3]"):
-        assert told in mismatches
+    for message in ("made for 'op3'", "it lacks l_hip, r_hip", "joint_pos[20]", "here gravity[3]"):
+        assert message in mismatches
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "not JSON"),
         ("{", "not JSON"),
@@ -120,12 +120,12 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
         ('{"format": 1}', "format 1, expected 5"),
     ],
 )
-def test_what_is_no_contract_is_refused(text: str, told: str):
-    with pytest.raises(ContractError, match=told):
+def test_what_is_no_contract_is_refused(text: str, message: str):
+    with pytest.raises(ContractError, match=message):
         PolicyContract.from_json(text)
 
 
-def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
+def test_all_that_is_missing_or_wrong_in_the_text_is_reported_at_once():
     record = json.loads(CONTRACT.to_json())
     del record["joints"], record["max_torque"]
     del record["action"]["home"], record["action"]["calm"]["least"]
@@ -136,7 +136,7 @@ def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
     record["provenance"] = {"log": [1, 2]}
     with pytest.raises(ContractError) as refusal:
         PolicyContract.from_json(json.dumps(record))
-    for told in (
+    for message in (
         "joints is missing",
         "action.home is missing",
         "action.calm.least is missing",
@@ -147,7 +147,7 @@ def test_all_that_is_missing_or_wrong_in_the_text_is_told_at_once():
         "observation 'joint_pos': size is -1",
         "provenance.log is [1, 2], expected a text or a number",
     ):
-        assert told in str(refusal.value)
+        assert message in str(refusal.value)
 
 
 def test_a_policy_knows_the_original_body_alone():

@@ -53,13 +53,13 @@ def test_one_robot_and_many_see_the_same():
         assert np.array_equal(observe(OP3, one, target[i], last[i], share[i]), many[i])
 
 
-def test_a_torque_limit_is_told_as_a_share_and_no_more_than_all():
+def test_a_torque_limit_is_observed_as_a_share_and_no_more_than_all():
     limits = np.array([2.05, 4.1, 9.0])
     assert compute_torque_share(OP3, ACTION, limits).tolist() == [[0.5], [1.0], [1.0]]
     assert compute_torque_share(OP3, ACTION, np.inf).tolist() == [1.0]
 
 
-def test_a_policy_that_asks_for_less_is_told_no_more():
+def test_a_policy_that_asks_for_less_observes_no_more():
     gentle = replace(ACTION, pwm_limit=0.55)
     limits = np.array([2.05, 4.1])
     assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55]]

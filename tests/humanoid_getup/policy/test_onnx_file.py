@@ -103,7 +103,7 @@ ROBOTS = ("op3", "wolfgang")
 def test_a_checksum_that_a_shipped_policy_tells_is_that_of_a_shipped_file(robot: str):
     files = [*Path(load_robot(robot).folder, "policies").iterdir()]
     shipped = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
-    told = [read_contract(file).provenance for file in files if file.suffix == ".onnx"]
-    assert told
-    sums = {value for facts in told for key, value in facts.items() if key.endswith("sha256")}
+    message = [read_contract(file).provenance for file in files if file.suffix == ".onnx"]
+    assert message
+    sums = {value for facts in message for key, value in facts.items() if key.endswith("sha256")}
     assert sums <= shipped

@@ -113,7 +113,9 @@ def test_it_decides_once_in_six_cycles_by_what_it_measures_then(tiny: Robot, tmp
     np.testing.assert_allclose(command.joint_pos, tiny.standing.joint_pos + offset, atol=1e-7)
 
 
-def test_a_torque_limit_caps_the_command_and_is_told_to_the_network(tiny: Robot, tmp_path: Path):
+def test_a_torque_limit_caps_the_command_and_is_observed_by_the_network(
+    tiny: Robot, tmp_path: Path
+):
     file = save_policy(tmp_path / "p.onnx", tiny, weight=weights_of(tiny, torque_share=0.2))
     for limit, share in ((None, 1.0), (0.5 * tiny.max_torque.max(), 0.5), (99.0, 1.0)):
         policy = begin(file, tiny, torque_limit=limit)
@@ -167,7 +169,7 @@ def test_one_log_gives_training_and_robot_the_same_numbers(tmp_path: Path, askew
 
 
 def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_path: Path):
-    """What the sim's servos were told at the end of each cycle of two policy steps."""
+    """Targets of the sim's servos at the end of each cycle of two policy steps."""
     action = actions_of(op3)
     sim = TrainingSim(
         build_training_world(op3, FLAT_SCENE, 0.004), 1, cycles=action.cycles, threads=1
@@ -183,12 +185,12 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
         sensed = sim.sense()
         measured = sensed.joint_pos
         following = next_target(op3, action, target, measured, sensed.gravity, np.float32(bias))
-        told = sim.follow(target, following, record=("ctrl",))["ctrl"]
+        message = sim.follow(target, following, record=("ctrl",))["ctrl"]
         target = following
         for cycle in nonempty(range(action.cycles)):
             time = (step * action.cycles + cycle) * PERIOD
             command = policy.step(state_of(op3, time, joint_pos=measured[0]))
-            np.testing.assert_allclose(command.joint_pos, told[0, cycle], atol=1e-6)
+            np.testing.assert_allclose(command.joint_pos, message[0, cycle], atol=1e-6)
 
 
 @pytest.mark.parametrize("limit", [1.0, 0.55])

@@ -39,7 +39,7 @@ def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("recipe", "told"),
+    ("recipe", "message"),
     [
         (RECIPE | {"seed": 1}, r"made with another seed \(0, now 1\), expected the same"),
         (RECIPE | {"world": "b" * 32}, "made with another world, expected the same"),
@@ -47,9 +47,9 @@ def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_pat
         ({"seed": 0}, "made with another world, expected the same"),
     ],
 )
-def test_the_work_of_another_recipe_is_refused_by_what_differs(tmp_path: Path, recipe, told):
+def test_the_work_of_another_recipe_is_refused_by_what_differs(tmp_path: Path, recipe, message):
     Ledger(tmp_path / "ledger.json", RECIPE).add("one", 1)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         Ledger.resume(tmp_path / "ledger.json", recipe)
 
 
@@ -57,9 +57,9 @@ def test_the_work_of_another_recipe_is_refused_by_what_differs(tmp_path: Path, r
 def test_a_damaged_ledger_is_refused_in_one_line(tmp_path: Path, damage: str):
     path = tmp_path / "ledger.json"
     path.write_text(damage)
-    with pytest.raises(ValueError, match="without --resume it starts over") as told:
+    with pytest.raises(ValueError, match="without --resume it starts over") as message:
         Ledger.resume(path, RECIPE)
-    assert str(told.value).isprintable()
+    assert str(message.value).isprintable()
 
 
 def test_a_result_that_was_changed_is_refused(tmp_path: Path):

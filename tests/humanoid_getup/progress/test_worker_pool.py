@@ -36,15 +36,15 @@ def is_running(pid: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-@pytest.mark.parametrize("told", [signal.SIGKILL, signal.SIGTERM])
-def test_workers_end_when_their_parent_is_killed(told: int, tmp_path: Path):
+@pytest.mark.parametrize("message", [signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_when_their_parent_is_killed(message: int, tmp_path: Path):
     program, folder = tmp_path / "compute.py", tmp_path / "workers"
     program.write_text(PROGRAM)
     folder.mkdir()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     with subprocess.Popen([sys.executable, str(program), str(folder)], env=environment) as process:
         wait_until(lambda: len(list(folder.iterdir())) == 2)
-        process.send_signal(told)
+        process.send_signal(message)
         process.wait()
     workers = [int(path.name) for path in folder.iterdir()]
     assert len(workers) == 2

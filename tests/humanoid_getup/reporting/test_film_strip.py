@@ -16,7 +16,7 @@ from robots.kinematics import place
 
 @pytest.fixture(scope="module")
 def empty(world: World) -> mujoco.MjModel:
-    """The scene with a robot that nobody sees."""
+    """The scene with an invisible robot."""
     model = copy.copy(world.model)
     robot_geoms = model.body_rootid[model.geom_bodyid] != 0
     model.geom_rgba[robot_geoms, 3] = 0.0

@@ -165,16 +165,16 @@ def test_cycles_that_are_missing_are_bridged_by_the_last_command(swing, tiny):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda time: time[::-1], "-0.008 s pass after cycle 0, expected 0 to 5 s"),
         (lambda time: time + 60.0 * (time > 0.5), r"60\.008 s pass after cycle 62"),
         (lambda time: np.where(time > 0.5, np.nan, time), "nan s pass after cycle 62"),
     ],
 )
-def test_a_log_whose_clock_jumps_cannot_be_replayed(swing, tiny, change, told):
+def test_a_log_whose_clock_jumps_cannot_be_replayed(swing, tiny, change, message):
     record = spoiled(FlightRecord.load(swing), "time", change)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         replay(record, twin_of(tiny), tiny.standing)
 
 
@@ -232,9 +232,9 @@ def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, ca
         "File too large, recording stopped; its first 50 cycles can be replayed"
     )
     assert parse(path, "--robot", TINY).run() == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "the twin moved exactly as logged" in told
-    assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in told
+    message = " ".join(capsys.readouterr().out.split())
+    assert "the twin moved exactly as logged" in message
+    assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
 
 
 def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurement(
@@ -242,14 +242,14 @@ def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurem
 ):
     record_swing(tmp_path / "f.mcap", op3, twin_of(op3), None)
     assert parse(tmp_path / "f.mcap", "--json", "-").run() == 0
-    told = capsys.readouterr()
-    figures = json.loads(told.out)
+    message = capsys.readouterr()
+    figures = json.loads(message.out)
     assert (figures["start"], figures["exact"]) == ("estimated", False)
     assert figures["divergence_s"] is None or figures["divergence_s"] > 0.2
-    assert "log" in told.err
+    assert "log" in message.err
 
 
-def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_told(tiny, tmp_path, capsys):
+def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_path, capsys):
     def blind(cycle: Cycle) -> Cycle:
         angles = np.where([True, False], cycle.state.joint_pos, np.nan)
         return replace(cycle, state=replace(cycle.state, joint_pos=angles))
@@ -261,7 +261,7 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_told(tiny, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("gone.mcap",), "flight log gone.mcap: No such file or directory"),
         (("LOG",), "unknown robot 'tiny'"),
@@ -274,9 +274,9 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_told(tiny, tmp_path, 
         (("LOG", "--json", "LOG/x"), "is not a folder"),
     ],
 )
-def test_the_command_refuses_what_it_cannot_use_in_one_line(swing, arguments, told):
+def test_the_command_refuses_what_it_cannot_use_in_one_line(swing, arguments, message):
     words = [str(word).replace("LOG", str(swing)) for word in arguments]
     with pytest.raises(BadInputError) as error:
         parse(*words).run()
-    assert told in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)

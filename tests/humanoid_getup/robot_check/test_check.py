@@ -177,7 +177,7 @@ def test_servos_that_become_hot_in_the_stance_are_named(copied_op3: Path):
     assert "°C in the stance, expected at most 65 °C" in found.text
 
 
-def test_a_robot_without_motions_is_told_how_to_come_by_them(copied_op3: Path):
+def test_a_robot_without_motions_gets_advice(copied_op3: Path):
     shutil.rmtree(copied_op3 / "motions")
     findings = {
         finding.subject: finding for finding in check_robot(load_robot(copied_op3)).findings

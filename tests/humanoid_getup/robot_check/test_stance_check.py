@@ -25,16 +25,16 @@ def test_soles_on_the_faces_of_the_feet_are_right(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("new", "told"),
+    ("new", "message"),
     [
         (SOLE.replace("-0.1", "-0.09"), "warning: site 'l_sole': is 10 mm above the lowest point"),
         (SOLE.replace("-0.1", "-0.12"), "warning: site 'l_sole': is 20 mm below the lowest point"),
         (SOLE.replace("/>", ' euler="10 0 0"/>'), "fault: site 'l_sole': is tilted by 10° against"),
     ],
 )
-def test_a_sole_that_is_off_its_face_is_named(tmp_path: Path, new: str, told: str):
+def test_a_sole_that_is_off_its_face_is_named(tmp_path: Path, new: str, message: str):
     (found,) = soles_of(tmp_path, SOLE, new)
-    assert found.startswith(told)
+    assert found.startswith(message)
 
 
 def stance_of(robot: Robot) -> list[str]:

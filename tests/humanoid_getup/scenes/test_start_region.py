@@ -1,4 +1,4 @@
-"""Start regions: robots are dropped in them, lie as they say, and are told from others."""
+"""Start regions: robots are dropped in them, lie as described, and others are recognized."""
 
 import math
 from dataclasses import replace

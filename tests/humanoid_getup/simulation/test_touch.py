@@ -24,7 +24,7 @@ def on_the_ground(world: World, axis: tuple[float, float, float], degrees: float
     return qpos
 
 
-def test_feet_are_not_told(world: World):
+def test_feet_are_not_reported(world: World):
     assert find_touching_bodies(world, on_the_ground(world, (1.0, 0.0, 0.0), 0.0)) == ()
 
 

@@ -59,7 +59,7 @@ def test_twin_and_vectorized_simulation_agree_to_the_bit(
         assert np.array_equal(trace.qpos[0], went)
 
 
-def test_limits_are_told_apart(world: World, op3: Robot):
+def test_limits_are_distinguished(world: World, op3: Robot):
     """A current limit, a PWM limit and none: three different ways."""
     motion = load_motion(op3, "prone_push_up_fast")
     targets = np.tile(sample_targets(op3, motion), (3, 1, 1))

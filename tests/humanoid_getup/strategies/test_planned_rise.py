@@ -130,7 +130,7 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"prefer": "luck"}, r"prefer is 'luck', expected one of time, torque"),
         ({"search_budget": 0.0}, r"search_budget is 0.0 s, expected above 0 s"),
@@ -139,8 +139,8 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
         ({"prefer": ["time"]}, "prefer is .'time'., expected one of time"),
     ],
 )
-def test_a_wrong_preference_or_budget_is_refused(world, database, options, told):
-    with pytest.raises(ValueError, match=told):
+def test_a_wrong_preference_or_budget_is_refused(world, database, options, message):
+    with pytest.raises(ValueError, match=message):
         PlannedRise(world, database, **options)
 
 

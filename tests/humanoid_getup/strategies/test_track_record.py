@@ -108,7 +108,7 @@ def test_few_rises_promise_little(tmp_path: Path):
     assert records.success(ROBUST, "supine", TorqueLimit(4.1, "current")) > 0.97
 
 
-def test_all_that_is_wrong_is_told_at_once(tmp_path: Path):
+def test_all_that_is_wrong_is_reported_at_once(tmp_path: Path):
     text = """
 [[record]]
 method = "luck"
@@ -123,7 +123,7 @@ prone = 3
 """
     with pytest.raises(TrackRecordError) as refusal:
         load_track_record(robot_with(text, tmp_path))
-    for told in (
+    for message in (
         "records.toml: record number 1: method is 'luck', expected plan, policy",
         "record number 1: torque_limit is 0",
         "record number 2: policy is missing",
@@ -131,7 +131,7 @@ prone = 3
         "record number 2: supine.stood is 9, expected an integer from 0 to 8",
         "record number 2: prone is 3, expected { stood = ..., n = ... }",
     ):
-        assert told in str(refusal.value)
+        assert message in str(refusal.value)
 
 
 @pytest.mark.parametrize("text", ["record = 3", "[[record]", "record = [1]"])

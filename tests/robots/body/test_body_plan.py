@@ -30,9 +30,9 @@ def test_a_knee_that_bends_the_other_way_is_named(small: BodyPlan):
     model = copy.copy(small.model)
     knee = model.joint("left_shank_joint").id
     model.jnt_range[knee] = np.radians([-140.0, 0.0])
-    (told,) = replace(small, model=model).find_contradictions()
-    assert "left_shank_joint and right_shank_joint mirror each other, but not" in told
-    assert "-140 to 0 deg and 0 to 140 deg" in told
+    (message,) = replace(small, model=model).find_contradictions()
+    assert "left_shank_joint and right_shank_joint mirror each other, but not" in message
+    assert "-140 to 0 deg and 0 to 140 deg" in message
 
 
 def test_segments_are_head_feet_and_the_rest(small: BodyPlan):

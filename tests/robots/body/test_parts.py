@@ -26,7 +26,7 @@ def firsts(limbs: list[tuple[Link, Link]]) -> list[str]:
     return names([link for _, link in limbs])
 
 
-def test_limbs_on_the_torso_are_told_apart_by_soles_and_the_head(tmp_path: Path):
+def test_limbs_on_the_torso_are_distinguished_by_soles_and_the_head(tmp_path: Path):
     parts = find(make_robot(tmp_path, LEGS + L_ARM + R_ARM + HEAD, head=("pan", "tilt")))
     assert names(parts.trunk) == ["torso"]
     assert firsts(parts.legs) == ["l_hip_link", "r_hip_link"]

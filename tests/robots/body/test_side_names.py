@@ -18,7 +18,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("left", "right", "bare"), PAIRS)
-def test_a_pair_is_told_by_its_names(left: str, right: str, bare: str):
+def test_a_pair_is_recognized_by_its_names(left: str, right: str, bare: str):
     assert (swap_side(left), swap_side(right)) == (right, left)
     assert (side_of(left), side_of(right)) == (1, -1)
     assert remove_side(left, right) == remove_side(right, left) == bare

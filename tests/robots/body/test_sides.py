@@ -60,7 +60,7 @@ def test_where_names_do_not_say_the_left_joint_is_on_the_left(left, right, own_r
     assert list(sides.by_name) == [left]
 
 
-def test_joints_on_the_middle_plane_are_told_apart_by_their_limbs(own_robot: Path):
+def test_joints_on_the_middle_plane_are_distinguished_by_their_limbs(own_robot: Path):
     robot = with_names(own_robot, "motor_2", "motor_1")
     model = own_robot / "model.xml"
     text = model.read_text().replace('axis="0 1 0"', 'axis="0 1 0" pos="0 -0.07 0"', 1)
@@ -69,7 +69,7 @@ def test_joints_on_the_middle_plane_are_told_apart_by_their_limbs(own_robot: Pat
     assert [robot.joint_names[joint] for joint in JointSides(robot).left] == ["motor_2"]
 
 
-def test_a_name_that_two_pairs_share_is_nobodys(op3: Robot):
+def test_a_name_that_two_pairs_share_belongs_to_neither(op3: Robot):
     names = list(op3.joint_names)
     for old, new in (("l_el", "knee_l"), ("r_el", "knee_r")):
         names[names.index(old)] = new

@@ -101,7 +101,7 @@ def test_an_unknown_robot_is_named_with_what_is_expected(name):
     assert "\n" not in str(caught.value)
 
 
-def test_a_name_too_long_for_a_folder_is_told_in_one_line():
+def test_a_name_too_long_for_a_folder_is_reported_in_one_line():
     with pytest.raises(RobotError, match="File name too long") as caught:
         load_robot("x" * 300)
     assert len(str(caught.value)) < 200

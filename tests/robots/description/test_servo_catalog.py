@@ -64,13 +64,13 @@ def test_a_folders_types_add_to_and_override_the_packages(own_robot):
         ("[home-made]", "[home-made", "servos.toml"),
     ],
 )
-def test_a_wrong_type_is_told_with_what_is_expected(own_robot, old, new, words):
+def test_a_wrong_type_is_reported_with_what_is_expected(own_robot, old, new, words):
     assert old in OWN
     (own_robot / "servos.toml").write_text(OWN.replace(old, new))
     assert words in complaint(own_robot)
 
 
-def test_all_wrong_figures_are_told_at_once(own_robot):
+def test_all_wrong_figures_are_reported_at_once(own_robot):
     (own_robot / "servos.toml").write_text("[a]\nfriction = nan\n[b]\narmature = true\n")
     message = complaint(own_robot)
     assert "'a': friction is nan" in message

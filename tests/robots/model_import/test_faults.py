@@ -54,7 +54,7 @@ def point_feet(spec: mujoco.MjSpec) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (cut("right_hip_yaw"), "expected two legs of at least 3 hinges"),
         (cut("left_hip_yaw", "right_hip_yaw"), "expected two legs"),
@@ -65,13 +65,13 @@ def point_feet(spec: mujoco.MjSpec) -> None:
         (point_feet, "no flat face that looks down, expected a sole"),
     ],
 )
-def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, told: str):
+def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, message: str):
     (problem,) = problems_of(tmp_path / "model.xml", small_humanoid(change=change))
-    assert told in problem
+    assert message in problem
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"", "not XML"),
         (b"\xff\x00", "not XML"),
@@ -88,10 +88,10 @@ def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, told:
         (small_urdf(mesh="noise.stl"), "cannot be read (it holds no solid)"),
     ],
 )
-def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, content: str | bytes, told: str):
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, content: str | bytes, message: str):
     (tmp_path / "torso.step").write_text("a solid")
     (tmp_path / "noise.stl").write_text("no numbers here")
-    assert told in "\n".join(problems_of(tmp_path / "model.xml", content))
+    assert message in "\n".join(problems_of(tmp_path / "model.xml", content))
 
 
 @pytest.mark.parametrize("name", ["torso.stl", "TORSO.STL"])
@@ -107,7 +107,7 @@ def test_a_mesh_whose_name_is_too_long_is_not_found(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "message"),
     [
         ("left_hip_yaw_joint", "left&#10;hip", r"joint 'left\nhip' is named so"),
         ("left_hip_yaw_joint", " ", "joint ' ' is named so, expected printable characters"),
@@ -118,10 +118,10 @@ def test_a_mesh_whose_name_is_too_long_is_not_found(tmp_path: Path):
         ("<worldbody>", "<worldbody><replicate count='1000000000'><site/></replicate>", "copies"),
     ],
 )
-def test_what_no_robot_folder_can_hold_is_refused(tmp_path: Path, before, after, told):
+def test_what_no_robot_folder_can_hold_is_refused(tmp_path: Path, before, after, message):
     text = small_humanoid()
     assert before in text
-    assert told in "\n".join(problems_of(tmp_path / "model.xml", text.replace(before, after)))
+    assert message in "\n".join(problems_of(tmp_path / "model.xml", text.replace(before, after)))
 
 
 @pytest.mark.parametrize("name", ["", " ", "a\nb", "a\u2028b", os.fsdecode(b"\xff")])
@@ -154,16 +154,16 @@ def test_a_full_disk_leaves_nothing_and_one_line(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"servos": ("XM999",)}, "--servo is 'XM999': unknown type 'XM999'"),
         ({"servos": ("XM430-W350=*tail*",)}, "no joint matches '*tail*'"),
         ({"fixed": ("left_tail",)}, "--fix is 'left_tail', expected one of left_hip_yaw_joint"),
     ],
 )
-def test_what_was_said_must_fit_the_model(tmp_path: Path, options, told: str):
+def test_what_was_said_must_fit_the_model(tmp_path: Path, options, message: str):
     (problem,) = problems_of(tmp_path / "model.xml", small_humanoid(), **options)
-    assert told in problem
+    assert message in problem
 
 
 def test_a_torso_fixed_to_the_world_floats(tmp_path: Path):
@@ -174,7 +174,7 @@ def test_a_torso_fixed_to_the_world_floats(tmp_path: Path):
     assert set(robot.servos.types) == {"XM430-W350"}  # 4.1 N·m at 12 V, as its URDF says
 
 
-def test_ranges_that_contradict_their_mirror_images_are_told(tmp_path: Path):
+def test_ranges_that_contradict_their_mirror_images_are_reported(tmp_path: Path):
     def turn(spec: mujoco.MjSpec) -> None:
         spec.joint("left_shank_joint").range = np.radians([-140.0, 0.0]) * 180.0 / np.pi
 

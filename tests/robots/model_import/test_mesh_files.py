@@ -51,7 +51,7 @@ def collada(scene: str = "", numbers: str = "0 0 0 1 0 0 0 2 0 0 0 3") -> str:
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (collada("<rotate>0 0 1</rotate>"), "<rotate> has 3 numbers"),
         (collada("<matrix>1 2 3</matrix>"), "<matrix> has 3 numbers"),
@@ -68,9 +68,9 @@ def collada(scene: str = "", numbers: str = "0 0 0 1 0 0 0 2 0 0 0 3") -> str:
         ("<COLLADA><a></COLLADA>", "not XML"),
     ],
 )
-def test_a_collada_file_that_cannot_be_used_is_refused(tmp_path: Path, content: str, told: str):
+def test_a_collada_file_that_cannot_be_used_is_refused(tmp_path: Path, content: str, message: str):
     (tmp_path / "part.dae").write_text(content)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         read_hull(tmp_path / "part.dae")
 
 

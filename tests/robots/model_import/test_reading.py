@@ -1,4 +1,4 @@
-"""Model files are told apart by their root; MJCF keeps its keyframe, motors and loops."""
+"""Model files are distinguished by their root; MJCF keeps its keyframe, motors and loops."""
 
 from pathlib import Path
 
@@ -66,8 +66,8 @@ def test_a_joint_without_range_has_that_of_its_position_actuator(
     assert bool(source.model.jnt_limited[knee.id]) == (expected is not None)
     if expected is not None:
         assert knee.range == pytest.approx(expected, abs=1e-4)
-    told = ("ranges of position actuators for joints without range: knee",)
-    assert source.notes == (() if hinge or expected is None else told)
+    message = ("ranges of position actuators for joints without range: knee",)
+    assert source.notes == (() if hinge or expected is None else message)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_a_lighter_type_is_guessed_if_the_others_would_outweigh_the_robot():
     assert guess.endswith("set the types with --servo TYPE=PATTERN")
 
 
-def test_servos_that_outweigh_the_robot_are_told():
+def test_servos_that_outweigh_the_robot_are_reported():
     joints = [f"joint_{k}" for k in range(60)]
     choice = choose_servos(joints, {}, (), **SMALL)
     mass = 60 * servo_models()[choice.types[0]].mass

@@ -79,7 +79,7 @@ def test_what_a_motor_weighs_stays_on_its_link(tmp_path: Path, change):
     assert model.body_mass.sum() == pytest.approx(1.0 + 0.1 + 2 * 0.7 + added)
 
 
-def test_a_loop_is_told(tmp_path: Path):
+def test_a_loop_is_reported(tmp_path: Path):
     notes = imported(tmp_path, add_rod).notes
     assert any("closed loop that joins rod and left_shank is open" in note for note in notes)
 

@@ -41,7 +41,7 @@ def test_a_tendon_that_gives_way_ties_nothing():
 
 
 @given(st.lists(NAMES, max_size=8))
-def test_groups_share_no_hinge_and_none_can_be_parted(sets: list[list[str]]):
+def test_groups_share_no_hinge_and_none_can_be_split(sets: list[list[str]]):
     ties = [Tie(tuple(names), (1.0,) * len(names)) for names in sets]
     groups = list(group_ties(ties))
     assert sorted(tie.joints for group in groups for tie in group) == sorted(map(tuple, sets))

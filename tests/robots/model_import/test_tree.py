@@ -69,25 +69,25 @@ def test_a_torso_without_joint_floats_and_that_is_said():
 
 
 @pytest.mark.parametrize(
-    ("joint", "told"),
+    ("joint", "message"),
     [
         ('<joint name="pole" axis="0 0 1"/>', "hangs on the world by hinge 'pole', expected a"),
         ('<joint type="slide" name="rail"/>', "hangs on the world by slide 'rail', expected a"),
     ],
 )
-def test_a_torso_that_hangs_on_the_world_is_refused(joint: str, told: str):
-    with pytest.raises(ModelImportError, match=told):
+def test_a_torso_that_hangs_on_the_world_is_refused(joint: str, message: str):
+    with pytest.raises(ModelImportError, match=message):
         find(joint=joint)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('name="hip" axis', 'name="hip" type="slide" axis', "'hip' of body 'leg' is a slide joint"),
         ('pos="0 0 -0.3"', 'pos="0 0 -300"', "expected 0.1 to 3 m: lengths are in m"),
         ('mass="0.5"', 'mass="500"', "expected 0.1 to 500 kg: masses are in kg"),
     ],
 )
-def test_what_no_servo_humanoid_has_is_named(old: str, new: str, told: str):
-    with pytest.raises(ModelImportError, match=told):
+def test_what_no_servo_humanoid_has_is_named(old: str, new: str, message: str):
+    with pytest.raises(ModelImportError, match=message):
         find(ROBOT.replace(old, new))

@@ -118,19 +118,20 @@ def test_any_encoding_that_the_file_states_is_read(tmp_path: Path, encoding: str
 
 
 @pytest.mark.parametrize(
-    ("parts", "told"),
+    ("parts", "message"),
     [
         ([link("a", BOX), link("b", BOX), hinge("hip", "a"), hinge("hip", "b")], "2 joints"),
         ([link("a", BOX), link("a", BOX), link("a", BOX), hinge("hip", "a")], "3 links"),
     ],
 )
-def test_names_that_stand_twice_are_told(tmp_path: Path, parts: list[str], told: str):
+def test_names_that_stand_twice_are_reported(tmp_path: Path, parts: list[str], message: str):
     with pytest.raises(ModelImportError) as caught:
         read(tmp_path, *parts)
-    name = "hip" if "joint" in told else "a"
+    name = "hip" if "joint" in message else "a"
     (problem,) = caught.value.problems
     assert problem == (
-        f"{tmp_path / 'model.urdf'}: {told} are named '{name}', expected a name of its own for each"
+        f"{tmp_path / 'model.urdf'}: {message} are named '{name}', "
+        "expected a name of its own for each"
     )
 
 
@@ -160,7 +161,7 @@ def test_a_model_of_more_parts_than_robots_have_is_refused_at_once(tmp_path: Pat
         (link("a", "<collision/>"), hinge("hip", "a", kind="spiral")),
     ],
 )
-def test_what_mujoco_refuses_is_told_in_one_line(tmp_path: Path, parts: tuple[str, ...]):
+def test_what_mujoco_refuses_is_reported_in_one_line(tmp_path: Path, parts: tuple[str, ...]):
     with pytest.raises(ModelImportError) as caught:
         read(tmp_path, *parts)
     (problem,) = caught.value.problems

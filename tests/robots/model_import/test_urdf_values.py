@@ -32,7 +32,7 @@ def test_a_sound_model_has_no_problems():
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "message"),
     [
         ("1.5", "nan", "link 'trunk': value of <mass> is 'nan', expected a finite number"),
         ("1.5", "-1", "link 'trunk' has a mass of -1 kg, expected 0 kg or more"),
@@ -60,9 +60,9 @@ def test_a_sound_model_has_no_problems():
         ('name="hip" ', "", "joint 'knee' mimics 'hip', expected another joint"),
     ],
 )
-def test_a_number_that_cannot_be_is_refused(before: str, after: str, told: str):
+def test_a_number_that_cannot_be_is_refused(before: str, after: str, message: str):
     (problem,) = problems_of((before, after))
-    assert told in problem
+    assert message in problem
 
 
 def test_all_problems_come_at_once():

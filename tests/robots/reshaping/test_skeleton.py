@@ -16,7 +16,7 @@ def skeleton(tmp_path_factory: pytest.TempPathFactory) -> Skeleton:
     return build_skeleton(make_robot(folder, LEGS + turned))
 
 
-def test_anchors_are_told_in_the_frame_of_another_link(skeleton: Skeleton):
+def test_anchors_are_given_in_the_frame_of_another_link(skeleton: Skeleton):
     """By hand: an arm that is turned by a right angle about y points back, to -x."""
     ((_, arm),) = skeleton.parts.arms
     (elbow,) = arm.children

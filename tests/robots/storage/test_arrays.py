@@ -104,8 +104,8 @@ def test_a_bomb_that_lies_about_its_size_is_not_unpacked(gigabyte: Path, tmp_pat
     )
     command = [sys.executable, "-c", program, str(file)]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
-    told, peak = result.stdout.splitlines()
-    assert "damaged" in told or "expected" in told
+    message, peak = result.stdout.splitlines()
+    assert "damaged" in message or "expected" in message
     assert int(peak) < 500_000, "kilobytes of memory"
 
 
@@ -214,17 +214,17 @@ def test_a_missing_file_is_an_error_of_the_system(tmp_path: Path):
         load_arrays(tmp_path / "a.npz", ("a",))
 
 
-def test_texts_and_numbers_are_told_from_each_other():
+def test_texts_and_numbers_are_distinguished_from_each_other():
     assert to_text(np.array("a"), "key") == "a"
     assert to_numbers(np.array([1, 2]), "key", (None,)).tolist() == [1.0, 2.0]
     for wrong in (np.array(["a"]), np.array(1.0)):
         with pytest.raises(ArchiveError, match="key is not a text"):
             to_text(wrong, "key")
-    for wrong, told in (
+    for wrong, message in (
         (np.array("a"), "not an array of numbers"),
         (np.zeros(3), r"shape \(3,\), expected \(any, 2\)"),
         (np.zeros((3, 1)), r"shape \(3, 1\), expected \(any, 2\)"),
         (np.array([[1.0, np.inf]]), "holds inf, expected finite"),
     ):
-        with pytest.raises(ArchiveError, match=told):
+        with pytest.raises(ArchiveError, match=message):
             to_numbers(wrong, "key", (None, 2))

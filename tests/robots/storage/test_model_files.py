@@ -32,7 +32,7 @@ def test_the_models_of_the_package_are_within_all_limits(robot: str):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (
             "<worldbody><replicate count='1000000000'><geom size='1'/></replicate></worldbody>",
@@ -67,7 +67,7 @@ def test_the_models_of_the_package_are_within_all_limits(robot: str):
         ("<asset><hfield file='huge.png'/></asset>", f"more than {MAX_ASSET} bytes"),
     ],
 )
-def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, told: str):
+def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, message: str):
     (tmp_path / "parts").mkdir()
     for name in ("pipe", "parts/p.stl"):
         os.mkfifo(tmp_path / name)
@@ -75,7 +75,7 @@ def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, told: s
     (tmp_path / "broken.xml").write_bytes(b"<a>")
     with (tmp_path / "huge.png").open("wb") as file:
         file.truncate(MAX_ASSET + 1)
-    assert told in problems_of(tmp_path, content)
+    assert message in problems_of(tmp_path, content)
 
 
 def test_copies_in_attached_models_count(tmp_path: Path):

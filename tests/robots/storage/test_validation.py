@@ -107,11 +107,11 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("key", "value", "told"), WRONG)
-def test_a_wrong_value_is_reported_with_its_place_and_what_is_expected(key, value, told):
+@pytest.mark.parametrize(("key", "value", "message"), WRONG)
+def test_a_wrong_value_is_reported_with_its_place_and_what_is_expected(key, value, message):
     problems: list[str] = []
     read = read_table(Whole, RIGHT | {key: value}, "", problems)
-    assert told in "; ".join(problems)
+    assert message in "; ".join(problems)
     assert "\n" not in "; ".join(problems)
     assert read.best is not None, "what else is in the table is not read"
 
@@ -149,7 +149,7 @@ def test_of_very_many_unknown_keys_some_are_named():
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"a." * 100_000 + b"b = 1", r"not TOML \(a key has 50 parts or more\)"),
         (b"[" + b'"x" . ' * 100_000 + b"b]", "a key has 50 parts or more"),
@@ -160,9 +160,9 @@ def test_of_very_many_unknown_keys_some_are_named():
         (b"#" * (MAX_TOML + 1), f"more than {MAX_TOML} bytes"),
     ],
 )
-def test_a_file_that_is_no_plain_toml_is_refused(tmp_path: Path, content: bytes, told: str):
+def test_a_file_that_is_no_plain_toml_is_refused(tmp_path: Path, content: bytes, message: str):
     (tmp_path / "a.toml").write_bytes(content)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         load_toml(tmp_path / "a.toml")
 
 

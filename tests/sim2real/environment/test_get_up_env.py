@@ -156,7 +156,7 @@ def test_actions_beyond_one_count_as_one(op3, action, pool):
 
 
 @pytest.mark.parametrize("options", [FALLEN, RANDOM])
-def test_a_restored_environment_goes_on_to_the_bit(op3, action, pool, options):
+def test_a_restored_environment_continues_to_the_bit(op3, action, pool, options):
     env = GetUpEnv(op3, action, pool, options)
     env.reset(seed=0)
     env.episodes.age[:] = env.longest - np.arange(8)

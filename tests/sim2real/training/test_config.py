@@ -77,9 +77,9 @@ def test_all_that_differs_is_named_but_the_number_of_iterations(tmp_path: Path):
     other = asdict(replace(RECIPES["styled"], discount=0.5))
     with pytest.raises(TrainingFolderError) as refusal:
         check_recipe(file, make_record(seed=4, recipe=other))
-    told = str(refusal.value)
+    message = str(refusal.value)
     differences = "seed (3, now 4), recipe.discount (0.97, now 0.5)"
-    assert told.startswith(f"{file}: made with another {differences}, expected the same")
+    assert message.startswith(f"{file}: made with another {differences}, expected the same")
 
 
 def test_a_policy_with_style_moves_every_joint(op3: Robot):

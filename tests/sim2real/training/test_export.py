@@ -124,7 +124,7 @@ def lose_the_actor(state: dict) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (add_nan, "holds NaN or infinity: mlp.0.weight"),
         (lose_a_layer, "does not fit robot and recipe.*mlp.2.weight"),
@@ -132,13 +132,13 @@ def lose_the_actor(state: dict) -> None:
     ],
 )
 def test_a_checkpoint_that_is_none_of_the_training_is_refused(
-    op3: Robot, tmp_path: Path, change, told: str
+    op3: Robot, tmp_path: Path, change, message: str
 ):
     training = make_training(tmp_path / "training", op3)
     spoil(training, change)
     file = tmp_path / "policy.onnx"
     file.write_text("an earlier one")
-    with pytest.raises((ExportError, CheckpointError), match=told):
+    with pytest.raises((ExportError, CheckpointError), match=message):
         export_policy(training, op3, file)
     assert file.read_text() == "an earlier one"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["policy.onnx", "training"]

@@ -133,7 +133,7 @@ def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
 
 
 @pytest.mark.parametrize("killed_at", [0, 1, 3])
-def test_a_killed_training_goes_on_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
+def test_a_killed_training_continues_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
     with pytest.raises(KilledError):
         train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1), report=kill_at(killed_at))
     train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
@@ -211,9 +211,9 @@ def test_a_training_begins_with_its_parents_policy(op3, parent, tmp_path, monkey
 
 def test_a_training_tells_its_parent_by_its_content_and_learns_on(op3, parent, tmp_path):
     train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1, parent=parent))
-    told = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
+    message = json.loads((tmp_path / RECIPE).read_text("utf-8"))["parent"]
     digest = hashlib.sha256((parent / CHECKPOINT).read_bytes()).hexdigest()
-    assert told == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
+    assert message == {"recipe": "quick", "seed": 1, "iterations": 2, "sha256": digest}
     facts = TrainingRecord.load(tmp_path).provenance
     about = {key: value for key, value in facts.items() if key.startswith("parent.")}
     assert about == {"parent.recipe": "quick", "parent.seed": 1, "parent.iterations": 2}

@@ -205,7 +205,7 @@ def test_status_return_level_decides_what_is_answered():
     assert servo.peek("led") == 1  # obeyed all the same
 
 
-def test_a_new_id_is_told_under_the_old_one():
+def test_a_new_id_is_confirmed_under_the_old_one():
     servo = VirtualServo(1)
     status = servo.handle(Instruction.WRITE, b"\x07\0\x09")
     assert status is not None and (status.id, status.error) == (1, 0)
@@ -405,7 +405,7 @@ def test_power_returns_a_servo_as_a_reboot_does():
     assert (read(servo, "led"), read(servo, "torque_enable")) == (0, 0)
 
 
-def test_a_servo_behind_a_broken_cable_goes_on_with_what_it_does():
+def test_a_servo_behind_a_broken_cable_continues_with_what_it_does():
     servo = VirtualServo(1)
     write(servo, "torque_enable", 1)
     servo.alive = False

@@ -284,7 +284,7 @@ def test_a_profile_takes_the_target_along_and_the_flags_tell():
     assert read(servo, "moving_status") & 0xF == IN_POSITION
 
 
-def test_a_new_goal_in_motion_goes_on_from_the_trajectory():
+def test_a_new_goal_in_motion_continues_from_the_trajectory():
     servo = powered(profile_velocity=100, profile_acceleration=20)
     write(servo, "goal_position", 3048)
     servo.advance(0.3)

@@ -65,7 +65,7 @@ def test_a_call_within_a_call_does_not_wait_for_itself(serving: Serving):
     assert serving.queue.call(lambda: serving.queue.call(lambda: "inner")) == "inner"
 
 
-def test_an_exception_is_raised_in_the_caller_and_serving_goes_on(serving: Serving):
+def test_an_exception_is_raised_in_the_caller_and_serving_continues(serving: Serving):
     with pytest.raises(ZeroDivisionError):
         serving.queue.call(lambda: 1 / 0)
     assert serving.queue.call(lambda: True)

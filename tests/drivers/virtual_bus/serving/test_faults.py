@@ -453,9 +453,9 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
     )
     with pytest.raises(FaultScheduleError) as caught:
         FaultSchedule.from_file(file, IDS)
-    told = str(caught.value)
-    assert "\n" not in told
-    assert told.startswith(
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(
         f"{file}: unknown table 'other', expected fault; fault 1: kill: at is -1"
     )
     for part in (
@@ -473,20 +473,20 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
         "fault 7: lose: has a duration without a rate, expected both",
         "fault 8: kind is 5, expected",
     ):
-        assert part in told
+        assert part in message
     assert len(caught.value.problems) == 14
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("fault = 3", r"fault is 3, expected \[\[fault\]\] tables"),
         ("fault = [1]", "fault 1: is 1, expected a table"),
         ("[[fault]", "not TOML"),
     ],
 )
-def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, told: str):
-    with pytest.raises(FaultScheduleError, match=told):
+def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, message: str):
+    with pytest.raises(FaultScheduleError, match=message):
         FaultSchedule.from_file(write(tmp_path, text))
 
 

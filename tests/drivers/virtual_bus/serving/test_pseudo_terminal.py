@@ -67,7 +67,7 @@ def test_the_wire_knows_the_rate_that_its_client_set(wire: PseudoTerminal, baud:
         assert wire.baud == baud
 
 
-def test_a_client_that_never_reads_loses_bytes_and_blocks_nobody(wire: PseudoTerminal):
+def test_a_client_that_never_reads_loses_bytes_and_blocks_nothing(wire: PseudoTerminal):
     client = open_port(wire)
     taken = [wire.write(bytes(1000)) for _ in range(1000)]
     assert taken[0] == 1000

@@ -161,7 +161,7 @@ def test_bus_time_passes_without_a_client(devices: FakeDevices):
         wait_until(lambda: devices.now > 0.1)
 
 
-def test_bus_time_goes_on_from_where_the_body_is(devices: FakeDevices):
+def test_bus_time_continues_from_where_the_body_is(devices: FakeDevices):
     physics = StillPhysics(devices)
     physics.advance(1000.0)
     with VirtualBus(devices, physics) as bus:
@@ -257,17 +257,17 @@ def test_the_books_balance(devices: FakeDevices, time_mode: TimeMode):
     with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(10):
             assert len(ask(port, GOALS + read, 63)) == 63
-        told = bus.statistics
-    assert told.bytes_in == 10 * (len(GOALS) + len(read))
-    assert told.bytes_out == 10 * 63
-    assert (told.packets, told.answers) == (20, 30)
-    assert (told.noise, told.damaged, told.overflow, told.unanswered) == (0, 0, 0, 0)
+        message = bus.statistics
+    assert message.bytes_in == 10 * (len(GOALS) + len(read))
+    assert message.bytes_out == 10 * 63
+    assert (message.packets, message.answers) == (20, 30)
+    assert (message.noise, message.damaged, message.overflow, message.unanswered) == (0, 0, 0, 0)
 
 
 def _count_served(bus: VirtualBus) -> int:
     """Count answered reads, and those that a busy machine delivered in two parts, too far apart."""
-    told = bus.statistics
-    return told.answers + told.broken_off
+    message = bus.statistics
+    return message.answers + message.broken_off
 
 
 @pytest.mark.parametrize("time_mode", TimeMode)
@@ -280,8 +280,8 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(
             port.write(read)
         wait_until(lambda: _count_served(bus) == 400)
         wait_until(lambda: bus.statistics.overflow > 0)
-        told = bus.statistics
-        assert told.bytes_out + told.overflow <= 400 * 261
+        message = bus.statistics
+        assert message.bytes_out + message.overflow <= 400 * 261
 
 
 def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: FakeDevices):
@@ -382,17 +382,17 @@ def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
 
 
 def test_many_threads_may_call_while_the_bus_comes_and_goes(devices: FakeDevices):
-    told: list[int] = []
+    message: list[int] = []
     with VirtualBus(devices) as bus:
         callers = [
-            threading.Thread(target=lambda: told.extend(bus.call(lambda: 1) for _ in range(200)))
+            threading.Thread(target=lambda: message.extend(bus.call(lambda: 1) for _ in range(200)))
             for _ in range(4)
         ]
         for caller in callers:
             caller.start()
     for caller in callers:
         caller.join(10.0)
-    assert len(told) == 800
+    assert len(message) == 800
 
 
 def test_a_bus_that_does_not_run_says_so(devices: FakeDevices):

@@ -53,7 +53,7 @@ def test_eval_counts_every_class(policy: str, falls: str, tmp_path: Path):
     )
 
 
-def test_all_that_is_wrong_is_told_at_once(policy: str, capsys: pytest.CaptureFixture[str]):
+def test_all_that_is_wrong_is_reported_at_once(policy: str, capsys: pytest.CaptureFixture[str]):
     assert main(("eval", policy, "--n", "5", "--delay", "90", "--voltage", "0.1")) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line == (
@@ -62,7 +62,7 @@ def test_all_that_is_wrong_is_told_at_once(policy: str, capsys: pytest.CaptureFi
     )
 
 
-def test_too_few_falls_are_told(policy: str, falls: str, capsys: pytest.CaptureFixture[str]):
+def test_too_few_falls_are_reported(policy: str, falls: str, capsys: pytest.CaptureFixture[str]):
     assert main(("eval", policy, "--n", "12", "--falls", falls)) == 2
     assert "2 supine, 2 prone, 2 left, 2 right" in capsys.readouterr().err
 

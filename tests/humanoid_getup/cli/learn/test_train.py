@@ -38,14 +38,14 @@ def refuse(run: Run, *arguments: str) -> str:
     """Run what must be refused; return the one line."""
     before = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
     code, out, error = run(*arguments)
-    told = [line for line in error.splitlines() if line.startswith("getup: ")]
-    assert (code, out, len(told)) == (2, "", 1)
+    message = [line for line in error.splitlines() if line.startswith("getup: ")]
+    assert (code, out, len(message)) == (2, "", 1)
     after = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
     assert after == before
-    return told[0]
+    return message[0]
 
 
-def test_a_training_goes_on_where_it_stopped(run: Run):
+def test_a_training_continues_where_it_stopped(run: Run):
     code, out, _ = run(*TINY)
     assert code == 0
     assert out.startswith("mine: 2 iterations, 0.00 million steps in ")
@@ -59,7 +59,7 @@ def test_a_training_goes_on_where_it_stopped(run: Run):
     assert json.loads(Path("mine/recipe.json").read_text())["recipe"]["iterations"] == 3
 
 
-def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
+def test_another_training_in_the_folder_is_reported_and_left_alone(run: Run):
     assert run(*TINY)[0] == 0
     line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
     assert "mine/recipe.json: made with another" in line
@@ -68,7 +68,7 @@ def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
         ("recipe.json", b"{", "recipe.json is not a recipe of a training"),
@@ -76,12 +76,12 @@ def test_another_training_in_the_folder_is_told_and_left_alone(run: Run):
         ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
     ],
 )
-def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, told: str):
+def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: bytes, message: str):
     assert run(*TINY)[0] == 0
     Path("mine", name).write_bytes(content)
     code, out, error = run(*TINY, "--iterations", "3")
     assert (code, out) == (2, "")
-    assert told in error
+    assert message in error
     assert Path("mine", name).read_bytes() == content
 
 

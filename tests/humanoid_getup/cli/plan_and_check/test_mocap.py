@@ -11,10 +11,10 @@ from humanoid_getup.motions.motion import Motion
 from robots import load_robot
 
 
-def test_a_clip_becomes_a_motion_and_its_deviation_is_told(run: Run, tmp_path):
+def test_a_clip_becomes_a_motion_and_its_deviation_is_reported(run: Run, tmp_path):
     write_human_bvh(tmp_path / "sit up.bvh")
-    told = ("mocap", "import", "sit up.bvh", "--robot", "human", "--json", "figures.json")
-    code, out, error = run(*told)
+    message = ("mocap", "import", "sit up.bvh", "--robot", "human", "--json", "figures.json")
+    code, out, error = run(*message)
     assert (code, error) == (0, "")
     assert "sit_up: " in out
     assert "from supine" in out

@@ -63,27 +63,27 @@ def write_table(folder: Path) -> Path:
 
 def test_keys_may_go_to_a_file_of_their_own_and_be_previewed(run: Run, tmp_path: Path, op3: Robot):
     table, out = write_table(tmp_path), tmp_path / "mine.toml"
-    code, told, _ = run("motions", "import", str(table), "--start", "supine", "--out", str(out))
+    code, message, _ = run("motions", "import", str(table), "--start", "supine", "--out", str(out))
     assert code == 0
-    assert "kick: 3 keys" in told
-    assert "from supine (given)" in told
+    assert "kick: 3 keys" in message
+    assert "from supine (given)" in message
     (read,) = load_keyframes(out, op3)
     assert (read.name, read.start_class) == ("kick", "supine")
     strip = tmp_path / "strip.png"
     preview = ("motions", "preview", "kick", "--keyframes", str(out), "--picture", str(strip))
-    code, told, _ = run(*preview)
+    code, message, _ = run(*preview)
     assert code == 1  # a robot on its back does not rise by bending its knees
-    told = " ".join(told.split())
-    assert "kick, as it is: does not end in a held stand: its neck came to" in told
-    assert "on the ground besides the feet since" in told
-    assert "body_link" in told
-    assert strip.read_bytes().startswith(b"\x89PNG") or "no film strip" in told
+    message = " ".join(message.split())
+    assert "kick, as it is: does not end in a held stand: its neck came to" in message
+    assert "on the ground besides the feet since" in message
+    assert "body_link" in message
+    assert strip.read_bytes().startswith(b"\x89PNG") or "no film strip" in message
 
 
 def test_a_preview_of_a_motion_that_stands_leaves_with_0(run: Run, tmp_path: Path):
-    code, told, _ = run("motions", "preview", "squat_to_stand")
+    code, message, _ = run("motions", "preview", "squat_to_stand")
     assert code == 0
-    assert "squat_to_stand, as it is: stood after" in told
+    assert "squat_to_stand, as it is: stood after" in message
     assert [path.name for path in tmp_path.glob("*.png")] in (["squat_to_stand.png"], [])
 
 
@@ -181,7 +181,7 @@ def test_a_name_that_is_taken_is_refused_before_anybody_moves(record, own_robot:
 
 
 @pytest.mark.slow
-def test_a_build_that_fails_keeps_its_best_try_and_goes_on(run: Run, op3_folder: Path):
+def test_a_build_that_fails_keeps_its_best_try_and_continues(run: Run, op3_folder: Path):
     robot = ("--robot", str(op3_folder))
     write_table(op3_folder)
     assert (
@@ -190,8 +190,8 @@ def test_a_build_that_fails_keeps_its_best_try_and_goes_on(run: Run, op3_folder:
     build = ("motions", "build", "kick", *robot)
     code, out, _ = run(*build, "--generations", "1")
     assert code == 1
-    told = " ".join(out.split())
-    assert "not built: motion 'kick' does not end in a held stand: its neck came to" in told
+    message = " ".join(out.split())
+    assert "not built: motion 'kick' does not end in a held stand: its neck came to" in message
     unfinished = op3_folder / "unfinished"
     best = Motion.load(unfinished / "kick.npz")
     assert (best.name, best.end_class) == ("kick", "other")

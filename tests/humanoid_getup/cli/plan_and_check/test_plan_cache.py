@@ -55,10 +55,10 @@ def test_the_same_command_again_differs_in_how_its_plan_came_about_alone(
     (entry,) = PlanCache(plan_cache_folder).read().entries
     entry.motion_file.write_bytes(b"")
     assert rise(start, tmp_path)["plan_cache"] is None  # planned again, and the entry replaced
-    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("getup:")]
-    assert len(told) == 1
-    assert str(entry.motion_file) in told[0]
-    assert "ignored" in told[0]
+    message = [line for line in capsys.readouterr().err.splitlines() if line.startswith("getup:")]
+    assert len(message) == 1
+    assert str(entry.motion_file) in message[0]
+    assert "ignored" in message[0]
     assert PlanCache(plan_cache_folder).find_problems() == []
 
 

@@ -93,14 +93,14 @@ def read_saved(folder: Path) -> dict:
 
 def test_a_shifted_zero_is_found_shown_and_saved(folder, calibrate):
     with real_robot() as served:
-        code, told = calibrate(served, Person("", "yes"))
+        code, message = calibrate(served, Person("", "yes"))
     assert code == 0
-    left = told["joints"]["l_hip"]
+    left = message["joints"]["l_hip"]
     assert (left["old_zero_ticks"], left["zero_ticks"]) == (2048, 2100)
     assert left["difference_deg"] == pytest.approx(52 * 360 / 4096)
     assert left["warnings"] == []
-    assert told["joints"]["r_hip"]["difference_deg"] == 0.0
-    assert told["saved"] == str(folder / "calibration.toml")
+    assert message["joints"]["r_hip"]["difference_deg"] == 0.0
+    assert message["saved"] == str(folder / "calibration.toml")
     assert read_saved(folder) == {
         "robot": "tiny",
         "joints": {
@@ -115,8 +115,8 @@ def test_the_calibrated_robot_measures_true_angles_afterwards(folder, calibrate,
         calibrate(served, None, "--yes")
         served.place(l_hip=-30.0, r_hip=20.0)
         main(("doctor", "--robot", str(folder), "--port", served.path, "--json", "-"))
-    told = json.loads(capsys.readouterr().out)
-    angles = [np.degrees(told["joints"][name]["angle_rad"]) for name in ("l_hip", "r_hip")]
+    message = json.loads(capsys.readouterr().out)
+    angles = [np.degrees(message["joints"][name]["angle_rad"]) for name in ("l_hip", "r_hip")]
     assert angles == pytest.approx([-30.0, 20.0], abs=0.1)
 
 
@@ -127,12 +127,12 @@ def test_any_known_posture_will_do(calibrate, tmp_path):
     with real_robot() as served:
         served.place(l_hip=-45.0, r_hip=30.0)
         person = Person("", "yes")
-        code, told = calibrate(served, person, "--at", str(tmp_path / "held.json"))
+        code, message = calibrate(served, person, "--at", str(tmp_path / "held.json"))
     assert code == 0
     assert "l_hip -45.0°, r_hip +30.0°" in person.heard[0]
     # Both angles are rounded to ticks, of 0.09 degrees.
-    assert told["joints"]["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
-    assert told["joints"]["r_hip"]["zero_ticks"] == pytest.approx(1000, abs=1)
+    assert message["joints"]["l_hip"]["zero_ticks"] == pytest.approx(2100, abs=1)
+    assert message["joints"]["r_hip"]["zero_ticks"] == pytest.approx(1000, abs=1)
 
 
 COUPLING = "\n[[couplings]]\njoints = ['l_hip', 'r_hip']\nmatrix = [[0.9, -0.5], [0.6, -0.7]]\n"
@@ -187,9 +187,9 @@ def test_op3_is_calibrated_in_its_stance(monkeypatch, capsys):
         code = main(
             ("calibrate", "--port", served.path, "--at", "standing", "--yes", "--json", "-")
         )
-    told = json.loads(capsys.readouterr().out)["joints"]
+    message = json.loads(capsys.readouterr().out)["joints"]
     assert code == 0 and len(saved) == 1
-    assert [told[name]["zero_ticks"] for name in op3.joint_names] == pytest.approx(zeros, abs=1)
+    assert [message[name]["zero_ticks"] for name in op3.joint_names] == pytest.approx(zeros, abs=1)
 
 
 def test_only_the_chosen_joints_change_and_the_file_keeps_the_others(folder, calibrate):
@@ -197,9 +197,9 @@ def test_only_the_chosen_joints_change_and_the_file_keeps_the_others(folder, cal
         'robot = "tiny"\n[joints.r_hip]\nzero_ticks = 1010\nsign = -1\n'
     )
     with real_robot() as served:
-        code, told = calibrate(served, None, "--yes", "--joint", "l_hip")
+        code, message = calibrate(served, None, "--yes", "--joint", "l_hip")
     assert code == 0
-    assert list(told["joints"]) == ["l_hip"]
+    assert list(message["joints"]) == ["l_hip"]
     assert read_saved(folder)["joints"] == {
         "l_hip": {"zero_ticks": 2100, "sign": 1},
         "r_hip": {"zero_ticks": 1010, "sign": -1},
@@ -208,8 +208,8 @@ def test_only_the_chosen_joints_change_and_the_file_keeps_the_others(folder, cal
 
 def test_a_zero_far_off_is_warned_of(calibrate):
     with real_robot(l_hip=JointCalibration(2048 + 300, 1)) as served:
-        _, told = calibrate(served, None, "--yes")
-    (warning,) = told["joints"]["l_hip"]["warnings"]
+        _, message = calibrate(served, None, "--yes")
+    (warning,) = message["joints"]["l_hip"]["warnings"]
     assert "moves by +26.4°, more than 10°" in warning
 
 
@@ -220,10 +220,10 @@ def test_a_zero_whose_range_leaves_the_servos_turn_is_refused(folder, capsys, op
     out = folder / "calibration.toml"
     with real_robot(l_hip=JointCalibration(900, 1)) as served:
         mine = ("--robot", str(folder), "--port", served.path, "--json", "-", "--out", str(out))
-        told = refuse(capsys, *mine, *options, code=3, table=True)
+        message = refuse(capsys, *mine, *options, code=3, table=True)
     # The range of the hip is -90 to +60 degrees: 1024 ticks below its zero, 683 above.
-    assert "joint 'l_hip' (id 1): zero 900 needs ticks -124 to 1583, expected 0 to 4095" in told
-    assert "r_hip" not in told
+    assert "joint 'l_hip' (id 1): zero 900 needs ticks -124 to 1583, expected 0 to 4095" in message
+    assert "r_hip" not in message
     assert not out.exists()
     assert not any("save" in question for question in person.asked)
 
@@ -238,7 +238,7 @@ def test_no_zero_beyond_the_servos_turn_reaches_a_file(tmp_path):
     assert Calibration.load(tmp_path / "calibration.toml", robot).joints["l_hip"].zero_ticks == 3412
 
 
-# Rehearsals ----------------------------------------------------------------------------------
+# On a virtual bus -----------------------------------------------------------------------------
 
 
 def test_calibrating_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder, capsys):
@@ -246,28 +246,28 @@ def test_calibrating_on_a_virtual_bus_leaves_the_robots_calibration_alone(folder
     (folder / "calibration.toml").write_text(own)
     with real_robot() as served:
         code = main(("calibrate", "--robot", str(folder), "--port", served.path, "--yes"))
-    told = " ".join(capsys.readouterr().out.split())
+    message = " ".join(capsys.readouterr().out.split())
     assert code == 0
     assert (folder / "calibration.toml").read_text() == own
     measured = tomllib.loads((folder / "calibration.virtual.toml").read_text())
     assert measured["joints"]["l_hip"] == {"zero_ticks": 2100, "sign": 1}
-    assert "virtual bus" in told and "calibration.virtual.toml" in told
+    assert "virtual bus" in message and "calibration.virtual.toml" in message
     assert load_robot(folder).joints[1].servo.zero_ticks == 1010
 
 
 def test_a_calibration_goes_where_it_is_asked_to(folder, calibrate, tmp_path):
     with real_robot() as served:
-        code, told = calibrate(served, None, "--yes", "--out", str(tmp_path / "mine.toml"))
-    assert code == 0 and told["saved"] == str(tmp_path / "mine.toml")
+        code, message = calibrate(served, None, "--yes", "--out", str(tmp_path / "mine.toml"))
+    assert code == 0 and message["saved"] == str(tmp_path / "mine.toml")
     assert Calibration.load(tmp_path / "mine.toml", load_robot(TINY)).joints["l_hip"] == L_HIP
     assert not list(folder.glob("calibration*"))
 
 
 def test_nothing_is_saved_without_a_yes(folder, calibrate):
     with real_robot() as served:
-        code, told = calibrate(served, Person("", "no"))
+        code, message = calibrate(served, Person("", "no"))
     assert code == 1
-    assert told["saved"] is None
+    assert message["saved"] is None
     assert not list(folder.glob("calibration*"))
 
 
@@ -300,8 +300,8 @@ def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, m
         moves = [True]
 
         def look(bus, joints, *more):
-            told = locate(bus, joints, *more)
-            return {name: t + next(wobble) * moves[0] for name, t in told.items()}
+            message = locate(bus, joints, *more)
+            return {name: t + next(wobble) * moves[0] for name, t in message.items()}
 
         def stop() -> str:
             moves[0] = False
@@ -309,13 +309,13 @@ def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, m
 
         monkeypatch.setattr(service, "read_ticks", look)
         person = Person("", stop, "yes")
-        code, told = calibrate(served, person)
+        code, message = calibrate(served, person)
     assert code == 0
     assert "moves while it is measured: joint 'l_hip' by 0.8°" in person.heard[1]
-    assert told["joints"]["l_hip"]["zero_ticks"] == 2100
+    assert message["joints"]["l_hip"]["zero_ticks"] == 2100
 
 
-def test_a_robot_that_is_being_turned_is_refused_where_nobody_can_be_asked(
+def test_a_robot_that_is_turned_is_refused_where_no_person_can_be_asked(
     folder, calibrate, monkeypatch
 ):
     with real_robot() as served:
@@ -341,14 +341,14 @@ def test_signs_are_found_by_turning_each_joint(folder, calibrate):
             return lambda: served.place(**angles) or ""
 
         person = Person(turn(l_hip=20.0), "yes", turn(l_hip=20.0, r_hip=15.0), "yes")
-        code, told = calibrate(served, person, "--signs")
+        code, message = calibrate(served, person, "--signs")
     assert code == 0
     assert person.asked[0].startswith("turn l_hip in its positive direction (the far end of")
     assert "sign -1 contradicts the known +1" in person.asked[1]
     assert person.asked[2].startswith("turn r_hip")
     assert read_saved(folder)["joints"]["l_hip"] == {"zero_ticks": 2048, "sign": -1}
     assert read_saved(folder)["joints"]["r_hip"] == {"zero_ticks": 1000, "sign": -1}
-    assert any("other way" in w for w in told["joints"]["l_hip"]["warnings"])
+    assert any("other way" in w for w in message["joints"]["l_hip"]["warnings"])
 
 
 def test_a_small_turn_is_asked_for_again_and_another_joints_turn_is_named(calibrate):
@@ -359,12 +359,12 @@ def test_a_small_turn_is_asked_for_again_and_another_joints_turn_is_named(calibr
             lambda: served.place(l_hip=25.0, r_hip=25.0) or "",
             "no",
         )
-        code, told = calibrate(served, person, "--signs", "--joint", "l_hip")
+        code, message = calibrate(served, person, "--signs", "--joint", "l_hip")
     assert code == 1
     heard = " ".join(person.heard)
     assert "l_hip turned by +3.0° only, expected 5°" in heard
     assert "r_hip turned by -25.0°: are their ids swapped" in heard
-    assert told["joints"]["l_hip"]["sign"] == 1
+    assert message["joints"]["l_hip"]["sign"] == 1
 
 
 def test_a_contradiction_that_is_not_confirmed_is_turned_again(folder, calibrate):
@@ -421,12 +421,12 @@ def test_directions_in_words_are_those_of_the_model():
     op3 = load_robot("op3")
     checked = 0
     for joint in op3.joints:
-        told = describe_direction(op3, joint)
-        if "seen from above" in told:
+        message = describe_direction(op3, joint)
+        if "seen from above" in message:
             continue
         moved = move_by_hand(op3, joint.name)
         largest = int(np.abs(moved).argmax())
-        assert told.endswith(DIRECTIONS[largest][int(moved[largest] > 0.0)]), joint.name
+        assert message.endswith(DIRECTIONS[largest][int(moved[largest] > 0.0)]), joint.name
         checked += 1
     assert checked > 10
     by_name = {joint.name: joint for joint in op3.joints}
@@ -481,18 +481,18 @@ def test_bad_input_is_one_line(folder, capsys):
 
 def test_a_calibration_of_another_robot_has_to_be_moved_away(folder, capsys):
     (folder / "calibration.toml").write_text('robot = "op3"\n')
-    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
-    assert "it is of robot 'op3', expected 'tiny'" in told
-    assert "move that file away first" in told
+    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
+    assert "it is of robot 'op3', expected 'tiny'" in message
+    assert "move that file away first" in message
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(folder, capsys, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
-    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
-    assert "cannot be written" in told and "--robot FOLDER" in told
+    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere", "--yes")
+    assert "cannot be written" in message and "--robot FOLDER" in message
 
 
-def test_a_disk_that_fills_up_meanwhile_is_told(folder, capsys, monkeypatch):
+def test_a_disk_that_fills_up_meanwhile_is_reported(folder, capsys, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
@@ -508,11 +508,11 @@ def test_a_dead_or_another_servo_is_refused_but_only_where_it_was_chosen(folder,
     with real_robot() as served:
         port = ("--port", served.path)
         served.exchange(1, VirtualServo(2, "XL430-W250", baud=1_000_000))
-        told = refuse(capsys, *mine, *port, code=3)
-        assert "joint 'r_hip' (id 2): is a XL430-W250, expected XM430-W350" in told
+        message = refuse(capsys, *mine, *port, code=3)
+        assert "joint 'r_hip' (id 2): is a XL430-W250, expected XM430-W350" in message
         served.virtual.servos[0].alive = False
-        told = refuse(capsys, *mine, *port, "--joint", "l_hip", code=3)
-        assert "'l_hip' (id 1)" in told and "silent" in told
+        message = refuse(capsys, *mine, *port, "--joint", "l_hip", code=3)
+        assert "'l_hip' (id 1)" in message and "silent" in message
         assert not list(folder.glob("calibration*"))
 
 
@@ -526,5 +526,5 @@ def test_a_servo_that_only_needs_a_rest_can_be_calibrated(calibrate):
 def test_a_reversed_servo_has_to_be_set_right_first(folder, capsys):
     with real_robot() as served:
         served.poke("l_hip", "drive_mode", 1)
-        told = refuse(capsys, "--robot", str(folder), "--port", served.path, "--yes", code=3)
-    assert "'l_hip' (id 1): drive mode is 1, reversed" in told
+        message = refuse(capsys, "--robot", str(folder), "--port", served.path, "--yes", code=3)
+    assert "'l_hip' (id 1): drive mode is 1, reversed" in message

@@ -34,20 +34,20 @@ def examine(served, capsys, *, robot=TINY) -> tuple[int, dict]:
     return run_json("doctor", "--robot", str(robot), "--port", served.path, capsys=capsys)
 
 
-def list_findings(told: dict, *severities: str) -> list[str]:
+def list_findings(message: dict, *severities: str) -> list[str]:
     return [
         f"{f['device']}: {f['text']}; {f['remedy']}"
-        for f in told["findings"]
+        for f in message["findings"]
         if f["severity"] in severities
     ]
 
 
 def find_error(served, capsys) -> str:
     """Examine a robot with one error; return that."""
-    code, told = examine(served, capsys)
+    code, message = examine(served, capsys)
     assert code == 3
-    assert told["healthy"] is False
-    (error,) = list_findings(told, "error", "fault")
+    assert message["healthy"] is False
+    (error,) = list_findings(message, "error", "fault")
     return error
 
 
@@ -58,18 +58,18 @@ def find_error(served, capsys) -> str:
 def test_a_healthy_op3_is_healthy_and_tells_all_its_joints_and_figures(capsys):
     with serving("op3") as served:
         served.hold(served.robot.standing.joint_pos)
-        code, told = examine(served, capsys, robot="op3")
+        code, message = examine(served, capsys, robot="op3")
     assert code == 0
-    assert told["healthy"] is True
-    assert list(told["joints"]) == list(served.robot.joint_names)
-    knee = told["joints"]["r_knee"]
+    assert message["healthy"] is True
+    assert list(message["joints"]) == list(served.robot.joint_names)
+    knee = message["joints"]["r_knee"]
     assert (knee["id"], knee["model"], knee["firmware"]) == (13, "XM430-W350", 46)
     assert (knee["temperature_c"], knee["voltage_v"]) == (25.0, pytest.approx(12.0))
     assert knee["angle_rad"] == pytest.approx(-0.8901, abs=0.001)
     assert knee["lower_rad"] < knee["angle_rad"] < knee["upper_rad"]
     assert knee["return_delay_s"] == pytest.approx(500e-6)
     assert knee["hardware_error"] == 0 and knee["torque_on"] is False
-    (port,) = told["ports"]
+    (port,) = message["ports"]
     assert port["baud"] == 2_000_000 and port["latency_timer"] is None
     latency = port["latency"]
     assert (latency["rounds"], latency["kind"]) == (50, "fast sync read")
@@ -79,7 +79,7 @@ def test_a_healthy_op3_is_healthy_and_tells_all_its_joints_and_figures(capsys):
     # Goals: 14 + 20 x 5 out.
     assert port["cycle_bytes"] == 34 + 288 + 20 + 37 + 114
     assert port["cycle_time"] == pytest.approx(port["cycle_bytes"] * 10 / 2e6)
-    assert told["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
+    assert message["accelerometer_m_s2"][2] == pytest.approx(9.81, abs=0.05)
 
 
 def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsys):
@@ -87,7 +87,7 @@ def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsy
     from drivers.dynamixel.backend import DynamixelBackend
     from drivers.dynamixel.clock import CycleClock
 
-    _, told = examine(tiny_served, capsys)
+    _, message = examine(tiny_served, capsys)
     robot = load_robot(TINY)
     backend = DynamixelBackend(robot, {"main": tiny_served.path}, clock=CycleClock())
     sizes = set()
@@ -97,7 +97,7 @@ def test_the_bytes_of_a_cycle_are_those_that_the_driver_sends(tiny_served, capsy
             backend.write(Command.limp(robot.n))
             sizes.add(backend.cycle_bytes)
     # The lengths of questions turn from cycle to cycle, by a few bytes a servo.
-    assert min(sizes - {0}) <= told["ports"][0]["cycle_bytes"] <= max(sizes) + 4
+    assert min(sizes - {0}) <= message["ports"][0]["cycle_bytes"] <= max(sizes) + 4
 
 
 @pytest.fixture
@@ -130,9 +130,9 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
 def test_real_time_is_measured_too(capsys):
     with serving(TINY, time_mode=TimeMode.REAL_TIME) as served:
         served.place()
-        code, told = examine(served, capsys)
+        code, message = examine(served, capsys)
     assert code == 0
-    port = told["ports"][0]
+    port = message["ports"][0]
     assert port["latency"]["group_median"] > 0.0003, "less than the bytes take on the wire"
 
 
@@ -142,53 +142,53 @@ def test_only_the_power_switch_is_written(capsys):
         table = served.virtual.servos[0].table
         writable = [i.name for i in table if i.writable and i.name != "goal_position"]
         before = {name: served.peek(name) for name in writable}
-        code, told = examine(served, capsys)
+        code, message = examine(served, capsys)
         after = {name: served.peek(name) for name in writable}
         _, again = examine(served, capsys)
     assert code == 0
-    assert told["written"] == [
+    assert message["written"] == [
         "the servos' power was off: switched on at the board 'OpenCR' (id 200)"
     ]
     assert after == before
     assert again["written"] == []
 
 
-def test_a_servo_told_to_answer_no_reads_is_heard_all_the_same(tiny_served, capsys):
+def test_a_servo_set_to_answer_no_reads_is_heard_all_the_same(tiny_served, capsys):
     tiny_served.poke("l_hip", "status_return_level", 0)
-    code, told = examine(tiny_served, capsys)
+    code, message = examine(tiny_served, capsys)
     assert code == 0
-    assert list(told["joints"]) == ["l_hip", "r_hip"]
-    assert "joint 'l_hip' (id 1) ignored reads" in told["written"][0]
+    assert list(message["joints"]) == ["l_hip", "r_hip"]
+    assert "joint 'l_hip' (id 1) ignored reads" in message["written"][0]
 
 
-def test_torque_that_is_on_stays_on_and_is_told(tiny_served, capsys):
+def test_torque_that_is_on_stays_on_and_is_reported(tiny_served, capsys):
     tiny_served.poke("l_hip", "torque_enable", 1)
-    code, told = examine(tiny_served, capsys)
+    code, message = examine(tiny_served, capsys)
     assert code == 0
     assert tiny_served.peek("torque_enable") == [1, 0]
-    assert told["torque_on"] == ["l_hip"]
+    assert message["torque_on"] == ["l_hip"]
     assert any(
-        "'l_hip' (id 1): has torque; hold the robot" in w for w in list_findings(told, "warning")
+        "'l_hip' (id 1): has torque; hold the robot" in w for w in list_findings(message, "warning")
     )
 
 
 def test_a_calibrated_robot_is_called_so(tmp_path, tiny_served, capsys):
     folder = copy_tiny(tmp_path)
     (folder / "calibration.toml").write_text('robot = "tiny"\n')
-    _, told = examine(tiny_served, capsys, robot=folder)
-    assert told["calibrated"] is True
-    assert not any("calibrat" in w for w in list_findings(told, "warning"))
-    _, told = examine(tiny_served, capsys)
-    assert told["calibrated"] is False
-    assert any("run getup calibrate" in w for w in list_findings(told, "warning"))
+    _, message = examine(tiny_served, capsys, robot=folder)
+    assert message["calibrated"] is True
+    assert not any("calibrat" in w for w in list_findings(message, "warning"))
+    _, message = examine(tiny_served, capsys)
+    assert message["calibrated"] is False
+    assert any("run getup calibrate" in w for w in list_findings(message, "warning"))
 
 
 def test_settings_that_the_driver_will_change_are_warnings_alike_ones_together(tiny_served, capsys):
     tiny_served.poke("l_hip", "return_delay_time", 0)
     tiny_served.poke("l_hip", "operating_mode", 5)
     tiny_served.poke("r_hip", "operating_mode", 1)
-    code, told = examine(tiny_served, capsys)
-    warnings = list_findings(told, "warning")
+    code, message = examine(tiny_served, capsys)
+    warnings = list_findings(message, "warning")
     assert code == 0
     assert any("'r_hip' (id 2): return delay time is 250, 500 µs" in w for w in warnings)
     assert any("'r_hip' (id 2): operating mode is 1; nothing to do" in w for w in warnings)
@@ -199,17 +199,17 @@ def test_settings_that_the_driver_will_change_are_warnings_alike_ones_together(t
 # Ill ones ------------------------------------------------------------------------------------
 
 
-def test_a_dead_servo_is_named_and_the_others_are_told(capsys):
+def test_a_dead_servo_is_named_and_the_others_are_reported(capsys):
     def cut(virtual):
         virtual.servos[1].alive = False
 
     with serving(TINY, prepare=cut) as served:
-        code, told = examine(served, capsys)
+        code, message = examine(served, capsys)
     assert code == 3
-    (error,) = list_findings(told, "error")
+    (error,) = list_findings(message, "error")
     assert error.startswith("joint 'r_hip' (id 2): silent; check its cable")
-    assert list(told["joints"]) == ["l_hip"]
-    assert told["ports"][0]["latency"] is not None
+    assert list(message["joints"]) == ["l_hip"]
+    assert message["ports"][0]["latency"] is not None
 
 
 def test_another_model_is_named(tiny_served, capsys):
@@ -227,9 +227,9 @@ def test_two_servos_of_one_id_are_named(tiny_served, capsys):
 
 def test_a_low_battery_is_an_error_of_each_servo(capsys):
     with serving(TINY, voltage=9.6) as served:
-        code, told = examine(served, capsys)
+        code, message = examine(served, capsys)
     assert code == 3
-    errors = list_findings(told, "error")
+    errors = list_findings(message, "error")
     assert len([e for e in errors if "supply is 9.6 V, expected 10.0 to 14.8 V" in e]) == 2
     assert all("battery" in e for e in errors)
 
@@ -240,21 +240,21 @@ def test_a_latched_overload_says_what_to_do(tiny_served, capsys):
     assert "'r_hip' (id 2): has switched itself off: overload; let it cool down" in error
 
 
-def test_the_worst_is_told_first(tiny_served, capsys):
+def test_the_worst_is_reported_first(tiny_served, capsys):
     tiny_served.poke("l_hip", "hardware_error_status", int(HardwareError.OVERLOAD))
     tiny_served.poke("r_hip", "drive_mode", 1)
-    _, told = examine(tiny_served, capsys)
-    severities = [f["severity"] for f in told["findings"]]
+    _, message = examine(tiny_served, capsys)
+    severities = [f["severity"] for f in message["findings"]]
     assert severities[:2] == ["error", "fault"] and set(severities[2:]) == {"warning"}
 
 
 def test_servos_at_another_speed_are_found_there(tiny_served, capsys):
     for joint in ("l_hip", "r_hip"):
         tiny_served.poke(joint, "baud_rate", 1)
-    code, told = examine(tiny_served, capsys)
+    code, message = examine(tiny_served, capsys)
     assert code == 3
-    assert "use 57600 bit/s, expected 1000000" in list_findings(told, "error")[0]
-    assert told["joints"] == {} and told["ports"][0]["latency"] is None
+    assert "use 57600 bit/s, expected 1000000" in list_findings(message, "error")[0]
+    assert message["joints"] == {} and message["ports"][0]["latency"] is None
 
 
 def test_a_silent_board_is_an_error(capsys):
@@ -266,14 +266,14 @@ def test_a_silent_board_is_an_error(capsys):
     assert error.startswith("board 'OpenCR' (id 200): silent")
 
 
-def test_hot_servos_are_told_in_time(tiny_served, capsys):
+def test_hot_servos_are_reported_in_time(tiny_served, capsys):
     joints = load_robot(TINY).joints
-    _, told = examine(tiny_served, capsys)
-    assert not any("°C" in f["text"] for f in told["findings"])
+    _, message = examine(tiny_served, capsys)
+    assert not any("°C" in f["text"] for f in message["findings"])
     facts = tiny_served.virtual.servos
     tiny_served.heat(facts[0].id, 70.0)
-    _, told = examine(tiny_served, capsys)
-    assert any("has 70 °C: it gets less torque" in w for w in list_findings(told, "warning"))
+    _, message = examine(tiny_served, capsys)
+    assert any("has 70 °C: it gets less torque" in w for w in list_findings(message, "warning"))
     tiny_served.heat(facts[0].id, 77.0)
     assert f"'{joints[0].name}' (id 1): has 77 °C, expected at most 75 °C" in find_error(
         tiny_served, capsys
@@ -326,7 +326,7 @@ PORT = PortReport(
         ),
     ],
 )
-def test_a_line_that_is_too_slow_or_loses_answers_is_told_with_a_remedy(
+def test_a_line_that_is_too_slow_or_loses_answers_is_reported_with_a_remedy(
     line, severity, words, monkeypatch
 ):
     monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
@@ -365,18 +365,18 @@ def test_joints_that_share_an_id_are_bad_input(tmp_path, capsys):
     folder = copy_tiny(tmp_path)
     text = (folder / "robot.toml").read_text()
     (folder / "robot.toml").write_text(text.replace("id = 2,", "id = 1,"))
-    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
-    assert "joints 'l_hip', 'r_hip' have one servo id, 1" in told
+    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
+    assert "joints 'l_hip', 'r_hip' have one servo id, 1" in message
 
 
 def test_a_calibration_of_another_robot_is_bad_input(tmp_path, capsys):
     folder = copy_tiny(tmp_path)
     (folder / "calibration.toml").write_text('robot = "op3"\n')
-    told = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
-    assert "it is of robot 'op3', expected 'tiny'" in told
+    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
+    assert "it is of robot 'op3', expected 'tiny'" in message
 
 
-def test_a_port_with_nobody_on_it_says_what_to_check(capsys):
+def test_a_port_without_devices_says_what_to_check(capsys):
     master, slave = pty.openpty()
     try:
         code = main(("doctor", "--robot", str(TINY), "--port", os.ttyname(slave)))

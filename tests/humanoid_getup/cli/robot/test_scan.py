@@ -36,10 +36,10 @@ def look(port: str, capsys, *options: str) -> tuple[int, dict]:
     return run_json("scan", "--port", port, *options, capsys=capsys)
 
 
-def test_everybody_who_answers_is_told_with_model_and_firmware(tiny, capsys):
-    code, told = look(tiny.path, capsys, *MEGABIT)
+def test_each_device_that_answers_is_listed_with_model_and_firmware(tiny, capsys):
+    code, message = look(tiny.path, capsys, *MEGABIT)
     assert code == 0
-    (scan,) = told["scans"]
+    (scan,) = message["scans"]
     assert [d["id"] for d in scan["found"]] == [1, 2, 200]
     assert [d["model"] for d in scan["found"]] == ["XM430-W350", "XM430-W350", "OpenCR"]
     assert [d["firmware"] for d in scan["found"]] == [46, 46, 1]
@@ -68,12 +68,12 @@ def test_devices_at_several_speeds_are_found_in_one_scan(tiny):
     assert not port.is_open
 
 
-def test_at_a_wrong_speed_nobody_answers_and_the_advice_says_what_to_check(tiny, capsys):
-    code, told = look(tiny.path, capsys, "--baud", "4000000")
+def test_at_a_wrong_speed_no_device_answers_and_the_advice_says_what_to_check(tiny, capsys):
+    code, message = look(tiny.path, capsys, "--baud", "4000000")
     assert code == 3
-    assert told["scans"][0]["found"] == []
+    assert message["scans"][0]["found"] == []
     for words in ("power switch", "cable", "--all-bauds"):
-        assert words in told["advice"]
+        assert words in message["advice"]
 
 
 def test_two_servos_of_one_id_are_named(capsys):
@@ -87,7 +87,7 @@ def test_two_servos_of_one_id_are_named(capsys):
     assert "id 2 at" not in out and "id 200 at" not in out
 
 
-def test_an_adapter_that_gives_back_what_was_sent_doubles_nobody(tiny):
+def test_an_adapter_that_gives_back_what_was_sent_doubles_no_device(tiny):
     class Echoing(SerialPort):
         """Hands over what was sent before what came."""
 
@@ -107,10 +107,10 @@ def test_an_adapter_that_gives_back_what_was_sent_doubles_nobody(tiny):
 
 def test_servos_without_power_are_explained_where_their_board_answers(capsys):
     with serving(TINY, powered=False) as served:
-        code, told = look(served.path, capsys, *MEGABIT)
+        code, message = look(served.path, capsys, *MEGABIT)
     assert code == 0
-    assert [d["id"] for d in told["scans"][0]["found"]] == [200]
-    assert "only a board answers" in told["advice"]
+    assert [d["id"] for d in message["scans"][0]["found"]] == [200]
+    assert "only a board answers" in message["advice"]
 
 
 def test_scanning_changes_nothing(tiny, capsys):
@@ -139,7 +139,7 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
     assert "3 devices at 1000000 bit/s" in out
 
 
-def test_a_computer_without_any_port_is_told_what_to_do(capsys, monkeypatch):
+def test_a_computer_without_any_port_gets_advice(capsys, monkeypatch):
     monkeypatch.setattr(scan.list_ports, "comports", list)
     assert main(("scan",)) == 3
     assert "plug the adapter in" in capsys.readouterr().out

@@ -43,10 +43,10 @@ def test_an_earlier_runs_files_go_and_the_users_own_stay(tmp_path: Path):
     assert left == {"report.json": "new", "notes.txt": "old"}
 
 
-def test_what_gets_in_the_way_during_the_work_is_told(tmp_path: Path):
+def test_what_gets_in_the_way_during_the_work_is_reported(tmp_path: Path):
     folder = tmp_path / "out"
-    told = pytest.raises(BadInputError, match=r"output folder .*out: File exists")
-    with told, staging(folder, NAMES) as scratch:
+    message = pytest.raises(BadInputError, match=r"output folder .*out: File exists")
+    with message, staging(folder, NAMES) as scratch:
         (scratch / "report.json").write_text("new")
         folder.write_text("meanwhile")
     assert folder.read_text() == "meanwhile"

@@ -47,7 +47,7 @@ def test_a_stand_shorter_than_three_seconds_is_none():
     assert np.isnan(stand.start_time)
 
 
-def test_one_broken_sample_starts_the_hold_anew():
+def test_one_broken_sample_restarts_the_hold():
     upright = np.array([True] * 400 + [False] + [True] * 200)
     assert not judge(upright, PERIOD).stood
 

@@ -50,7 +50,7 @@ def spoil(file: Path, **changes: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ({"position": None}, "key 'position' is missing"),
         ({"extra": 1}, "unknown key 'extra'"),
@@ -71,11 +71,11 @@ def spoil(file: Path, **changes: object) -> None:
         ({"scene": np.array([{}], dtype=object)}, "scene has type object"),
     ],
 )
-def test_a_damaged_set_is_refused_in_one_line(op3: Robot, tmp_path: Path, changes, told):
+def test_a_damaged_set_is_refused_in_one_line(op3: Robot, tmp_path: Path, changes, message):
     file = tmp_path / "falls.npz"
     make_falls(op3, ("prone", "left")).save(file)
     spoil(file, **changes)
-    with pytest.raises(FallSetError, match=told) as refusal:
+    with pytest.raises(FallSetError, match=message) as refusal:
         FallSet.load(file, op3)
     assert str(refusal.value).startswith(f"falls {file}: ")
     assert str(refusal.value).isprintable()

@@ -82,7 +82,7 @@ def test_flags_keep_the_angle_that_was(tmp_path: Path, tiny: Robot):
 
 
 @pytest.mark.parametrize(
-    ("pages", "changes", "told"),
+    ("pages", "changes", "message"),
     [
         ({}, {}, "page 3 is empty, expected one with steps"),
         ({3: [Slot({1: 2048, 2: 5000})]}, {}, "has id 2 at 5000 ticks, expected 0 to 4095"),
@@ -96,12 +96,14 @@ def test_flags_keep_the_angle_that_was(tmp_path: Path, tiny: Robot):
         ({3: [Slot({1: 1, 2: 2})]}, {"repeat": {3: 255}}, "has 255 keys, expected at most 120"),
     ],
 )
-def test_a_page_that_cannot_be_played_is_named(pages, changes, told, tmp_path: Path, tiny: Robot):
+def test_a_page_that_cannot_be_played_is_named(
+    pages, changes, message, tmp_path: Path, tiny: Robot
+):
     path = tmp_path / "actions.bin"
     write_action_file(path, pages, **changes)
     with pytest.raises(ValueError) as refusal:
         read(path, 3, tiny)
-    assert told in str(refusal.value)
+    assert message in str(refusal.value)
 
 
 @given(at=st.integers(0, 511), change=st.integers(1, 255))

@@ -63,7 +63,7 @@ def test_a_table_takes_radians_and_degrees(tmp_path: Path, op3: Robot):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("a.csv", "time,l_knee\n", "no keys, expected a header and one row or more"),
         ("a.csv", "time,l_tail\n0,1\n", "unknown joint 'l_tail', expected r_sho_pitch"),
@@ -85,10 +85,12 @@ def test_a_table_takes_radians_and_degrees(tmp_path: Path, op3: Robot):
         ("a.txt", "anything", "a file of another kind, expected an action file (.bin), a JSON"),
     ],
 )
-def test_what_cannot_be_read_is_named(name: str, text: str, told: str, tmp_path: Path, op3: Robot):
+def test_what_cannot_be_read_is_named(
+    name: str, text: str, message: str, tmp_path: Path, op3: Robot
+):
     with pytest.raises(ValueError) as refusal:
         load(tmp_path / name, text, op3)
-    assert told in str(refusal.value)
+    assert message in str(refusal.value)
     assert str(refusal.value).startswith(f"{tmp_path / name}: ")
     assert "\n" not in str(refusal.value)
 
@@ -108,12 +110,12 @@ def collect(robot: Robot, *degrees: float):
     return collector.finish("made", "a test")
 
 
-def test_angles_out_of_range_are_refused_or_clipped_and_told(tiny: Robot):
+def test_angles_out_of_range_are_refused_or_clipped_and_reported(tiny: Robot):
     sequence = collect(tiny, 0.0, -80.0, 70.0, 61.0)  # the hips go from -90 to 60 degrees
-    with pytest.raises(ValueError, match="joint 'l_hip' of key number 3 is") as told:
+    with pytest.raises(ValueError, match="joint 'l_hip' of key number 3 is") as message:
         make_keyframes(sequence, tiny)
-    assert "joint 'r_hip' of key number 3" in str(told.value)
-    assert "--clip" in str(told.value)
+    assert "joint 'r_hip' of key number 3" in str(message.value)
+    assert "--clip" in str(message.value)
     found = make_keyframes(sequence, tiny, clip=True)
     np.testing.assert_allclose(np.degrees(found.keyframes.keys[:, 0]), [0, -80, 60, 60, 0])
     assert len(found.notes) == 2

@@ -307,7 +307,7 @@ def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, fall
     assert sim.measure_privileged_state().head_fall == pytest.approx([speed, 0.0, 0.0], abs=1e-9)
 
 
-def test_a_restored_simulation_goes_on_to_the_bit(op3, delayed_world, falls):
+def test_a_restored_simulation_continues_to_the_bit(op3, delayed_world, falls):
     everyone, rng = np.arange(8), np.random.default_rng(0)
     parameters = ALL.draw(delayed_world, 8, rng)
     sim = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=2)

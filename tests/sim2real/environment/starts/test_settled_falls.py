@@ -59,8 +59,8 @@ def test_one_seed_makes_one_set_of_falls(world):
 def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
     monkeypatch.setattr(settled_falls, "SETTLED_SPEED", 0.0)
     monkeypatch.setattr(settled_falls, "MOST_ROUNDS", 2)
-    told = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
-    with pytest.raises(FallError, match=told):
+    message = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
+    with pytest.raises(FallError, match=message):
         drop_falls(Drops(world, 2, threads=1), 3, np.random.default_rng(0))
 
 

@@ -179,7 +179,7 @@ def test_a_head_on_the_ground_counts_once_the_neck_should_be_up(env):
     assert lost.all()
 
 
-def test_an_interrupted_environment_goes_on_to_the_bit(env, head):
+def test_an_interrupted_environment_continues_to_the_bit(env, head):
     rng = np.random.default_rng(5)
     actions = rng.normal(0.0, 0.5, (9, 12, len(head.names)))
     for action in actions[:4]:

@@ -1,0 +1,139 @@
+"""Instructions reach devices, replies the client, and scheduled faults come at their times."""
+
+from pathlib import Path
+
+import pytest
+from fake_devices import FakeDevices
+from fake_wire import FakeWire, exchange_with
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet, Span
+from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
+from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
+from drivers.virtual_bus.serving.wire_faults import LineFault
+
+IDS = (1, 2, 3)
+BAUD = 1_000_000
+READ = protocol2.read(2, Span(132, 4))
+
+
+def received(frame: bytes, *, baud: int = BAUD, unstuffed: bool = False) -> ReceivedInstruction:
+    (item,) = FrameParser().feed(frame)
+    return ReceivedInstruction(item, len(frame), 0.0, baud, unstuffed)
+
+
+def schedule(file: Path, text: str) -> FaultSchedule:
+    file.write_text(text)
+    return FaultSchedule.from_file(file, IDS)
+
+
+SILENT_FROM_10_TO_50_MS = """
+[[fault]]
+at = 0.01
+kind = "silence"
+for = 0.04
+"""
+
+
+def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
+    devices = FakeDevices(IDS)
+    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
+    exchange, injector = exchange_with(devices, schedule=faults)
+    changes: list[tuple[float, bool]] = []
+    devices.advance = lambda now: changes.append((now, injector.silent))
+    for time in (0.005, 0.03, 0.06):
+        exchange.pass_until(time)
+    assert changes == [(0.005, False), (0.01, False), (0.03, True), (0.05, True), (0.06, False)]
+    assert exchange.time == 0.06
+
+
+def test_a_fault_within_a_period_of_lock_step_comes_at_its_end(tmp_path: Path):
+    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
+    exchange, injector = exchange_with(FakeDevices(IDS), schedule=faults)
+    silent = []
+    for _ in range(8):  # of 8 ms
+        exchange.pass_period()
+        silent.append(injector.silent)
+    assert silent == [False, True, True, True, True, True, False, False]
+
+
+def test_an_exchange_that_leaves_time_to_another_one_lets_none_pass():
+    exchange, _ = exchange_with(FakeDevices(IDS), advances_time=False)
+    exchange.pass_until(1.0)
+    exchange.pass_period()
+    assert exchange.time == 0.0
+
+
+def test_an_echo_comes_first_and_replies_are_counted():
+    exchange, faults = exchange_with(FakeDevices(IDS))
+    faults.strike_next(LineFault.ECHO)
+    echo, reply = exchange.run(received(READ))
+    assert (echo.data, echo.delay) == (READ, 0.0)
+    assert (reply.device, len(reply.data)) == (2, 15)
+    assert exchange.statistics.answers == 1
+
+
+@pytest.mark.parametrize(
+    ("request_", "options", "counter"),
+    [
+        (received(READ, baud=57_600), {}, "wrong_baud"),
+        (received(READ, unstuffed=True), {"strict_stuffing": True}, None),
+    ],
+)
+def test_what_no_device_hears_is_unanswered(request_, options, counter):
+    devices = FakeDevices(IDS)
+    exchange, _ = exchange_with(devices, **options)
+    assert exchange.run(request_) == []
+    assert devices.heard == []
+    assert exchange.statistics.unanswered == 1
+    assert counter is None or getattr(exchange.statistics, counter) == 1
+
+
+def test_an_instruction_without_stuffing_is_heard_by_devices_that_do_not_care():
+    exchange, _ = exchange_with(FakeDevices(IDS))
+    assert len(exchange.run(received(READ, unstuffed=True))) == 1
+
+
+def test_a_silent_bus_counts_what_it_does_not_hear():
+    devices = FakeDevices(IDS)
+    exchange, faults = exchange_with(devices)
+    faults.silence()
+    assert exchange.run(received(READ)) == []
+    assert devices.heard == []
+    assert faults.counts["silenced"] == 1
+
+
+def deliver(exchange: Exchange, wire: FakeWire, baud: int) -> tuple[int, int, int]:
+    exchange.deliver(wire, bytes(15), baud)
+    statistics = exchange.statistics
+    return statistics.bytes_out, statistics.overflow, statistics.missed
+
+
+def test_every_byte_for_the_client_is_delivered_lost_or_missed():
+    exchange, _ = exchange_with(FakeDevices(IDS))
+    wire = FakeWire(BAUD)
+    assert deliver(exchange, wire, BAUD) == (15, 0, 0)
+    wire.room = 4
+    assert deliver(exchange, wire, BAUD) == (19, 11, 0)
+    assert deliver(exchange, wire, 57_600) == (19, 11, 15)
+    wire.plugged = False
+    assert deliver(exchange, wire, 57_600) == (19, 26, 15)
+
+
+@pytest.mark.parametrize(
+    ("item", "expected"),
+    [
+        (Packet(1, Instruction.PING), True),
+        (Packet(BROADCAST, Instruction.PING), True),
+        (Packet(BROADCAST, Instruction.SYNC_READ), True),
+        (Packet(BROADCAST, Instruction.FAST_BULK_READ), True),
+        (Packet(BROADCAST, Instruction.SYNC_WRITE), False),
+        (Packet(BROADCAST, Instruction.WRITE), False),
+        (Packet(1, Instruction.WRITE), True),
+        (Packet(1, Instruction.ACTION), False),
+        (Damaged(BROADCAST, Instruction.SYNC_WRITE, b""), True),
+    ],
+)
+def test_a_client_waits_for_whatever_a_device_confirms(item: Packet | Damaged, expected: bool):
+    assert expects_reply(item) == expected

@@ -1,0 +1,98 @@
+"""Instructions come out of a client's bytes, however cut, and its mistakes are counted."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
+from drivers.virtual_bus.serving.instruction_reader import (
+    LONGEST_GAP,
+    InstructionReader,
+    ReceivedInstruction,
+)
+from drivers.virtual_bus.serving.interfaces import WireStatistics
+
+BAUD = 1_000_000
+BYTE = 1e-5  # s
+READ = protocol2.read(2, Span(132, 4))
+STUFFED = Packet(1, Instruction.WRITE, b"\x00\x01\xff\xff\xfd\x07")
+
+packets = st.builds(
+    Packet,
+    st.integers(0, 252),
+    st.sampled_from([Instruction.PING, Instruction.READ, Instruction.WRITE]),
+    st.binary(max_size=20) | st.just(STUFFED.params),
+)
+
+
+def make_reader(*, timed: bool = False) -> tuple[InstructionReader, WireStatistics]:
+    statistics = WireStatistics()
+    return InstructionReader(statistics, timed=timed), statistics
+
+
+def items(received: list[ReceivedInstruction]) -> list[Packet | Damaged]:
+    return [one.item for one in received]
+
+
+@given(sent=st.lists(packets, min_size=1, max_size=5), cuts=st.lists(st.integers(0, 150)))
+def test_instructions_are_found_however_the_bytes_are_cut(sent: list[Packet], cuts: list[int]):
+    reader, statistics = make_reader()
+    stream = b"".join(packet.encode() for packet in sent)
+    ends = sorted({cut for cut in cuts if cut < len(stream)} | {0, len(stream)})
+    found = []
+    for begin, end in pairwise(ends):
+        found += reader.receive(stream[begin:end], 0.0, BAUD)
+    assert items(found) == sent
+    assert sum(one.size for one in found) == len(stream)
+    assert statistics == WireStatistics(bytes_in=len(stream), packets=len(sent))
+
+
+@given(noise=st.binary(max_size=20).filter(lambda b: b"\xff" not in b and b"\xfd" not in b))
+def test_noise_is_counted_and_belongs_to_the_instruction_behind_it(noise: bytes):
+    reader, statistics = make_reader()
+    (one,) = reader.receive(noise + READ, 0.0, BAUD)
+    assert one.item.encode() == READ
+    assert (one.size, statistics.noise) == (len(noise) + len(READ), len(noise))
+
+
+def test_a_damaged_instruction_is_passed_on_as_one():
+    reader, statistics = make_reader()
+    spoiled = READ[:-1] + bytes([READ[-1] ^ 1])
+    (one,) = reader.receive(spoiled, 0.0, BAUD)
+    assert isinstance(one.item, Damaged)
+    assert (statistics.damaged, statistics.packets) == (1, 0)
+
+
+def test_an_instruction_without_byte_stuffing_is_noted():
+    body = bytes([STUFFED.instruction]) + STUFFED.params
+    plain = protocol2.HEADER + bytes([1, len(body) + 2, 0]) + body
+    reader, statistics = make_reader()
+    one, other = reader.receive(protocol2.seal(plain) + STUFFED.encode(), 0.0, BAUD)
+    assert one.item == other.item == STUFFED
+    assert (one.unstuffed, other.unstuffed, statistics.unstuffed) == (True, False, 1)
+
+
+def test_a_pause_within_an_instruction_breaks_it_off():
+    reader, statistics = make_reader(timed=True)
+    end = 1.0 + 6 * BYTE  # of the first six bytes on the wire
+    assert reader.receive(READ[:6], 1.0, BAUD) == []
+    assert reader.receive(READ[6:], end + LONGEST_GAP + 1e-6, BAUD) == []
+    assert (statistics.broken_off, statistics.packets) == (1, 0)
+    assert len(reader.receive(READ, 2.0, BAUD)) == 1
+
+
+def test_a_shorter_pause_does_not():
+    reader, statistics = make_reader(timed=True)
+    reader.receive(READ[:6], 1.0, BAUD)
+    (one,) = reader.receive(READ[6:], 1.0 + 6 * BYTE + LONGEST_GAP - 1e-6, BAUD)
+    assert one.item.encode() == READ
+    assert statistics.broken_off == 0
+
+
+def test_where_time_does_not_count_the_next_instruction_breaks_off_a_half_one():
+    reader, statistics = make_reader()
+    reader.receive(READ[:6], 0.0, BAUD)
+    assert len(reader.receive(READ, 0.0, BAUD)) == 1
+    assert (statistics.broken_off, statistics.noise) == (1, 6)

@@ -1,0 +1,176 @@
+"""In real time every byte takes its time on the wire; the clock here is a number."""
+
+import pytest
+from fake_devices import FakeDevices
+from fake_wire import FakeWire, exchange_with
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol2 import Span, Status
+from drivers.virtual_bus.serving import real_time
+from drivers.virtual_bus.serving.lock_step import IDLE
+from drivers.virtual_bus.serving.real_time import MICROFRAME, SPIN, RealTime
+
+IDS = (1, 2, 3)
+BYTE = 1e-5  # s at 1 Mbit/s
+READ = protocol2.read(2, Span(132, 4))  # 14 bytes; its reply has 15
+GROUP = protocol2.sync_read(IDS, Span(132, 4))  # 17 bytes; three replies of 15
+STEP = 2e-6  # s that a poll of the clock may take
+
+
+class Served:
+    """Devices behind a port in real time."""
+
+    def __init__(self, monkeypatch, devices: FakeDevices, latency: float = 0.0, **wire) -> None:
+        self.wire, self.devices = FakeWire(**wire), devices
+        monkeypatch.setattr(real_time, "monotonic", self.wire.monotonic)
+        monkeypatch.setattr(real_time, "sleep", self.wire.sleep)
+        self.exchange, self.faults = exchange_with(devices)
+        self.bus = RealTime(self.wire, self.exchange, self.wire.wait, latency)
+
+    def run(self, until: float) -> None:
+        """Serve until a bus time [s]."""
+        while self.bus.now < until:
+            self.bus.serve()
+
+    def send(self, time: float, data: bytes) -> None:
+        """Send bytes that arrive at a bus time [s]."""
+        self.wire.send_at(100.0 + time, data)
+
+    @property
+    def times(self) -> list[float]:
+        """Return the bus times at which bytes were delivered [s]."""
+        return [at - 100.0 for at, _ in self.wire.received]
+
+
+def test_a_reply_is_delivered_when_its_last_byte_has_left_the_device(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
+    served.send(0.01, READ)
+    served.run(0.02)
+    assert served.wire.data == Status(2, 0, bytes((132, 133, 134, 135))).encode()
+    assert served.times == pytest.approx([0.01 + (14 + 15) * BYTE + 0.0005], abs=STEP)
+
+
+def test_replies_of_a_group_follow_one_another_by_their_delays(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
+    served.send(0.01, GROUP)
+    served.run(0.02)
+    first = 0.01 + 17 * BYTE
+    expected = [first + k * (0.0005 + 15 * BYTE) for k in (1, 2, 3)]
+    assert served.times == pytest.approx(expected, abs=STEP)
+
+
+def test_replies_within_a_microframe_are_delivered_together(monkeypatch):
+    baud = 4_000_000
+    assert 2 * 15 * 10 / baud < MICROFRAME
+    served = Served(monkeypatch, FakeDevices(IDS, baud=baud), baud=baud)
+    served.send(0.01, GROUP)
+    served.run(0.02)
+    assert [len(data) for _, data in served.wire.received] == [45]
+    assert served.times == pytest.approx([0.01 + (17 + 45) * 10 / baud], abs=STEP)
+
+
+def test_an_adapter_delivers_at_its_ticks_alone(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS), latency=0.016)
+    served.send(0.001, READ)
+    served.send(0.033, READ)
+    served.run(0.06)
+    assert served.times == pytest.approx([0.016, 0.048], abs=STEP)
+
+
+def test_physics_has_reached_the_end_of_an_instruction_when_it_is_executed(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS))
+    seen = []
+    handle = served.devices.handle
+    monkeypatch.setattr(
+        served.devices,
+        "handle",
+        lambda item, *, baud: seen.append(served.devices.now) or handle(item, baud=baud),
+    )
+    served.send(0.01, READ + READ)
+    served.run(0.02)
+    assert seen[0] == pytest.approx(0.01 + 14 * BYTE)
+    assert seen[1] == pytest.approx(0.01 + (14 + 15 + 14) * BYTE)  # after the reply to the first
+
+
+def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
+    """Replies come 3 ms apart; 4 ms after the ping a read is sent."""
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
+    served.send(0.01, protocol2.ping())
+    served.send(0.0145, READ)
+    served.run(0.05)
+    ids = [data[4] for _, data in served.wire.received]
+    assert ids == [1, 2]  # the second device replies to the read, not to the ping
+    assert served.exchange.statistics.talked_over == 1
+    end = 0.0145 + (14 + 15) * BYTE + 0.003
+    assert served.times[1] == pytest.approx(end, abs=STEP)
+
+
+def test_without_another_instruction_every_slot_of_a_ping_is_used(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
+    served.send(0.01, protocol2.ping())
+    served.run(0.05)
+    assert [data[4] for _, data in served.wire.received] == [1, 2, 3]
+
+
+def test_bytes_at_another_rate_than_the_clients_are_lost(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.01))
+    served.send(0.01, READ)
+    served.run(0.015)
+    served.wire.baud = 57_600
+    served.run(0.03)
+    assert served.wire.data == b""
+    assert served.exchange.statistics.missed == 15
+
+
+def test_physics_follows_the_clock_while_nothing_is_sent(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS))
+    served.run(0.5)
+    assert served.exchange.time == pytest.approx(0.5, abs=0.005)
+    assert served.devices.now == served.exchange.time
+
+
+def test_an_idle_port_is_tidied_now_and_then_and_a_used_one_is_not(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.05))
+    for k in range(10):
+        served.send(0.01 + k * IDLE / 2, READ)
+    served.run(5 * IDLE)
+    assert served.wire.tidied == 0
+    served.run(9.5 * IDLE)
+    assert 2 <= served.wire.tidied <= 4
+
+
+def test_an_unplugged_port_is_not_read(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS))
+    served.wire.plugged = False
+    served.send(0.01, READ)
+    served.run(0.05)
+    assert served.exchange.statistics.bytes_in == 0
+    served.wire.plugged = True
+    served.run(0.1)
+    assert len(served.wire.data) == 15
+
+
+def test_lateness_is_counted(monkeypatch):
+    """Another thread holds the interpreter for 2 ms when the reply is due."""
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.01))
+    served.send(0.01, READ)
+    served.run(0.015)
+    due = 0.01 + (14 + 15) * BYTE + 0.01
+    served.wire.now = 100.0 + due + 0.002
+    served.bus.serve()
+    statistics = served.exchange.statistics
+    assert statistics.deliveries == 1
+    assert statistics.lateness_max == statistics.lateness_total == pytest.approx(0.002)
+
+
+def test_only_the_last_moment_before_an_event_is_polled(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
+    polls = []
+    monkeypatch.setattr(
+        real_time, "sleep", lambda _: (polls.append(served.bus.now), served.wire.sleep(0.0))
+    )
+    served.send(0.01, READ)
+    served.run(0.02)
+    events = (0.01 + 14 * BYTE, 0.01 + 29 * BYTE + 0.0005)
+    assert all(min(abs(at - event) for event in events) <= SPIN + STEP for at in polls)
+    assert polls

@@ -39,6 +39,33 @@ def test_the_torques_of_a_squat_hold_it_in_simulation(depth: int, op3: Robot):
     assert held < 0.1 * fall(op3, squat.joint_pos, 0.0 * squat.torque)
 
 
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_a_robot_that_leans_to_a_side_puts_more_of_its_weight_there(op3: Robot, way: float):
+    """The hips' torques, by hand: each sole carries the share that keeps the lateral balance."""
+    rolls = [f"{side}_{joint}_roll" for side in "lr" for joint in ("hip", "ank")]
+    angles = op3.standing.joint_pos.copy()
+    angles[[op3.joint_names.index(name) for name in rolls]] += 0.15 * way
+    statics, model = Statics(op3), op3.spec().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(op3, model, statics.make_posture(angles))
+    mujoco.mj_forward(model, data)
+    center = data.subtree_com[op3.layout(model).torso][1]
+    y = {side: data.site(f"{side}_sole").xpos[1] for side in "lr"}
+    shares = {
+        "l": (center - y["r"]) / (y["l"] - y["r"]),
+        "r": (y["l"] - center) / (y["l"] - y["r"]),
+    }
+    assert abs(shares["l"] - shares["r"]) > 0.3
+    found = statics.measure_torques(angles)
+    for side in "lr":
+        hip = model.joint(f"{side}_hip_roll")
+        leg, at = int(hip.bodyid[0]), data.xanchor[hip.id][1]
+        pressed = shares[side] * statics.weight * (y[side] - at)
+        by_hand = pressed - 9.81 * model.body_subtreemass[leg] * (data.subtree_com[leg][1] - at)
+        torque = found[op3.joint_names.index(f"{side}_hip_roll")]
+        assert torque * data.xaxis[hip.id][0] == pytest.approx(-by_hand, abs=0.02)
+
+
 class Heavy(Robot):
     """A robot of twice the mass."""
 

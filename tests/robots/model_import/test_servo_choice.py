@@ -26,6 +26,23 @@ def test_the_type_is_that_whose_torque_the_model_states():
     assert not choice.own
 
 
+@pytest.mark.parametrize(
+    ("speed", "kind"), [(8.06, "XM430-W210"), (4.82, "XM430-W350"), (3.14, "XH430-W350")]
+)
+def test_the_speed_decides_among_types_of_about_one_torque(speed: float, kind: str):
+    """Of 3.0, 4.1 and 3.4 N·m: 3.5 N·m fit the last one best, but for its speed."""
+    figures = dict.fromkeys(JOINTS, ActuatorFigures(effort=3.5, speed=speed))
+    assert set(choose_servos(JOINTS, figures, (), **SMALL).types) == {kind}
+
+
+@pytest.mark.parametrize(
+    ("count", "told"), [(4, "a, b, c, d: the model"), (5, "a, b, c and 2 more: the model")]
+)
+def test_a_guess_names_its_joints_or_says_how_many_they_are(count: int, told: str):
+    choice = choose_servos("abcdef"[:count], {}, (), **SMALL)
+    assert told in choice.guesses[0]
+
+
 def test_what_the_user_says_counts_more_and_the_last_pattern_most():
     choice = choose(dict.fromkeys(JOINTS, 4.1), "XM540-W270", "XM430-W210=*elbow")
     assert choice.types == (*["XM540-W270"] * 2, *["XM430-W210"] * 2)

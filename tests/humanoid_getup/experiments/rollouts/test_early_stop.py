@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import make_record
 
 from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.standing import Stance
+from humanoid_getup.experiments.judging.torque import LONG_SATURATION
+from humanoid_getup.experiments.rollouts.early_stop import CHUNK, EarlyStop
 from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
@@ -67,3 +71,112 @@ def test_worlds_can_be_taken_out(worlds):
     assert len(some) == 2
     np.testing.assert_array_equal(some.starts[1], worlds.starts[4])
     assert some.parameters.friction[1] == worlds.parameters.friction[4]
+
+
+# What is known when, on records of a robot that has had its last target after a chunk ------------
+
+PERIOD = 0.01  # s, so that a chunk takes 0.25 s
+
+
+def chunk(robot, neck=1.0, tilt=0.0, **changes):
+    """Make a chunk of a robot upright and at rest, but for what is changed; neck as a share."""
+    shape = (1, CHUNK)
+    stance = Stance(
+        neck_height=np.broadcast_to(neck * robot.standing_neck_height, shape),
+        tilt=np.broadcast_to(tilt, shape),
+        non_foot_contact=np.zeros(shape, dtype=bool),
+    )
+    return make_record(robot, shape, PERIOD, stance=stance, **changes)
+
+
+def follow(robot, record, chunks, speed=0.0, length=CHUNK) -> EarlyStop:
+    """Show so many chunks of one robot, the same each time, unless it is over before."""
+    stop = EarlyStop(robot, np.array([length]), np.array([robot.supply_voltage]))
+    for _ in range(chunks):
+        if stop.going.any():
+            stop.add(np.array([0]), record, np.array([speed]))
+    return stop
+
+
+def verdict(stop: EarlyStop) -> tuple[bool, bool, int]:
+    """Return whether it stood, whether it failed, and after how many samples, if it is over."""
+    (going,), (stood,), (failed,), (cycles,) = stop.going, stop.stood, stop.failed, stop.cycles
+    assert going == (not stood and not failed)
+    return bool(stood), bool(failed), int(cycles)
+
+
+LYING = {"upright": np.zeros((1, CHUNK), dtype=bool)}
+
+
+@pytest.mark.parametrize(
+    ("speed", "chunks", "stood"),
+    [(0.029, 3, False), (0.029, 4, True), (0.031, 13, False), (0.031, 14, True)],
+)
+def test_a_stand_counts_once_it_is_at_rest_for_long_enough_or_held(op3, speed, chunks, stood):
+    """At rest 0.6 s after the last target, three chunks and a half; else held for 3.3 s."""
+    stop = follow(op3, chunk(op3), chunks, speed)
+    assert verdict(stop) == (stood, False, chunks * CHUNK)
+
+
+def test_nothing_is_known_while_targets_move(op3):
+    for record in (chunk(op3), chunk(op3, neck=0.2, **LYING)):
+        assert verdict(follow(op3, record, 20, length=1000)) == (False, False, 20 * CHUNK)
+
+
+@pytest.mark.parametrize(
+    ("neck", "tilt", "fell"),
+    [(0.59, 0.0, True), (0.61, 0.0, False), (0.9, np.radians(61), True), (0.9, 1.0, False)],
+)
+def test_a_robot_that_is_down_after_its_last_target_has_fallen(op3, neck, tilt, fell):
+    """It has for 0.2 s more, and so until the second chunk."""
+    assert verdict(follow(op3, chunk(op3, neck, tilt, **LYING), 1)) == (False, False, CHUNK)
+    assert verdict(follow(op3, chunk(op3, neck, tilt, **LYING), 2)) == (False, fell, 2 * CHUNK)
+
+
+@pytest.mark.parametrize("came_up", [True, False])
+def test_the_end_of_a_chunk_tells_whether_it_is_down(op3, came_up):
+    way = np.linspace(0.0, 1.0, CHUNK)[:: 1 if came_up else -1]
+    rising = chunk(op3, neck=0.3 + 0.6 * way, tilt=np.radians(80.0) * (1.0 - way), **LYING)
+    assert verdict(follow(op3, rising, 2)) == (False, not came_up, 2 * CHUNK)
+
+
+def test_a_stand_that_does_not_begin_in_time_does_not_come(op3):
+    """It is high and upright, but touches the ground: 1.5 s after the last target, it may not."""
+    stop = follow(op3, chunk(op3, **LYING), 9)
+    assert verdict(stop) == (False, True, 8 * CHUNK)
+
+
+def test_a_robot_whose_physics_diverged_has_failed(op3):
+    diverged = chunk(op3, diverged=np.array([True]), **LYING)
+    assert verdict(follow(op3, diverged, 1, length=1000)) == (False, True, CHUNK)
+
+
+@pytest.mark.parametrize("breaks", [False, True])
+def test_a_servo_without_reserve_for_long_fails_even_in_a_stand(op3, breaks):
+    torque = np.tile(op3.max_torque, (1, CHUNK, 1))
+    torque[0, 3] *= 0.0 if breaks else 1.0
+    known = int(LONG_SATURATION / PERIOD) + CHUNK  # after that time, and not at it
+    stop = follow(op3, chunk(op3, torque=torque), 7, length=4 * CHUNK)
+    # At the same moment it has been at rest for 0.75 s.
+    assert verdict(stop) == (breaks, not breaks, known)
+
+
+def test_each_robot_has_its_own_verdict(op3):
+    """The second one lies and is over; the first and the third go on and stand."""
+    stop = EarlyStop(op3, np.full(3, CHUNK), np.full(3, op3.supply_voltage))
+    everyone = np.arange(3)
+    for k in range(4):
+        going = np.flatnonzero(stop.going)
+        assert going.tolist() == ([0, 1, 2] if k < 2 else [0, 2])
+        neck = np.where(everyone == 1, 0.2, 1.0)[going, None]
+        stance = Stance(
+            neck_height=np.tile(neck * op3.standing_neck_height, (1, CHUNK)),
+            tilt=np.zeros((len(going), CHUNK)),
+            non_foot_contact=np.zeros((len(going), CHUNK), dtype=bool),
+        )
+        upright = np.tile(neck > 0.9, (1, CHUNK))
+        record = make_record(op3, (len(going), CHUNK), PERIOD, stance=stance, upright=upright)
+        stop.add(going, record, np.zeros(len(going)))
+    assert stop.stood.tolist() == [True, False, True]
+    assert stop.failed.tolist() == [False, True, False]
+    assert stop.cycles.tolist() == [4 * CHUNK, 2 * CHUNK, 4 * CHUNK]

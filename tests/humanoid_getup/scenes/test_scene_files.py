@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from paths import REPOSITORY
 
-from humanoid_getup.scenes.named_scenes import FOLDER, list_scenes, load_grounds, load_scene
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene_file import BoxTable, read_scene
 from robots import Robot, quaternion
 from robots.body.lengths import leg_length
@@ -158,46 +158,6 @@ def test_a_fifo_is_refused(op3: Robot, tmp_path: Path):
 def test_a_missing_file_is_refused(op3: Robot):
     with pytest.raises(ValueError, match=r"scene nowhere\.toml: No such file"):
         load_scene("nowhere.toml", op3)
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("moon", "unknown scene 'moon': expected beam, .*slope:10, rough:easy, .*or a .toml file"),
-        ("slope:31", "scene slope:31: expected degrees from -30 to 30"),
-        ("slope:steep", "scene slope:steep: expected degrees"),
-        ("slope:nan", "scene slope:nan: expected degrees"),
-        ("rough:", "scene rough:: expected rough:easy, rough:medium, rough:hard"),
-        ("../named/flat", "unknown scene '../named/flat'"),
-    ],
-)
-def test_an_unknown_scene_is_refused_with_what_is_allowed(op3: Robot, name: str, message: str):
-    with pytest.raises(ValueError, match=message):
-        load_scene(name, op3)
-
-
-def test_every_scene_has_a_line_about_it_and_compiles(op3: Robot):
-    scenes = list_scenes()
-    assert len(scenes) == len(list(FOLDER.glob("*.toml"))) + 4
-    for scene in scenes:
-        assert scene.about
-        assert load_scene(scene.name, op3).compile(op3).nq == op3.n + 7
-
-
-def test_no_two_seeds_have_a_ground_in_common(op3: Robot):
-    seeds = [own for seed in (0, 1, 2) for _, own in load_grounds("rough:easy", op3, 4, seed)]
-    assert sorted(set(seeds)) == seeds
-    assert len(seeds) == 12
-    ((slope, own),) = load_grounds("slope:5", op3, 4, 3)
-    assert (slope.name, own) == ("slope:5", 3)
-
-
-def test_the_same_seed_is_the_same_rough_ground(op3: Robot):
-    heights = [
-        load_scene("rough:hard", op3, seed).ground.height(np.array([0.3]), np.array([0.2]))
-        for seed in (0, 0, 1)
-    ]
-    assert heights[0] == heights[1] != heights[2]
 
 
 @pytest.mark.parametrize("turn", [0.0, 90.0])

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.record import join_records
 from humanoid_getup.experiments.rollouts.play import Experiment, play
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 from robots.kinematics import center_of_mass, place
@@ -63,6 +65,21 @@ def test_a_rollout_does_not_depend_on_those_before_it(world):
         again = used.play(Scenarios(starts=starts, parameters=nominal), targets)
         np.testing.assert_array_equal(again.qpos, alone.qpos)
         np.testing.assert_array_equal(again.torque, alone.torque)
+
+
+@pytest.mark.parametrize("sizes", [(1, 2, 57), (60,)])
+def test_targets_may_come_in_pieces_of_any_size_also_into_a_given_simulation(world, sizes):
+    starts, targets = _stand(world, 2, 60)
+    targets[0, :, :6] += np.linspace(0.0, 0.4, 60)[:, None]
+    scenarios = Scenarios.nominal(world, starts)
+    whole = play(world, scenarios, targets)
+    pieces = iter(np.split(targets, np.cumsum(sizes)[:-1], axis=1))
+    experiment = Experiment(world, sim=VecSim(world, 2))
+    records = list(experiment.play_pieces(scenarios, lambda: next(pieces, None)))
+    assert [record.qpos.shape[1] for record in records] == list(sizes)
+    joined = join_records(records)
+    for name in ("qpos", "torque", "target", "upright"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
 
 
 def test_a_standing_robot_stands_and_a_lying_one_does_not(world):

@@ -306,20 +306,6 @@ class Robot(JointArrays):
         """Convert torques [N·m] to whole counts of the motors' current, (..., n)."""
         return np.floor(torque / (self.current_step * self.torque_per_ampere) + COUNT_ROUNDING)
 
-    def check_limit_mode(self, by: LimitMode) -> None:
-        """Refuse a way to limit torque that a servo does not have.
-
-        Raises:
-            ValueError: naming the servo.
-        """
-        for joint in self.joints:
-            model = joint.servo.model
-            if by == "current" and not model.has_current_mode:
-                raise ValueError(
-                    f"torque limit is by 'current', expected 'pwm': the {model.name} of joint "
-                    f"'{joint.name}' has no current sensor"
-                )
-
 
 def list_robots() -> list[str]:
     """List the robots that come with the package."""

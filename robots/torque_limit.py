@@ -41,7 +41,7 @@ class TorqueLimit:
             ValueError: if they do not have the mode, or cannot make that torque.
         """
         by = robot.limit_by if self.by is None else self.by
-        robot.check_limit_mode(by)
+        check_mode(robot, by)
         full = float(robot.max_torque.max())
         if self.value is not None and self.value > full:
             raise ValueError(
@@ -78,6 +78,21 @@ def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
     if not isinstance(limit, TorqueLimit):
         raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
     return limit.on(robot)
+
+
+def check_mode(robot: Robot, by: LimitMode) -> None:
+    """Refuse a way to limit torque that a servo does not have.
+
+    Raises:
+        ValueError: naming the servo.
+    """
+    for joint in robot.joints:
+        model = joint.servo.model
+        if by == "current" and not model.has_current_mode:
+            raise ValueError(
+                f"torque limit is by 'current', expected 'pwm': the {model.name} of joint "
+                f"'{joint.name}' has no current sensor"
+            )
 
 
 def _find_least(robot: Robot, by: LimitMode) -> float:

@@ -28,6 +28,7 @@ from drivers.imu.source import ImuError, ImuSource
 from robots import BusSettings, Joint, Robot
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode
+from robots.torque_limit import check_mode
 
 SETUP_MARGIN = 0.03  # s that a reply may take where no cycle is waiting
 BOOT_TIME = 3.0  # s until servos reply after power-up or reboot; they take 0.3 s
@@ -75,7 +76,7 @@ def check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
     if by == "ideal":
         raise SetupError("torque limit is by 'ideal', which no servo can, expected another mode")
     try:
-        robot.check_limit_mode(by)
+        check_mode(robot, by)
     except ValueError as error:
         raise SetupError(str(error)) from error
     return by

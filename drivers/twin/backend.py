@@ -13,7 +13,6 @@ from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, 
 from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
 from robots import Posture, Robot
 from robots.drive import limit_servos
-from robots.quaternion import Array
 from robots.servo import LimitMode
 
 
@@ -80,13 +79,15 @@ class Twin(Backend):
     def read(self) -> State:
         """Measure the robot through its sensors."""
         self._check_connected()
-        body = self.simulation
+        body, transmission = self.simulation, self.robot.transmission
         time, angle, speed, current = body.time, body.joint_pos, body.joint_vel, body.joint_current
         temperature = body.temperature
         return State(
             time=time,
             joint_pos=self._units.quantize(angle),
-            joint_vel=self._quantize_speed(speed),
+            joint_vel=transmission.to_joint(
+                quantize(transmission.to_actuator(speed), self._velocity_step)
+            ),
             joint_current=quantize(current, CURRENT_STEP),
             gyro=body.imu.gyro if self._filter else np.zeros(0),
             orientation=self._filter.orientation if self._filter else np.zeros(0),
@@ -122,13 +123,6 @@ class Twin(Backend):
         if self._filter:
             self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
-
-    def _quantize_speed(self, joint_vel: Array) -> Array:
-        """Round joint speeds [rad/s], (n,), to whole counts of the servos."""
-        transmission = self.robot.transmission
-        return transmission.to_joint(
-            quantize(transmission.to_actuator(joint_vel), self._velocity_step)
-        )
 
     def _start_filter(self) -> None:
         if self._filter:

@@ -201,7 +201,9 @@ class Simulation:
         torque = self.data.actuator_force[self._actuators]
         self._current = self._windings.compute_current(torque)
         self._windings.heat(self._current, duration)
-        self._update_pwm_share(torque)
+        assert self._drive is not None  # it is set whenever the robot is placed
+        share = self._windings.compute_voltage(torque, self.torque_vel) / self.voltage
+        self.pwm_share = np.where(self._drive.torque > 0.0, np.clip(share, -1.0, 1.0), 0.0)
         if self._imu is not None:
             self._imu.advance(self.data, duration)
         self._hold_at_rest(duration)
@@ -215,11 +217,6 @@ class Simulation:
     def _read_actuator_speed(self) -> Array:
         """Return the speeds of the servos behind their gears [rad/s], (n,)."""
         return self.robot.transmission.to_actuator(self.data.qvel[self._layout.dof])
-
-    def _update_pwm_share(self, torque: Array) -> None:
-        assert self._drive is not None  # it is set whenever the robot is placed
-        share = self._windings.compute_voltage(torque, self.torque_vel) / self.voltage
-        self.pwm_share = np.where(self._drive.torque > 0.0, np.clip(share, -1.0, 1.0), 0.0)
 
     def _hold_at_rest(self, duration: float) -> None:
         """Let friction hold a robot that has come to rest without torque."""

@@ -262,7 +262,7 @@ class AttemptManager:
             )
             completed = report.ending is Ending.DONE and controller.aborted is None
             if judge.end() is not False and completed:
-                may_balance = attempt.plan is None or attempt.plan.may_balance
+                may_balance = attempt.plan is None or attempt.plan.balanced
                 may_balance &= self._session.balance
                 after = self._keeper.keep(balanced=may_balance)
         ended = judge.conclude()

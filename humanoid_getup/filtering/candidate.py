@@ -63,46 +63,25 @@ class CandidateRollout:
     """Cycles before the targets stand still."""
     joined: int
     """Cycle at which the motion was joined."""
-
-    @property
-    def stood(self) -> bool:
-        """Whether it ended upright for a second, and no servo was overloaded."""
-        return bool(self.outcome.stood and not self.outcome.overloaded)
-
-    @property
-    def target(self) -> Array:
-        """Targets that the servos were sent [rad], (T, n)."""
-        return _known(self.outcome.record.target)
+    stood: bool
+    """Whether it ended upright for a second, and no servo was overloaded."""
+    collides: bool
+    """Whether the robot touched itself firmly."""
+    peak_neck: float
+    """Greatest neck height reached [m]."""
+    target: Array
+    """Targets that the servos were sent [rad], (T, n)."""
+    overlap: Array
+    """Depth of self-penetration [m], (T,)."""
 
     @property
     def qpos(self) -> Array:
         """MuJoCo positions, (T, nq)."""
         return self.outcome.record.qpos
 
-    @property
-    def overlap(self) -> Array:
-        """Depth of self-penetration [m], (T,)."""
-        return _known(self.outcome.record.overlap)
-
-    @property
-    def peak_neck(self) -> float:
-        """Greatest neck height reached [m]."""
-        return float(self.outcome.record.stance.neck_height.max())
-
-    @property
-    def collides(self) -> bool:
-        """Whether the robot touched itself firmly."""
-        return bool(self.outcome.collides)
-
     def measure_overlap(self, touch: float) -> float:
         """Sum the depths of self-overlap beyond a touch [m]."""
         return float(np.maximum(self.overlap - touch, 0.0).sum())
-
-
-def _known(values: Array | None) -> Array:
-    """Return a field that every rollout records."""
-    assert values is not None
-    return values
 
 
 NO_SLOWDOWN = Slowdown(tolerance=np.inf, band=1.0, slowest=1.0)

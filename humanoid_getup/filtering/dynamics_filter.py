@@ -242,7 +242,9 @@ class DynamicsFilter:
         Their motions are joined and their targets stand still after so many cycles, (N,).
         """
         outcome = Outcome(record, self.world.robot, hold_time=FIRST_HOLD - 0.1)
-        cost = self.preference.cost(outcome)
+        cost, stood = self.preference.cost(outcome), outcome.stood & ~outcome.overloaded
+        collides, neck = np.asarray(outcome.collides), record.stance.neck_height.max(axis=1)
+        assert record.target is not None and record.overlap is not None  # every rollout has them
         return [
             CandidateRollout(
                 candidate=candidate,
@@ -250,6 +252,11 @@ class DynamicsFilter:
                 cost=float(cost[i]),
                 moving=int(moving[i]),
                 joined=int(joined[i]),
+                stood=bool(stood[i]),
+                collides=bool(collides[i]),
+                peak_neck=float(neck[i]),
+                target=record.target[i],
+                overlap=record.overlap[i],
             )
             for i, candidate in enumerate(candidates)
         ]

@@ -64,25 +64,6 @@ class PathResult:
     """How far the best path leads without a collision; None if solved, or if it leads nowhere."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FoundPath:
-    """A path of postures, or the progress of a failed search."""
-
-    status: SearchStatus
-    reason: str
-    path: list[Array]
-    """From start to goal; if not solved, a path that collides, or none."""
-    nodes: int
-    refined: bool
-
-    @classmethod
-    def of(cls, found: SearchResult, nodes: int, *, refined: bool = False) -> FoundPath:
-        """Take the result of the last search, and the nodes of all."""
-        return cls(
-            status=found.status, reason=found.reason, path=found.path, nodes=nodes, refined=refined
-        )
-
-
 def plan_path(
     start: Posture,
     goal: Posture,
@@ -140,7 +121,7 @@ def find_path(
     rng: np.random.Generator,
     options: PathOptions,
     report: Report = lambda _: None,
-) -> FoundPath:
+) -> SearchResult:
     """Search under the strict constraints; if that fails, refine from loose to strict."""
     last = problem.checker.checks + options.max_checks
     limited = replace(options.search, is_over=lambda: problem.checker.checks >= last)
@@ -149,13 +130,13 @@ def find_path(
         found = search(problem, problem.start, problem.goal, rng, limited)
         nodes += found.nodes
         if found.status is SearchStatus.SOLVED:
-            return FoundPath.of(found, nodes)
+            return replace(found, nodes=nodes)
     problem.stride = 1.0
     if found is not None and not options.refines:
-        return FoundPath.of(found, nodes)
+        return replace(found, nodes=nodes)
     limited = replace(limited, max_edges=options.refine_edges)
     found = refine(problem, rng, limited, options.refinement, report)
-    return FoundPath.of(found, nodes + found.nodes, refined=True)
+    return replace(found, nodes=nodes + found.nodes, refined=True)
 
 
 def _cut_where_illegal(problem: PostureProblem, path: list[Array]) -> list[Array]:
@@ -166,7 +147,7 @@ def _cut_where_illegal(problem: PostureProblem, path: list[Array]) -> list[Array
 
 def _finish(
     problem: PostureProblem,
-    found: FoundPath,
+    found: SearchResult,
     rng: np.random.Generator,
     options: PathOptions,
 ) -> PathResult:

@@ -81,6 +81,8 @@ class SearchResult:
     """Edges tried."""
     path: list[Array] = field(default_factory=list)
     """From start to goal, both included; empty unless solved."""
+    refined: bool = False
+    """Whether it was refined from loose to strict; a path that is not solved collides then."""
 
 
 def search(

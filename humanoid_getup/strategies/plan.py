@@ -60,6 +60,8 @@ class RisePlan:
     """Record of the search; ``None`` without a search."""
     keys: tuple[KeyRecord, ...] = ()
     """Results of the requested key postures."""
+    balanced: bool = True
+    """Whether the torso's attitude may be fed back to the ankles, in the rise and in its stand."""
 
     def __str__(self) -> str:
         """Describe in one line the motion to play, and how the planning ended."""
@@ -102,11 +104,6 @@ class RisePlan:
         """Return the plan without feedback while it is played; ``None`` if it has none."""
         return None
 
-    @property
-    def may_balance(self) -> bool:
-        """Return whether the ankles may balance the robot, in the rise and in its stand."""
-        return True
-
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
@@ -142,8 +139,6 @@ class MotionPlan(RisePlan):
     simulated: bool = True
     """Whether the joint angles come from a rollout; if not, they are only targets, and no
     monitor expects the robot to reach them."""
-    balanced: bool = True
-    """Whether the torso's attitude may be fed back to the ankles; False: open loop."""
 
     @property
     def title(self) -> str:
@@ -178,11 +173,6 @@ class MotionPlan(RisePlan):
             start=measure(),
             balanced=self._is_balanced,
         )
-
-    @property
-    def may_balance(self) -> bool:
-        """Return whether the ankles may balance the robot, in the rise and in its stand."""
-        return self.balanced
 
     @property
     def _is_balanced(self) -> bool:

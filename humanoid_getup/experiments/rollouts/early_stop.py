@@ -44,6 +44,10 @@ class EarlyStop:
         self._since = np.zeros(count, dtype=int)
         self._saturated = np.zeros((count, robot.n), dtype=int)
 
+    def cut(self, target: Array) -> Array:
+        """Return the next chunk of a robot's targets (T, n); the last is repeated."""
+        return target[np.minimum(self.cycle + np.arange(CHUNK), len(target) - 1)]
+
     def add(self, going: NDArray[np.int_], record: Record, speed: Array) -> None:
         """Read a chunk of the continuing robots, and decide which rollouts are over.
 

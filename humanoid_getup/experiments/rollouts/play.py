@@ -106,7 +106,8 @@ class Experiment:
 
     def _begin(self, scenarios: Scenarios) -> Ids:
         """Place robots; return their rows."""
-        sim, rows = self._prepare(len(scenarios)), np.arange(len(scenarios))
+        count = len(scenarios.starts)
+        sim, rows = self._prepare(count), np.arange(count)
         sim.set_parameters(rows, scenarios.parameters)
         sim.place(rows, scenarios.starts)
         return rows
@@ -157,7 +158,7 @@ class Experiment:
         )
         parts: list[Record] = []
         while len(going := np.flatnonzero(stop.going)) and not (give_up and stop.failed[0]):
-            sent = np.array([_cut(targets[int(i)], stop.cycle) for i in going])
+            sent = np.array([stop.cut(targets[int(i)]) for i in going])
             played, velocity = self._advance(going, sent)
             stop.add(going, played, np.abs(velocity).max(axis=(1, 2)))
             parts.append(played if len(going) == len(rows) else _fill(parts[-1], going, played))
@@ -218,11 +219,6 @@ def _hold_all(targets: Array | Sequence[Array]) -> Array:
 def _cut_all(targets: Array) -> Iterator[Array]:
     """Cut targets (N, T, n) into pieces."""
     return (targets[:, first : first + LONG] for first in range(0, targets.shape[1], LONG))
-
-
-def _cut(target: Array, first: int) -> Array:
-    """Return a chunk of targets (T, n) from a row on; the last is repeated."""
-    return target[np.minimum(np.arange(first, first + CHUNK), len(target) - 1)]
 
 
 def _fill(before: Record, rows: Ids, played: Record) -> Record:

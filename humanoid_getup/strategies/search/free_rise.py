@@ -108,7 +108,9 @@ class FreeRise:
         rng: np.random.Generator,
     ) -> None:
         """Try stronger slowdown, and then from the ends of the rollouts, until one is robust."""
-        if search.tried and not search.is_done:
+        if search.is_done:
+            return
+        if search.tried:
             search.try_all([replace(c, slowdown=s) for s in OTHER_SLOWDOWNS for c in first])
         continuation = Continuation(self._tools.world, places)
         for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
@@ -126,7 +128,7 @@ class FreeRise:
     ) -> list[Candidate]:
         """Plan from the ends of failed rollouts, each to a few motions."""
         approach, candidates = self._tools.approach, list[Candidate]()
-        for end in continuation.pick(list(search.tried)):
+        for end in continuation.pick(search.tried):
             near = self._tools.database.select(end.posture, self._second)
             planned = approach.candidates(end.posture, near, rng, end.target)
             candidates += planned or approach.move_straight(end.posture, near, end.target)
@@ -135,8 +137,10 @@ class FreeRise:
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find the places with room to stand; ``None`` without obstacles."""
         world = self._tools.world
+        if not world.scene.obstacles:
+            return None
         places = StandingPlaces(world, start.position)
-        return places if world.scene.obstacles and places.exist else None
+        return places if places.exist else None
 
     def _crawl(
         self, start: Posture, places: StandingPlaces, rng: np.random.Generator

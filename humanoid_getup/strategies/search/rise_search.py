@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,16 +83,12 @@ class RiseSearch:
         """Prepare to search; ``count_lost`` counts the key postures that a rollout misses."""
         self._tools, self._filter, self._count_lost = tools, tools.filter, count_lost
         self._start, self._rng = start, rng
-        self._tried: list[CandidateRollout] = []
+        self.tried: list[CandidateRollout] = []
+        """Rollouts of the last round."""
         self._best: CandidateRollout | None = None
         self._before: CandidateRollout | None = None
         self._robust = float("nan")
         self._rounds, self._highest = 0, 0.0
-
-    @property
-    def tried(self) -> Sequence[CandidateRollout]:
-        """Return the rollouts of the last round."""
-        return self._tried
 
     @property
     def is_done(self) -> bool:
@@ -106,7 +102,7 @@ class RiseSearch:
             rollout=self._best,
             before=self._before,
             robust=self._robust,
-            rolled_out=bool(self._tried),
+            rolled_out=bool(self.tried),
             highest=self._highest,
             rounds=self._rounds,
         )
@@ -115,9 +111,9 @@ class RiseSearch:
         """Roll candidates out, as a round."""
         self._rounds += 1
         candidates = [replace(c, assistance=self._tools.assistance) for c in candidates]
-        self._tried = self._filter.roll_out(self._start, candidates)
-        self._highest = max(self._highest, *(r.peak_neck for r in self._tried))
-        return self._tried
+        self.tried = self._filter.roll_out(self._start, candidates)
+        self._highest = max(self._highest, *(r.peak_neck for r in self.tried))
+        return self.tried
 
     def try_all(self, candidates: list[Candidate], finalists: int = FINALISTS) -> None:
         """Roll candidates out, and check the best of those that stood."""
@@ -140,11 +136,11 @@ class RiseSearch:
         for _ in range(times):
             if self.is_done:
                 return
-            self.try_all([self._filter.follow(r) for r in self._tried], finalists)
+            self.try_all([self._filter.follow(r) for r in self.tried], finalists)
 
     def vary(self) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
-        failed = sorted(self._tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
+        failed = sorted(self.tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
         for base in [self._best] if self._best else failed:
             better, share = self._filter.search(self._start, base, self._tools.budget, self._rng)
             if self._replaces_best(better) and share > (self._robust if self._best else 0.0):

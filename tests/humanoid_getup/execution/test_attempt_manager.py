@@ -209,7 +209,7 @@ def test_a_rise_that_falls_with_balance_alone_is_played_and_held_without(
     )
     assert result.status is AttemptStatus.STOOD, result.reason
     (attempt,) = result.attempts
-    assert attempt.plan is not None and not attempt.plan.may_balance
+    assert attempt.plan is not None and not attempt.plan.balanced
     assert result.record()["balanced"] is False
     assert attempt.after is not None
     assert attempt.after.succeeded, attempt.after.reason

@@ -47,8 +47,8 @@ def test_a_plan_without_feedback_has_none_in_the_stand_either(op3):
     motion = load_database(op3).rising[0]
     plan = MotionPlan(status=RiseStatus.STORED, motion=motion)
     bare = plan.open_loop()
-    assert plan.may_balance
+    assert plan.balanced
     assert bare is not None
-    assert not bare.may_balance
+    assert not bare.balanced
     assert bare.open_loop() is None
     np.testing.assert_array_equal(bare.motion.joint_target, motion.joint_target)

@@ -83,7 +83,7 @@ def measure(
     limit = np.minimum(stall, np.inf if torque_limit.value is None else torque_limit.value)
     torque = outcome.record.torque
     saturated = find_saturation(robot, torque, outcome.record.actuator_vel, voltage)
-    peak_torque = outcome.shares.driving.max(axis=0, initial=0.0)
+    peak_torque = outcome.torques.driving.max(axis=0, initial=0.0)
     period = robot.control_period
     end, rises = predict_heat(robot, torque, temperature)
     steps = np.diff(motion.joint_target, axis=0) / np.diff(motion.time)[:, None]

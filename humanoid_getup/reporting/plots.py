@@ -32,8 +32,8 @@ def save_torque(
     are turned from outside, which no limit by PWM holds for, is one dotted line, the largest of
     all. The torque limit [N·m] is that of every servo, None for their own.
     """
-    shares = outcome.shares
-    torque, braking = shares.driving, shares.braking.max(axis=1, initial=0.0)  # (T, n), (T,)
+    torques = outcome.torques
+    torque, braking = torques.driving, torques.braking.max(axis=1, initial=0.0)  # (T, n), (T,)
     limit = limit_torque(robot, torque_limit)
     time = np.arange(1, len(torque) + 1, dtype=float) * robot.control_period
     named = _find_largest(torque / limit)[::-1]

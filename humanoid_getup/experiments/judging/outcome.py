@@ -12,7 +12,7 @@ from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, Stand, compute_uprightness, judge
 from humanoid_getup.experiments.judging.torque import (
     LONG_SATURATION,
-    TorqueShares,
+    SplitTorque,
     find_longest,
     find_saturation,
     limit_torque,
@@ -104,25 +104,25 @@ class Outcome:
         return np.where(self.stood, 1.0, compute_progress(at_end, means.max(axis=-1)))
 
     @cached_property
-    def shares(self) -> TorqueShares:
+    def torques(self) -> SplitTorque:
         """Return driving and braking torques, (..., T, n)."""
         return split_torque(self.record.torque, self.record.actuator_vel)
 
     @cached_property
     def peak_torque(self) -> Array:
         """Return the greatest torque with which a servo drove its joint [N·m]."""
-        return self.shares.driving.max(axis=(-2, -1), initial=0.0)
+        return self.torques.driving.max(axis=(-2, -1), initial=0.0)
 
     @cached_property
     def peak_braking_torque(self) -> Array:
         """Return the greatest torque with which a servo was turned from outside [N·m]."""
-        return self.shares.braking.max(axis=(-2, -1), initial=0.0)
+        return self.torques.braking.max(axis=(-2, -1), initial=0.0)
 
     @cached_property
     def torque_use(self) -> Array:
         """Return the largest driving torque of any servo as a share of its limit."""
         limit = limit_torque(self.robot, self.torque_limit)
-        return (self.shares.driving / limit).max(axis=(-2, -1), initial=0.0)
+        return (self.torques.driving / limit).max(axis=(-2, -1), initial=0.0)
 
     @cached_property
     def rms_torque(self) -> Array:

@@ -15,7 +15,7 @@ LONG_SATURATION = 1.5  # s on that line, after which a servo's overload protecti
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueShares:
+class SplitTorque:
     """Driving and braking torques of servos; magnitudes [N·m], (..., n)."""
 
     driving: Array
@@ -27,10 +27,10 @@ class TorqueShares:
     """
 
 
-def split_torque(torque: Array, velocity: Array) -> TorqueShares:
+def split_torque(torque: Array, velocity: Array) -> SplitTorque:
     """Split torques [N·m] at speeds [rad/s] of actuators into driving and braking, (..., n)."""
     size, drives = np.abs(torque), torque * velocity >= 0.0
-    return TorqueShares(driving=np.where(drives, size, 0.0), braking=np.where(drives, 0.0, size))
+    return SplitTorque(driving=np.where(drives, size, 0.0), braking=np.where(drives, 0.0, size))
 
 
 def find_saturation(

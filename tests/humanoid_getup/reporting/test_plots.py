@@ -59,8 +59,8 @@ def test_a_divergence_is_marked_at_its_time(figures: list, tmp_path):
 def test_driving_and_braking_torque_are_apart(figures: list, tmp_path, tiny: Robot):
     """The first joint drives with 1 N·m, the second brakes with 2 N·m."""
     torque, speed = np.tile([1.0, -2.0], (T, 1)), np.tile([1.0, 1.0], (T, 1))
-    shares = split_torque(torque, speed)
-    outcome = SimpleNamespace(shares=shares, stood=True, stand_time=0.2)
+    torques = split_torque(torque, speed)
+    outcome = SimpleNamespace(torques=torques, stood=True, stand_time=0.2)
     save_torque(tiny, outcome, 1.5, tmp_path / "plot.png")
     (axis,) = figures[0].axes
     lines = {line.get_label(): line.get_ydata() for line in axis.get_lines()}

@@ -8,7 +8,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from drivers.dynamixel.control_table import HardwareError, Item, OperatingMode
+from drivers.dynamixel.control_table import Item, OperatingMode
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
     Damaged,
@@ -18,6 +18,7 @@ from drivers.dynamixel.protocol2 import (
     Reset,
     decode_fast_status,
 )
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import VirtualDevice

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import Finding, find_baud_rate
-from drivers.dynamixel.protocol2 import Span
+from drivers.dynamixel.protocol2 import Span, read_identity
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
@@ -127,7 +127,7 @@ def check_board(board: Board, *, set_delay: bool = True) -> list[Finding]:
         text = f"uses {rate} bit/s, expected {board.bus.port.baud}"
         remedy = "set bus.baud in robot.toml, or the baud rates of board and servos"
         return [board.finding(text, remedy)]
-    number, table = int.from_bytes(status.data[:2], "little"), board.table
+    (number, _), table = read_identity(status), board.table
     if table is None:
         return []
     if number != table.number:

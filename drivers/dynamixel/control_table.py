@@ -12,7 +12,6 @@ from typing import Any
 
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
-from drivers.state import HardwareError as HardwareError
 
 SI_DIGITS = 9
 """Decimals of a value converted to SI: far below every unit of a register."""

@@ -15,7 +15,7 @@ from drivers.dynamixel.control_table import (
     UnknownModelError,
     table_for,
 )
-from drivers.dynamixel.protocol2 import Span, Status
+from drivers.dynamixel.protocol2 import Span, Status, read_identity
 from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
@@ -341,7 +341,7 @@ def find_duplicate_ids(robot: Robot) -> list[Finding]:
 def _examine(
     bus: DynamixelBus, joint: Joint, pong: Status, findings: list[Finding]
 ) -> ServoFacts | None:
-    number, firmware = int.from_bytes(pong.data[:2], "little"), pong.data[2]
+    number, firmware = read_identity(pong)
     name, remedy = name_of(joint), "change the servo or robot.toml"
     try:
         table = table_for(number, firmware)

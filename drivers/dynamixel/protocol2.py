@@ -125,6 +125,11 @@ class Status:
         return cls(packet.id, packet.params[0], packet.params[1:])
 
 
+def read_identity(pong: Status) -> tuple[int, int]:
+    """Return model number and firmware version of a reply to a ping."""
+    return int.from_bytes(pong.data[:2], "little"), pong.data[2]
+
+
 def is_confirmed(status: Status | None) -> TypeGuard[Status]:
     """Return whether a device has carried out an instruction; ``None`` stands for silence."""
     return status is not None and not status.number

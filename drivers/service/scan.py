@@ -11,7 +11,7 @@ from serial.tools import list_ports
 from drivers.dynamixel.bus import PING_DATA, BusStatistics, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
-from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status
+from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
 from drivers.errors import DriverError
 from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
 from robots.bus_settings import BAUD_RATES
@@ -172,7 +172,7 @@ def _count_garbled_bytes(bus: DynamixelBus, before: BusStatistics) -> int:
 
 
 def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
-    number, firmware = int.from_bytes(status.data[:2], "little"), status.data[2]
+    number, firmware = read_identity(status)
     baud = bus.port.baud
     try:
         table = table_for(number, firmware)

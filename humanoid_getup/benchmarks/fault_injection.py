@@ -17,7 +17,7 @@ import numpy as np
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
 from drivers.dynamixel.backend import DriverOptions
 from drivers.dynamixel.clock import CycleClock
-from drivers.dynamixel.control_table import HardwareError
+from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.control_table import HardwareError
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 

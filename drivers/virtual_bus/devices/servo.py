@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from drivers.dynamixel.control_table import DriveMode, HardwareError, OperatingMode, table_named
+from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
 from drivers.dynamixel.protocol2 import ALERT, MAX_ID
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.maintenance import (
     GAINS,

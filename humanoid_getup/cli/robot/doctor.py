@@ -12,10 +12,11 @@ from rich.table import Table
 
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.configuration import OPERATING_MODES
-from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
+from drivers.state import HardwareError
 from humanoid_getup.cli.options.hardware import Doctor
 from humanoid_getup.cli.shared.console import console_for, make_table, phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT

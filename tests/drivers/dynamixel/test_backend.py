@@ -13,12 +13,13 @@ from drivers.backend import Release
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
-from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.cyclic_read import MISSES, GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import HEADER, Instruction
 from drivers.errors import CommandError, NotConnectedError, SetupError
 from drivers.serial_port import PortError, SdkPort, SerialPort
+from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured

@@ -7,8 +7,8 @@ import pytest
 from memory_rig import Rig
 
 from drivers import Command
-from drivers.dynamixel.control_table import HardwareError
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.state import HardwareError
 from robots import Robot
 
 BOARD = 200

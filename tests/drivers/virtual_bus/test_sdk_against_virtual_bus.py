@@ -7,8 +7,8 @@ import pytest
 
 dynamixel_sdk = pytest.importorskip("dynamixel_sdk")
 
-from drivers.dynamixel.control_table import HardwareError  # noqa: E402
 from drivers.dynamixel.protocol2 import ALERT  # noqa: E402
+from drivers.state import HardwareError  # noqa: E402
 from drivers.virtual_bus.devices.chain import Chain  # noqa: E402
 from drivers.virtual_bus.devices.sensors import Measured  # noqa: E402
 from drivers.virtual_bus.devices.servo import VirtualServo  # noqa: E402

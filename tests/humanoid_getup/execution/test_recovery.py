@@ -12,7 +12,7 @@ from stored_plans import MOTION, lie_at_start
 from drivers import Cycle, SafetyGuard
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
-from drivers.dynamixel.control_table import HardwareError
+from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode

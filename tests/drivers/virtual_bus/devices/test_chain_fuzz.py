@@ -4,8 +4,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from wire_talk import sense
 
-from drivers.dynamixel.control_table import HardwareError
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.device import VirtualDevice

@@ -3,8 +3,9 @@
 import pytest
 from wire_talk import read, sense, write
 
-from drivers.dynamixel.control_table import HardwareError, OperatingMode
+from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.protection import OverloadModel
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo

@@ -15,7 +15,6 @@ import pytest
 from bus_stories import TINY, Served, copy_tiny, serving
 from spoiling import spoil
 
-from drivers.dynamixel.control_table import HardwareError
 from drivers.service import calibrate as service
 from drivers.service.calibrate import (
     DIRECTIONS,
@@ -23,6 +22,7 @@ from drivers.service.calibrate import (
     PositionRangeError,
     describe_direction,
 )
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot import calibrate as command

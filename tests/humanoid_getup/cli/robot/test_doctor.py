@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from bus_stories import TINY, copy_tiny, run_json, serving
 
-from drivers.dynamixel.control_table import HardwareError
 from drivers.service import doctor, session
 from drivers.service.doctor import Latency, PortReport, check_port
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main

@@ -1,0 +1,76 @@
+"""The ports of a robot are built from its description, and opened or refused together."""
+
+from dataclasses import replace
+
+import pytest
+from memory_port import MemoryPort
+from memory_rig import split
+
+from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
+from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
+from drivers.errors import NoBusError, SetupError
+from drivers.imu.bno08x_rvc import Bno08xRvc
+from drivers.serial_port import PortError
+from robots import ImuSettings, Robot
+from robots.imu import IMU_PORT
+
+PATHS = {"left": "/dev/a", "right": "/dev/b", "main": "/dev/c"}
+
+
+class NamedPort(MemoryPort):
+    def __init__(self, path: str, baud: int) -> None:
+        super().__init__(None, baud)
+        self.path = path
+
+
+def test_each_port_has_its_joints_in_the_robots_order_and_one_the_board(op3: Robot):
+    robot = split(op3)
+    ports = {name: tuple(reversed(joints)) for name, joints in robot.bus.ports.items()}
+    robot = replace(robot, bus=replace(robot.bus, ports=ports))
+    left, right = build_ports(robot, PATHS, NamedPort, answer_margin=0.01)
+    assert (left.name, right.name) == ("left", "right")
+    assert [joint.name for joint in left.joints] == list(robot.joint_names[::2])
+    assert [joint.name for joint in right.joints] == list(robot.joint_names[1::2])
+    assert (left.board, right.board.id) == (None, robot.bus.board.id)
+    assert [port.bus.port.path for port in (left, right)] == ["/dev/a", "/dev/b"]
+    assert {port.bus.port.baud for port in (left, right)} == {robot.bus.baud}
+    assert not left.bus.port.is_open
+
+
+def test_a_robot_without_a_bus_has_no_ports(tiny: Robot):
+    with pytest.raises(NoBusError):
+        build_ports(replace(tiny, bus=None), PATHS, NamedPort, answer_margin=0.01)
+
+
+def test_the_imu_is_the_board_a_line_of_its_own_or_none(tiny: Robot):
+    ports = build_ports(tiny, PATHS, NamedPort, answer_margin=0.01)
+    assert find_imu(tiny, ports, PATHS) is ports[0].board
+    own = replace(tiny, imu=ImuSettings(kind="bno08x", port="/dev/described"))
+    assert isinstance(find_imu(own, ports, PATHS), Bno08xRvc)
+    assert find_imu(own, ports, PATHS).name.endswith("/dev/described")
+    assert find_imu(own, ports, PATHS | {IMU_PORT: "/dev/named"}).name.endswith("/dev/named")
+    bare = replace(tiny, bus=replace(tiny.bus, board=None), imu=None)
+    assert find_imu(bare, build_ports(bare, PATHS, NamedPort, answer_margin=0.01), PATHS) is None
+
+
+def test_every_port_that_does_not_open_is_named():
+    buses = [DynamixelBus(NamedPort(path, 1_000_000)) for path in PATHS.values()]
+    for bus in buses:
+        bus.return_delay = 0.0
+    buses[0].port.unplugged = True
+    with pytest.raises(PortError, match=r"^port /dev/a: does not exist$"):
+        open_ports(buses)
+    buses[2].port.unplugged = True
+    both = r"^port /dev/a: does not exist; port /dev/c: does not exist$"
+    with pytest.raises(SetupError, match=both):
+        open_ports(buses)
+    assert buses[1].port.is_open
+    assert {bus.return_delay for bus in buses} == {FACTORY_RETURN_DELAY}
+
+
+def test_a_margin_is_each_bus_own_again_after_the_block_even_after_an_error():
+    buses = [DynamixelBus(NamedPort("", 1_000_000), answer_margin=m) for m in (0.001, 0.002)]
+    with pytest.raises(KeyboardInterrupt), using_margin(iter(buses), 0.5):
+        assert [bus.answer_margin for bus in buses] == [0.5, 0.5]
+        raise KeyboardInterrupt
+    assert [bus.answer_margin for bus in buses] == [0.001, 0.002]

@@ -1,0 +1,133 @@
+"""Startup: what is refused before a port opens, how long it waits, and what it measures."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from memory_rig import Rig
+
+from drivers.dynamixel import startup
+from drivers.dynamixel.diagnostics import DiagnosticsError
+from drivers.dynamixel.protocol2 import Instruction
+from drivers.dynamixel.startup import (
+    BOOT_MARGIN,
+    BOOT_TIME,
+    FIRST_READS,
+    await_servos,
+    check_description,
+    check_limit_mode,
+    diagnose_robot,
+    open_imu,
+)
+from drivers.errors import NoBusError, SetupError
+from drivers.imu.source import ImuError
+from robots import Robot
+
+
+def test_a_description_fits_its_ports_and_its_imu_or_is_refused(tiny: Robot):
+    assert check_description(tiny, {"main": "/dev/a"}, without_imu=False) is tiny.bus
+    with pytest.raises(NoBusError):
+        check_description(replace(tiny, bus=None), {}, without_imu=False)
+    with pytest.raises(SetupError, match=r"has an IMU \(board\), expected a robot without one"):
+        check_description(tiny, {"main": "/dev/a"}, without_imu=True)
+    bare = replace(tiny, bus=replace(tiny.bus, board=None), imu=None)
+    with pytest.raises(SetupError, match=r"has no IMU: add an \[imu\] table"):
+        check_description(bare, {"main": "/dev/a"}, without_imu=False)
+    assert check_description(bare, {"main": "/dev/a"}, without_imu=True) is bare.bus
+    for ports in ({}, {"other": "/dev/a"}, {"main": "/dev/a", "imu": "/dev/b"}):
+        with pytest.raises(SetupError, match="has the ports main; devices were named for"):
+            check_description(tiny, ports, without_imu=False)
+
+
+def test_no_servo_limits_torque_ideally(tiny: Robot):
+    assert check_limit_mode(tiny, "pwm") == "pwm"
+    with pytest.raises(SetupError, match="'ideal', which no servo can"):
+        check_limit_mode(tiny, "ideal")
+
+
+class BootingBus:
+    """A bus whose servos reply to so many pings later; a ping takes its margin."""
+
+    answer_margin = 0.004
+
+    def __init__(self, silent_pings: dict[int, float]) -> None:
+        self.silent, self.now, self.pinged = dict(silent_pings), 0.0, []
+
+    def ping(self, device: int) -> bool:
+        self.pinged.append(device)
+        self.now += self.answer_margin
+        self.silent[device] -= 1
+        return self.silent[device] < 0
+
+
+def await_on(bus: BootingBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(startup, "time", SimpleNamespace(monotonic=lambda: bus.now))
+    joints = [SimpleNamespace(servo=SimpleNamespace(id=device)) for device in bus.silent]
+    await_servos([(bus, joint) for joint in joints])
+
+
+def test_the_wait_for_servos_ends_with_the_last_of_them(monkeypatch: pytest.MonkeyPatch):
+    bus = BootingBus({1: 0, 2: 3, 3: 1})
+    await_on(bus, monkeypatch)
+    assert bus.pinged == [1, 2, 3, 2, 3, 2, 2]
+    assert bus.now == pytest.approx(7 * BOOT_MARGIN)
+    assert bus.answer_margin == 0.004
+
+
+def test_the_wait_for_silent_servos_ends(monkeypatch: pytest.MonkeyPatch):
+    bus = BootingBus({1: 0, 2: np.inf})
+    await_on(bus, monkeypatch)
+    assert BOOT_TIME <= bus.now <= BOOT_TIME + 2 * BOOT_MARGIN
+
+
+def test_an_imu_that_does_not_open_is_a_finding():
+    def refuse() -> None:
+        raise ImuError("IMU X", "silent", "check its cable")
+
+    (finding,) = open_imu(SimpleNamespace(open=refuse))
+    assert str(finding) == "IMU X: silent; check its cable"
+    assert open_imu(SimpleNamespace(open=lambda: None)) == []
+
+
+def test_diagnosis_powers_the_servos_and_switches_torque_off_before_it_reads(tiny: Robot):
+    rig = Rig(tiny)
+    rig.poke("status_return_level", 1)
+    for chain in rig.backend.chains:
+        chain.bus.port.open()
+    found = diagnose_robot(tiny, rig.backend.chains, rig.backend.imu, None)
+    assert found.errors == ()
+    assert [servo.joint.name for servo in found.servos] == list(tiny.joint_names)
+    to_servos = [packet for packet in rig.port.sent if packet.id != tiny.bus.board.id]
+    reads = [i for i, packet in enumerate(to_servos) if packet.instruction == Instruction.READ]
+    written = [packet.instruction for packet in to_servos[: reads[0]]]
+    assert written.count(Instruction.SYNC_WRITE) == 2
+    assert rig.peek("torque_enable") == [0, 0]
+    assert rig.peek("status_return_level") == [2, 2]
+
+
+def test_a_bus_that_is_too_slow_for_the_control_period_is_an_error(tiny: Robot):
+    rig = Rig(tiny)
+    for chain in rig.backend.chains:
+        chain.bus.port.open()
+    period = 1e-4
+    findings = diagnose_robot(tiny, rig.backend.chains, rig.backend.imu, period).errors
+    assert ["on the wire, expected 0.1 ms" in finding.text for finding in findings] == [True]
+
+
+def test_a_joint_that_is_never_measured_is_named_after_so_many_tries(tiny: Robot):
+    rig = Rig(tiny)
+    groups = (Instruction.FAST_SYNC_READ, Instruction.SYNC_READ)
+    asked = []
+
+    def lose(packet, replies):
+        if packet.instruction not in groups:
+            return replies
+        asked.append(packet)
+        return []
+
+    rig.port.spoil = lose
+    with pytest.raises(DiagnosticsError, match="set up, but silent when its position is read"):
+        rig.backend.connect()
+    assert len(asked) >= FIRST_READS // 2
+    assert not rig.port.is_open

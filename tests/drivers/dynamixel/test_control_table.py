@@ -11,7 +11,6 @@ from nonempty import nonempty
 
 from drivers.dynamixel.control_table import (
     ControlTable,
-    HardwareError,
     Item,
     OperatingMode,
     UnknownModelError,
@@ -21,6 +20,7 @@ from drivers.dynamixel.control_table import (
 )
 from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
+from drivers.state import HardwareError
 from robots.bus_settings import BAUD_RATES
 
 SERVOS = [name for name in known_models() if name != "OpenCR"]

@@ -54,7 +54,7 @@ class FaultTrial:
     """Whether it ended as its motion should in spite of the fault."""
     safe: float | None
     """Time from the fault until torque was off or the servos held [s]; ``None`` if that never
-    happened, or if the motion went on."""
+    happened, or if the motion continued."""
     beyond_limits: int
     believed_wrong: int
     holds: int

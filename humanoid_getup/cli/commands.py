@@ -356,7 +356,7 @@ def list_commands(group: str = "") -> Any:
 def _load_group(name: str) -> Any:
     """Return the commands of a group with their options.
 
-    A union of one would be that one, and have two names: a single command is taken without its own.
+    A union of one type is that type, so a single command is returned without a name of its own.
     """
     members = [member for member in COMMANDS if member.startswith(f"{name} ")]
     return load_options(members[0]) if len(members) == 1 else list_commands(name)

@@ -35,13 +35,13 @@ MISSED = {AbortKind.TILT, AbortKind.FELL, AbortKind.STUCK}  # a move ends elsewh
 class AttemptManager:
     """Gets a robot up, on any backend.
 
-    Each attempt waits, torque off, until the robot is still, classifies how it lies, plans,
-    runs the preflight, plays under supervision and judges. A plan that the preflight refuses is
-    made again; after a move to where there is room, the robot settles and is planned for again.
-    After a failed attempt it rests until every servo is cool; then the next one begins, up to a
-    maximum. After that, or at a fault that rest does not clear, the robot needs help. A stop ends
-    everything at once: nothing moves until the guard is cleared and a new rise is started. A robot
-    that stands is kept standing, lies down, goes limp or is handed over, as the session says.
+    Each attempt waits, torque off, until the robot is still, classifies how it lies, plans, runs
+    the preflight, plays under supervision and judges. A plan that the preflight refuses is made
+    again; after a move to where there is room, the robot settles and is planned for again. After a
+    failed attempt it rests until every servo is cool; then the next one begins, up to a maximum.
+    After that, or at a fault that rest does not clear, the robot needs help. A stop ends everything
+    at once: nothing moves until the guard is cleared and a new rise is started. A robot that stands
+    is kept standing, lies down, goes limp or is handed over, as the session requires.
     """
 
     def __init__(self, session: Session, strategy: Strategy, *, max_attempts: int = 3) -> None:

@@ -88,7 +88,7 @@ class HandRecorder:
     def step(self, state: State) -> Command:
         """Handle the presses since the last measurement; keep every joint limp.
 
-        While the angles are old, what is asked for waits.
+        While the angles are outdated, presses wait.
         """
         is_fresh = float(state.joint_age.max()) <= FRESH
         while is_fresh and not self.done and (press := self._presses.poll()) is not None:

@@ -39,8 +39,8 @@ HOLDING_TARGETS = "holding the last targets, until a key is pressed"
 class StandKeeper:
     """Holds a robot in its stand, supervised, and ends the stand: lying, limp or handed over.
 
-    All of it happens while the robot is engaged, in one piece with the rise before it: its servos
-    are never without commands. What fails ends with torque off.
+    The robot stays connected from the rise to the end of its stand, so that its servos always
+    receive commands. A failure ends with torque off.
     """
 
     def __init__(self, session: Session) -> None:

@@ -16,9 +16,9 @@ from robots.quaternion import Array
 class Slowdown:
     """How a motion slows down for servos that lag behind their targets.
 
-    A servo under load stays behind its target by its torque over its stiffness; beyond the
-    largest torque it does not follow at all, and a motion that goes on regardless leaves the
-    robot behind. So the motion runs the more slowly, the farther the slowest joint is behind.
+    A servo under load stays behind its target by its torque over its stiffness; beyond the largest
+    torque it does not follow at all, and a motion that continues regardless leaves the robot
+    behind. So the motion runs the more slowly, the farther the slowest joint is behind.
     """
 
     tolerance: float

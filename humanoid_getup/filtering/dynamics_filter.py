@@ -144,7 +144,7 @@ class DynamicsFilter:
     def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
         """Separate limbs that touch in a rollout that stands, by shifting its targets.
 
-        What comes out stands undisturbed; it is the rollout itself if no shift helps.
+        The result stands undisturbed; it is the rollout itself if no shift helps.
         """
         margins = list(MARGINS)
         while margins and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:

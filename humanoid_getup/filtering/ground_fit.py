@@ -120,7 +120,7 @@ def _solve(slide: Array, turn: Array, off: Array, miss: Array, shift: Array) -> 
     """Find the step (n,) of joints that bring a sole to its place and tilt.
 
     ``slide`` (3, n) and ``turn`` (2, n) are the sole's Jacobians, ``miss`` (3,) and ``off`` (2,)
-    what it lacks, ``shift`` (n,) how far the joints have come.
+    the remaining errors of place and tilt, ``shift`` (n,) the correction so far.
     """
     moving = np.any(turn != 0.0, axis=0) | np.any(slide != 0.0, axis=0)
     rows = np.concatenate([turn, PLACE_COST * slide, EFFORT_COST * np.eye(len(moving))])

@@ -101,8 +101,7 @@ class TargetSearch:
     ) -> Improvement:
         """Vary targets [rad], (T, n), that stand in few worlds, so that they cost less there.
 
-        The budget is simulated time [s]. The search ends before it is spent when no cheaper one
-        is wanted.
+        The budget is simulated time [s]. The search ends earlier if the motion is cheap enough.
         """
         tries = _Tries(self, scenarios, target, FINE_STEP, rng)
         outcome = tries.compare(scenarios, [target])
@@ -185,7 +184,7 @@ class _Tries:
 def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:
     """Return the nominal world and those in which a motion does worst, (HARDEST,).
 
-    Where it does not even stand in the nominal one, they are any.
+    For a motion that does not stand in the nominal world, they are arbitrary.
     """
     others = np.arange(1, outcome.stood.shape[1])
     if outcome.stood[0, 0]:

@@ -57,7 +57,7 @@ class BuiltMotions:
 def build_motions(
     request: BuildRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> BuiltMotions:
-    """Build motions into the robot's folder; searches go on where their ledgers end if asked to.
+    """Build motions into the robot's folder, and continue interrupted searches if requested.
 
     Raises:
         BadInputError: if there are no such keyframes, or the folder cannot be written.

@@ -93,8 +93,8 @@ class TrajectoryOptimizer:
     def find_success(self, keyframes: Keyframes, generations: int, seed: int) -> Keyframes | None:
         """Change keyframes until they succeed once, undisturbed, at full torque.
 
-        A search that wants robust motions learns nothing from candidates that all fail; this one
-        is cheap. None if it finds none within so many generations.
+        A search for robust motions learns nothing from candidates that all fail; this one is cheap.
+        None if it finds none within a number of generations.
         """
         nominal = Scenarios.nominal(self._coarse.world, self.start)
 

@@ -182,7 +182,7 @@ class CollisionChecker:
     def _measure_lift(self, slack: float) -> tuple[float, bool]:
         """Measure how far the placed robot must be raised, and whether that can free it.
 
-        What is too deep by less than the slack [m] does not count.
+        Contacts that are too deep by less than the slack [m] do not count.
         """
         if self._obstacles and len(self._crossings.find(self._data)):
             return 0.0, False

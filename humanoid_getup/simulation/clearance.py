@@ -73,7 +73,7 @@ class Clearance:
         Args:
             qpos: MuJoCo positions, (nq,); the height of the root does not matter.
             height: How far above that it is put [m]; negative: how deep it presses in.
-            over: Height of a surface under which the root is not put [m], though there be room.
+            over: Height of a surface under which the root is not put [m], even if there is room.
         """
         lowest = lowest_point(self._model, qpos)
         if self._scene.is_flat:

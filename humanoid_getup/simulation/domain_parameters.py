@@ -68,9 +68,8 @@ class DomainParameters:
     ) -> DomainParameters:
         """Make the nominal parameters of ``n`` robots.
 
-        Friction, voltage [V] and torque limit [N·m], each (N,) or a number, override those of
-        the scene, of the robot and of its servos; the limit acts on what the robot's own does,
-        if nothing else is asked for.
+        Friction, voltage [V] and torque limit [N·m], each (N,) or a number, override those of the
+        scene, of the robot and of its servos; by default the limit acts in the robot's own mode.
         """
         robot = world.robot
         friction = world.scene.surface.friction if friction is None else friction

@@ -111,8 +111,8 @@ class PlannedRise:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 
         With key postures, a rise that passes through them is searched for first. A robot without
-        room to stand where it lies crawls first: the plan is a move then, after which it has to be
-        planned for again.
+        room to stand crawls first: the plan is then a move, after which the rise has to be planned
+        again.
         """
         if not self.options.filtering:
             return self._chain_unfiltered(start, rng)

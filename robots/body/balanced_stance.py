@@ -15,8 +15,8 @@ from robots.quaternion import Array
 EXTENSION = 0.94  # of the longest leg
 LOOSE = 0.3  # weight of the arms' direction
 EASY = 0.2
-"""Weight of the feet's distance from each other: legs without roll at the ankle have flat soles
-at one width alone, whatever is wished."""
+"""Weight of the distance between the feet, which is small: legs without ankle roll have flat soles
+at one width only."""
 SPREADS = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0)
 """Slopes at which arms hang outwards, tried in turn until they touch nothing."""
 LONG_PART = 0.2  # share of an arm from which it has a direction of its own

@@ -37,7 +37,7 @@ class Squat:
 def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
     """List balanced squats without self-overlap, from high to deep.
 
-    What overlaps in the stance may overlap in squats.
+    Bodies that overlap in the stance may overlap in squats.
     """
     search, usual = _SquatSearch(limbs), _find_overlaps(limbs, limbs.robot.standing.joint_pos)
     squats: list[Squat] = []
@@ -105,7 +105,7 @@ class _SquatSearch:
     def solve(self, extension: float) -> Array | None:
         """Find joint angles (n,) with legs bent to a share of their length; None if there are none.
 
-        The search goes on from the squat before, and also begins with knees that are bent.
+        The search starts from the squat before, and also from bent knees.
         """
         reach = extension * self._soles.length
         for start in (self._before[self._joints], *self._bends):

@@ -36,7 +36,7 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
 def check_file(path: Path, max_bytes: int) -> int:
     """Check that a path leads to a regular file of a limited size; return its size [bytes].
 
-    Others, such as a FIFO, may keep a reader waiting for ever.
+    Other files, such as a FIFO, may block a reader forever.
 
     Raises:
         OSError: if there is none, or it is a folder, FIFO, socket or device.

@@ -1,7 +1,8 @@
 """Checks of model files before MuJoCo reads them: their references and their size.
 
-MuJoCo opens whatever file a model names, and makes as many parts as it says. What would take for
-ever or all memory, such as a billion replicates or a mesh that is a FIFO, is found here first.
+MuJoCo opens whatever file a model names, and makes as many parts as it says. Content that would
+take unlimited time or memory, such as a billion replicates or a mesh that is a FIFO, is found here
+first.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ FOLDERS = ("meshdir", "assetdir", "texturedir")
 def find_file_problems(path: Path) -> list[str]:
     """Find why MuJoCo should not read a model file: what it names, and how much it would make.
 
-    What is merely wrong is left to MuJoCo, which says it better.
+    Ordinary mistakes are left to MuJoCo, whose messages are better.
     """
     try:
         str(path).encode("utf-8")

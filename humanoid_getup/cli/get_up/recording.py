@@ -54,7 +54,8 @@ def make_log(
 ) -> FlightLog | None:
     """Make the flight log of a command; ``None`` for a command without a folder.
 
-    The start is where a simulated robot was placed at rest; what is ``about`` is noted in it.
+    ``start`` is the posture of a simulated robot at rest; the facts of ``about`` are stored in the
+    log.
     """
     if command.out is None:
         return None
@@ -72,7 +73,7 @@ def make_log(
 def recording(log: FlightLog | None) -> Iterator[FlightRecorder]:
     """Record while the block lasts; ``None`` for no log.
 
-    An earlier log of that name is renamed, also where nothing is recorded.
+    An earlier log of that name is renamed even if nothing is recorded.
     """
     with ExitStack() as closing:
         yield FlightRecorder(log, closing)

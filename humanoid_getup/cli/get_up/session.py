@@ -42,9 +42,9 @@ def run_session(
 
     Args:
         command: Options of the command.
-        strategy: What gets the robot up.
-        prepare: Refuses what cannot be done (`ValueError`), and returns the work.
-        finish: Hands over the result, and where the robot started; returns the exit code.
+        strategy: Strategy of the rise.
+        prepare: Checks the request, which may raise `ValueError`, and returns the work.
+        finish: Writes the result, with the start of the robot; returns the exit code.
         motion: The motion that is played, if it is known beforehand.
         without_imu: Whether the robot has no IMU; it is taken to lie where the motion begins.
         options: Further options of the session.

@@ -43,7 +43,7 @@ class SessionHooks:
         }
 
     def work(self, guard: SafetyGuard, prepare: Callable[[], Callable[[], Result]]) -> Result:
-        """Refuse what cannot be done (`ValueError`), else do it while the terminal is watched."""
+        """Prepare the work, which may refuse it, and do it while the terminal is watched."""
         with refusing():
             work = prepare()
         with self._key.watch(guard):

@@ -79,7 +79,7 @@ def open_presses() -> Iterator[PressSource]:
 def make_sequence(name: str, keys: list[Array], robot: Robot) -> KeySequence:
     """Make a sequence of joint angles [rad], (n,) each; times follow from their distances.
 
-    A person's own time says nothing: each posture is held until a key is pressed.
+    The person's own timing is ignored: each posture is held until a key is pressed.
     """
     collector = KeyCollector(robot=robot)
     for before, key in zip([keys[0], *keys], keys, strict=False):

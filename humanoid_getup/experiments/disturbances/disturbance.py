@@ -198,8 +198,8 @@ USUAL = Disturbance(
 def _rest_as(world: World, start: Array, others: Array) -> None:
     """Lift MuJoCo positions (N, nq) to the clearance of a start (nq,), in place.
 
-    They are neither lifted off the ground nor pressed into it. Where there is no room for one
-    under a table, for instance, it becomes more like the start, until there is.
+    They are neither lifted off the ground nor pressed into it. If there is no room for a disturbed
+    robot, for instance under a table, it is interpolated towards the start until there is.
     """
     layout = world.robot.layout(world.model)
     root = layout.root_qpos + 2

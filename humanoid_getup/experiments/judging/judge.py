@@ -214,7 +214,7 @@ class SensorJudge:
 def record_joints(robot: Robot, states: Sequence[State], period: float) -> Record:
     """Record what joints and servos measured by themselves, every period [s].
 
-    Nothing is known of the torso: the robot is upright nowhere.
+    The torso is unknown, so no sample counts as upright.
     """
     angles, velocity = (_column(states, name, robot.n) for name in ("joint_pos", "joint_vel"))
     none = np.zeros(len(states), dtype=bool)

@@ -21,9 +21,9 @@ Columns = Sequence[NDArray[Any]]
 class Record:
     """Runs of robots, sampled at the end of every control period.
 
-    The leading axes (...) are those of the robots; there is none for a single run. What could not
-    be observed is None. A vectorized simulation knows sites and contacts as they were one physics
-    step before the sample, a twin at the sample; all else is of the same moment in both.
+    The leading axes (...) are those of the robots; there is none for a single run. Fields that
+    could not be observed are None. In a vectorized simulation, sites and contacts are those of one
+    physics step before the sample; in a twin, those of the sample.
     """
 
     layout: Layout

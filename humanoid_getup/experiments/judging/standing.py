@@ -123,10 +123,10 @@ def judge(
 ) -> Stand:
     """Judge records (..., T) of :func:`is_upright`, sampled at the end of every ``period`` [s].
 
-    Only a stand that lasts to the end of the record counts: a robot that stood and fell again
-    did not rise. Only a search whose results are checked again may use a shorter ``hold_time``
-    [s]. Records that were stopped early have so many samples of their own, ``cycles`` (...), and
-    were stopped in a ``settled`` stand, or because the robot ``failed``, (...).
+    Only a stand that lasts to the end of the record counts: a robot that stood and fell again did
+    not rise. Only a search whose results are checked again may use a shorter ``hold_time`` [s].
+    Records that were stopped early have ``cycles`` samples of their own, (...); they were stopped
+    in a ``settled`` stand, or because the robot ``failed``, (...).
     """
     count = upright.shape[-1]
     reverse = np.logical_not(upright[..., ::-1])

@@ -92,7 +92,7 @@ class DropSampler:
     def sample(self, rng: np.random.Generator) -> Array:
         """Sample joints anywhere in their range, free of self-collision, in any orientation.
 
-        Where the scene says how and where robots lie, orientation and place are near to that.
+        In a scene with start regions, orientation and place are near to those of a region.
 
         Returns:
             MuJoCo positions, (nq,).

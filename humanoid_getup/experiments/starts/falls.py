@@ -65,7 +65,7 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
 
     Raises:
         ValueError: if there is no such class.
-        FallError: if the class does not come up.
+        FallError: if the class does not occur.
     """
     if start_class not in CLASSES:
         raise ValueError(f"start class is '{start_class}', expected {', '.join(CLASSES)}")
@@ -93,7 +93,7 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
     the class is full or the robot does not lie. The class "lateral" is left or right.
 
     Raises:
-        FallError: if a class does not come up.
+        FallError: if a class does not occur.
     """
     return _sample(world, counts, rng)[0]
 

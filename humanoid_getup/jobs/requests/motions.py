@@ -43,7 +43,7 @@ class BuildRequest(RobotOption):
     jobs: Count = 2
     """Motions that are built in parallel."""
     resume: bool = False
-    """Go on with searches that were interrupted, or that need more generations: see the folder
+    """Continue searches that were interrupted, or that need more generations: see the folder
     unfinished of the robot."""
     keep_keys: bool = False
     """Write the optimized keys of motions that are built back into the keyframes."""
@@ -124,7 +124,7 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
 class ClipRequest(RobotOption):
     """Make a motion of a robot from a clip: its limbs point as those of the body.
 
-    The motion is kinematic: `getup play` tells what physics makes of it.
+    The motion is made without physics: `getup play` shows whether it can be played.
     """
 
     files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE.bvh|FILE.asf FILE.amc")]

@@ -116,8 +116,7 @@ class ClipRetargeter:
     ) -> RetargetedClip:
         """Retarget the part of a clip between two times [s].
 
-        With ``finish`` the motion goes on to the robot's stance. The share that is done is
-        reported.
+        With ``finish`` the motion ends in the robot's stance. The finished share is reported.
 
         Raises:
             ClipError: if the clip has no such part, or not the body of a human.

@@ -67,8 +67,7 @@ class KeyedRise:
     def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
         """Search from a posture at rest; the same arguments give the same result.
 
-        All keys are tried together; where nothing stands that keeps any of them, some are left
-        out.
+        All keys are tried together; if no rise that keeps any of them stands, some are left out.
         """
         reasons, rounds, plan_s = dict[int, str](), 0, 0.0
         for keys in self._list_selections():
@@ -104,7 +103,7 @@ class KeyedRise:
     ) -> _Tries:
         """Roll out ways with rests at the keys, else without; correct those that stand.
 
-        Ways that do not rest are tried only if none that rests keeps all keys.
+        Ways without rests are tried only if no way with rests keeps all keys.
         """
         tries, routes = _Tries(), KeyRoutes(self._world, self._tools.database, rng)
         for rest in RESTS:

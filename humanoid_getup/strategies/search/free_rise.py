@@ -39,13 +39,13 @@ TRIES_AMONG_OBSTACLES = 4
 class FreeRise:
     """Searches for a rise by any of the stored motions.
 
-    First the nearest connecting postures of a few motions are tried, and the cheapest rise
-    that stands is taken; if none does, or it is not yet as preferred, further motions and
-    slower paths, or legs that fit the ground better where it is uneven; if those fail, too,
-    new paths from where their rollouts ended. What stands is improved by a search, where more
-    is preferred. A robot with limbs so interlocked that no path leaves its posture is moved
-    straight: limbs may yield. One without room to stand where it lies crawls first: what is found
-    is a move then, after which it has to be planned for again.
+    First the nearest connecting postures of a few motions are tried, and the cheapest rise that
+    stands is taken. If none stands, or none is good enough, further motions and slower paths
+    follow, on uneven ground with better fitted legs; then new paths from the ends of the rollouts.
+    A rise that stands is improved by a search if the preference requires it. If limbs are so
+    interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
+    robot without room to stand crawls first: the result is then a move, after which the rise has to
+    be planned again.
     """
 
     def __init__(self, tools: SearchTools) -> None:

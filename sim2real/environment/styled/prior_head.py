@@ -61,7 +61,7 @@ class PriorHead:
     def invert(self, target: Array, memory: Array, wanted: Array, measured: Array) -> Array:
         """Compute outputs (N, m) that lead to joint targets [rad], (N, n), or close to them.
 
-        What the latent parameters do not reach is left to the offsets.
+        The offsets supply what the latent parameters cannot reach.
         """
         following = self.remember(target, wanted, measured)
         outputs = (following - (1.0 - FILTER_SHARE) * memory) / FILTER_SHARE
@@ -85,8 +85,8 @@ class PriorHead:
 def scale_near_stance(measured: Array) -> Array:
     """Compute the factor on outputs, (N, 1), by the measured style features (N, 3).
 
-    It is small for a robot that stands: outputs that explore, or answer delayed measurements,
-    would throw it over. Its posture is then nearly the decoded one.
+    It is small for a robot that stands: outputs that explore, or answer delayed measurements, would
+    make it fall. Its posture is then nearly the decoded one.
     """
     off = np.abs(measured - UPRIGHT - np.array([1.0, 0.0, 0.0]))
     far = (off / np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE])).max(axis=-1, keepdims=True)

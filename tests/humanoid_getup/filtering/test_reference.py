@@ -60,7 +60,7 @@ def test_a_straight_path_without_a_way_is_two_periods_long(op3):
     np.testing.assert_allclose(path.time, [0.0, PERIOD, 2 * PERIOD])
 
 
-@pytest.mark.parametrize(("tempo", "rows"), [(0.5, 251), (1.0, 126), (0.8, 157)])
+@pytest.mark.parametrize(("tempo", "rows"), [(0.5, 251), (1.0, 126), (0.8, 157), (2.0, 63)])
 def test_another_tempo_is_the_same_way_in_another_time(path, tempo, rows):
     played = resample(path, tempo, PERIOD)
     assert played.time[[0, -1]] == pytest.approx([0.0, 1.0 / tempo])

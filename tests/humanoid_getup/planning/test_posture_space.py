@@ -246,6 +246,20 @@ def test_a_way_through_the_ground_fails_though_both_ends_are_free(problem):
     assert not problem.fails(upright, node(0.0, 0.01))
 
 
+def test_an_edge_fails_wherever_on_it_the_robot_collides(problem):
+    """The oracle checks every posture, one after the other; ends alone do not tell."""
+    rng, hidden, passed = np.random.default_rng(0), 0, 0
+    for _ in range(40):
+        a, b = problem.sample(rng), problem.sample(rng)
+        on_it = problem.configurations(problem.interpolate(a, b))
+        free = [problem.checker.is_free(posture) for posture in on_it]
+        assert problem.fails(a, b) == (not all(free))
+        hidden += free[0] and free[-1] and not all(free)
+        passed += all(free)
+    assert hidden
+    assert passed
+
+
 def test_a_node_is_orientation_and_angles_in_a_row(problem):
     assert to_node(GOAL).tolist() == [*QUARTER, *GOAL.joint_pos]
     position, orientation, joint_pos = np.split(

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 from recording_backend import still_state
 
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.monitors import (
     Abort,
     AbortKind,
     MonitorLimits,
+    MotionMonitor,
     Persistence,
     PolicyMonitor,
     ServoMonitor,
 )
+from humanoid_getup.simulation.world import World
+from robots import Robot, quaternion
 
 STALL = 2.3  # A of an XM430 at 12 V (e-manual)
 
@@ -114,3 +118,81 @@ def test_limits_are_those_that_were_measured():
     times = (limits.tilt_time, limits.fallen_time, limits.error_time, limits.load_time)
     assert times == (1.0, 0.02, 1.0, 4.0)
     assert (limits.error, limits.load, limits.heat_margin) == (0.4, 0.9, 3.0)
+
+
+# A motion, and where a robot is in it -------------------------------------------------------------
+
+APPROACH = 0.5  # s until the player is at the first targets
+ON_FACE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.pi / 2)
+TIMES, ROLLED, BENT = [0.0, 2.0, 4.0], [0.0, np.pi / 2, np.pi], [0.0, 1.2, -0.4]
+
+
+def roll(angle: float) -> np.ndarray:
+    """Roll a robot that lies on its face about its spine [rad]."""
+    about_spine = quaternion.from_axis_angle(np.array([0.0, 0.0, 1.0]), angle)
+    return quaternion.multiply(ON_FACE, about_spine)
+
+
+@pytest.fixture(scope="module")
+def rolling(tiny: Robot) -> MotionMonitor:
+    """Rolls over in four seconds and bends the left hip meanwhile; its clock begins at 3 s."""
+    angles = np.stack([BENT, np.zeros(3)], axis=1)
+    motion = Motion(
+        name="roll",
+        robot=tiny.name,
+        start_class="prone",
+        end_class="supine",
+        strategy="roll",
+        time=np.array(TIMES) + 3.0,
+        position=np.zeros((3, 3)),
+        orientation=np.array([roll(angle) for angle in ROLLED]),
+        joint_pos=angles,
+        joint_target=angles,
+    )
+    player = SimpleNamespace(approach_time=APPROACH)
+    return MotionMonitor(World(tiny), motion, player)  # type: ignore[arg-type]
+
+
+def rolled(time: float) -> float:
+    """Return how far the torso has rolled [rad]: gravity goes straight from one sample's on."""
+    share = np.clip(time - APPROACH, 0.0, 4.0) / 2.0
+    quarter = min(int(share), 1)
+    return quarter * np.pi / 2 + float(np.arctan2(share - quarter, 1.0 - (share - quarter)))
+
+
+def follow(monitor: MotionMonitor, tiny: Robot, *, off: float = 0.0, behind: float = 0.0):
+    """Roll as the motion does but for an angle, the hip behind it; return when it ends, and why."""
+    monitor.reset(still_state(tiny, time=7.0))
+    for time in np.arange(0.0, 6.0, 0.02):
+        hip = np.interp(time - APPROACH, TIMES, BENT) - behind
+        state = still_state(
+            tiny,
+            time=7.0 + time,
+            orientation=roll(rolled(time) + off),
+            joint_pos=np.array([hip, 0.0]),
+        )
+        # The servo's target is far from the joint all the time.
+        if found := monitor.check(state, np.array([hip + 3.0, 0.0])):
+            return time, found
+    return None
+
+
+@pytest.mark.parametrize("off", [0.0, np.radians(59.0), -np.radians(59.0)])
+def test_a_robot_that_is_about_where_the_motion_is_is_let_go_on(rolling, tiny, off: float):
+    assert follow(rolling, tiny, off=off, behind=0.39) is None
+
+
+@pytest.mark.parametrize("off", [np.radians(61.0), -np.radians(61.0)])
+def test_a_robot_that_rolls_otherwise_for_a_second_is_not(rolling, tiny, off: float):
+    time, (kind, detail) = follow(rolling, tiny, off=off)
+    assert time == pytest.approx(1.0, abs=0.03)
+    assert kind is AbortKind.TILT
+    assert detail == "61° off, expected at most 60° for 1 s"
+
+
+@pytest.mark.parametrize("behind", [0.41, -0.41])
+def test_a_joint_that_stays_behind_the_motion_for_a_second_is_stuck(rolling, tiny, behind: float):
+    time, (kind, detail) = follow(rolling, tiny, behind=behind)
+    assert time == pytest.approx(1.0, abs=0.03)
+    assert kind is AbortKind.STUCK
+    assert detail.startswith("joint 'l_hip' is 0.41 rad from where it should be, expected at most")

@@ -1,13 +1,19 @@
 """Refinement on a plane: what is legal stays, what is not is replanned, within the budget."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.planning.collision import CollisionChecker
+from humanoid_getup.planning.posture_space import PostureProblem, to_node
 from humanoid_getup.planning.refinement import (
+    FINEST,
     MARGIN,
     MERGE,
+    WIDEST,
     RefinementOptions,
     find_illegal,
     merge,
@@ -15,6 +21,8 @@ from humanoid_getup.planning.refinement import (
     repair,
 )
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from robots import Robot
 from robots.quaternion import Array
 
 STEP, SPACING = 0.15, 0.1
@@ -100,6 +108,22 @@ def test_an_increment_that_adapts_needs_fewer_levels(seed: int):
     assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
 
 
+def test_an_increment_is_doubled_after_a_repair_and_halved_after_a_failure():
+    """A gap of 0.25 m beside a wall of 1.75 m: it is found only if the path is near it."""
+    problem, rng, reached = Loosened(1.75), np.random.default_rng(0), list[float]()
+    options = SearchOptions(max_edges=12000, controls=6, edges_per_node=1000)
+    refine(problem, rng, options, report=reached.append)  # type: ignore[arg-type]
+    increment, level, halved = WIDEST, 1.0, 0
+    for tried in problem.levels[:-1]:
+        assert tried == pytest.approx(max(level - increment, 0.0))
+        if tried in reached:
+            level, increment = tried, min(2.0 * increment, WIDEST)
+        else:
+            halved, increment = halved + 1, max(0.5 * increment, FINEST)
+    assert halved
+    assert len(reached) > 1
+
+
 def test_a_path_that_cannot_be_tightened_says_how_loose_it_was():
     """The wall of 5 m reaches the edge of the plane, 2 m away, at a looseness of 0.6."""
     problem = Loosened(5.0)
@@ -160,3 +184,44 @@ def test_stretches_are_merged_up_to_three_postures_apart():
     assert merge(np.array([10, 14]), 0, 100) == [(10, 15)]
     assert merge(np.array([10, 15]), 0, 100) == [(10, 11), (15, 16)]
     assert merge(np.array([10, 14, 18, 30]), 0, 100) == [(10, 19), (30, 31)]
+
+
+@pytest.fixture(scope="module")
+def arm_in_body(op3: Robot) -> tuple[PostureProblem, list[Array]]:
+    """A robot in the air whose left arm would pass through it, as the right knee bends."""
+    start = replace(op3.standing, position=np.array([0.0, 0.0, 1.0]))
+    goal = replace(start, joint_pos=start.joint_pos.copy())
+    goal.joint_pos[op3.joint_names.index("r_knee")] -= 0.3
+    way = np.tile(start.position, (2, 1))
+    checker = CollisionChecker(op3, FLAT_SCENE)
+    arm, rng = find_arm(op3), np.random.default_rng(0)
+    for _ in range(300):
+        for posture in (start, goal):
+            posture.joint_pos[arm] = rng.uniform(op3.lower[arm], op3.upper[arm])
+        problem = PostureProblem(checker, PostureMetric.of(op3), start, goal, way)
+        path = [to_node(start), to_node(goal)]
+        if all(map(problem.is_free, path)) and problem.fails(*path):
+            return problem, path
+    raise AssertionError("its arm never passes through it")
+
+
+def find_arm(robot: Robot) -> list[int]:
+    return [robot.joint_names.index(name) for name in ("l_sho_pitch", "l_sho_roll", "l_el")]
+
+
+@pytest.mark.parametrize("how", [None, RefinementOptions(partial_body=False)])
+def test_where_only_an_arm_collides_only_the_arm_is_planned(op3: Robot, arm_in_body, how):
+    problem, path = arm_in_body
+    options = SearchOptions(max_edges=4000)
+    found = repair(problem, path, np.random.default_rng(0), options, how)
+    assert found.status is SearchStatus.SOLVED
+    assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
+    np.testing.assert_array_equal([found.path[0], found.path[-1]], path)
+    others = np.setdiff1d(np.arange(op3.n), find_arm(op3))
+    moved = np.array(found.path)[:, 4 + others] - path[0][4 + others]
+    whole = path[1][4 + others] - path[0][4 + others]
+    share = moved @ whole / (whole @ whole)
+    off = np.abs(moved - share[:, None] * whole).max()
+    assert (off < 1e-9) == (how is None)
+    if how is None:
+        assert np.all(np.diff(share) >= -1e-9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
@@ -80,8 +80,14 @@ class RefusableSummary(RiseSummary, frozen=True, kw_only=True):
     """Fall and reason of each rise that did not stand."""
 
     @classmethod
-    def select(cls, records: list[dict[str, Any]], case: str, way: str) -> RefusableSummary:
-        """Summarize the rises of a case by one way."""
+    def table(
+        cls, records: Sequence[dict[str, Any]], cases: Iterable[str], ways: Sequence[str]
+    ) -> dict[str, RefusableSummary]:
+        """Summarize the rises of each case by each way."""
+        return {f"{case}: {way}": cls._select(records, case, way) for case in cases for way in ways}
+
+    @classmethod
+    def _select(cls, records: Sequence[dict[str, Any]], case: str, way: str) -> RefusableSummary:
         ours = [r for r in records if r["case"] == case and r["way"] == way]
         return cls.of(
             ours,

@@ -158,11 +158,7 @@ def bench_disturbed(
         robot=planner.world.robot.name,
         torque_limit_nm=planner.torque_limit.value,
         limit_by=planner.torque_limit.by,
-        cases={
-            f"{case}: {way}": RefusableSummary.select(records, case, way)
-            for case in disturbances
-            for way in (OPEN_LOOP, FEEDBACK, *policies)
-        },
+        cases=RefusableSummary.table(records, disturbances, (OPEN_LOOP, FEEDBACK, *policies)),
         rises=records,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
 from humanoid_getup.benchmarks.rise import rise_from
+from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import Strategy
-from robots import Robot
+from robots import FULL_TORQUE, Robot, TorqueLimit
 
 SCENES = (
     "flat",
@@ -32,15 +32,6 @@ SCENES = (
     "rough:medium",
     "rough:hard",
 )
-
-
-@dataclass(frozen=True)
-class Way:
-    """A way to get up, made for each world."""
-
-    make: Callable[[World], Strategy]
-    preflight: bool = True
-    """Whether the preflight may refuse it; False for baselines, which are always played."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +61,8 @@ def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[S
 
 def bench_scenes(
     robot: Robot,
-    ways: Mapping[str, Way],
+    methods: Sequence[RiseMethod],
+    torque_limit: TorqueLimit = FULL_TORQUE,
     *,
     seed: int,
     each: int,
@@ -81,7 +73,8 @@ def bench_scenes(
 
     Args:
         robot: Robot.
-        ways: Ways to compare, by name.
+        methods: Methods to compare.
+        torque_limit: Of the servos.
         seed: Of rough ground, falls and plans.
         each: Falls in each scene.
         scenes: Names or files of scenes.
@@ -91,11 +84,11 @@ def bench_scenes(
     for scene in scenes:
         number = 0
         for group in sample_scene_falls(robot, scene, each, seed):
-            strategies = {name: way.make(group.world) for name, way in ways.items()}
+            strategies = [(one, one.make(group.world, torque_limit)) for one in methods]
             for fall in group.falls:
-                for name, way in ways.items():
-                    rise = rise_from(strategies[name], fall, number, seed, preflight=way.preflight)
-                    label = {"case": scene, "way": name, "fall": number}
+                for method, strategy in strategies:
+                    rise = rise_from(strategy, fall, number, seed, preflight=method.preflight)
+                    label = {"case": scene, "way": method.name, "fall": number}
                     records.append(rise.record() | {"refused": rise.run is None} | label)
                     report(records[-1])
                 number += 1
@@ -104,10 +97,6 @@ def bench_scenes(
         seed=seed,
         n=each,
         robot=robot.name,
-        cases={
-            f"{scene}: {way}": RefusableSummary.select(records, scene, way)
-            for scene in scenes
-            for way in ways
-        },
+        cases=RefusableSummary.table(records, scenes, [method.name for method in methods]),
         rises=records,
     )

@@ -136,7 +136,7 @@ class Whole:
 
     def repeat(self, method: RiseMethod, number: int) -> RiseResult:
         """Repeat the rise from a fall under the first cap."""
-        strategy, fall = method.make(self.caps[0].limit), self.falls.falls[number]
+        strategy, fall = method.make(self.world, self.caps[0].limit), self.falls.falls[number]
         return rise_from(strategy, fall, number, self.seed, preflight=method.preflight)
 
     def _rise_parts(self) -> Iterator[Part]:
@@ -157,7 +157,7 @@ class Whole:
     def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> MethodRises:
         falls = self.falls
         records = rise_all(
-            method.make(cap.limit),
+            method.make(self.world, cap.limit),
             falls.falls,
             self.seed,
             {},

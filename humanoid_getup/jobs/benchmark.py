@@ -19,6 +19,7 @@ from humanoid_getup.benchmarks import (
     speed,
 )
 from humanoid_getup.benchmarks.bench_result import BenchHead
+from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
 from humanoid_getup.jobs.measure_robot import measure_robot
@@ -46,7 +47,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.track_record import PLAN
-from robots import Body, Robot
+from robots import Body
 
 
 def benchmark(
@@ -114,11 +115,8 @@ def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> Bench
         }
     rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
     planner = PlannedRise(world, database, torque_limit=limit)
-
-    def bench(planner: PlannedRise, **options: Any) -> BenchHead:
-        return disturbed.bench_disturbed(planner, policies, disturbances=cases, **options)
-
-    return _count(request, monitor, bench, planner, count=rises, of="rises")
+    bench = partial(disturbed.bench_disturbed, planner, policies, disturbances=cases)
+    return _count(request, monitor, bench, count=rises, of="rises")
 
 
 def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> BenchHead:
@@ -131,19 +129,12 @@ def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> BenchHead:
             load_scene(name, robot, request.seed)
     limit = make_torque_limit(request, robot)
 
-    def make_way(name: str) -> scenes.Way:
+    for name in request.ways:
         if name not in (PLAN, NEAREST, STRAIGHT):  # refuses a policy that does not fit
             load_policy(robot, name, request.torque_limit)
-        make = partial(make_strategy, name=name, torque_limit=limit, database=database)
-        return scenes.Way(make, preflight=name not in (NEAREST, STRAIGHT))
-
-    ways = {name: make_way(name) for name in request.ways}
-    count = len(names) * len(ways) * request.n
-
-    def bench(robot: Robot, **options: Any) -> BenchHead:
-        return scenes.bench_scenes(robot, ways, scenes=names, **options)
-
-    return _count(request, monitor, bench, robot, count=count, of="rises")
+    methods = [RiseMethod.of(name, database) for name in request.ways]
+    bench = partial(scenes.bench_scenes, robot, methods, limit, scenes=names)
+    return _count(request, monitor, bench, count=len(names) * len(methods) * request.n, of="rises")
 
 
 def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> BenchHead:

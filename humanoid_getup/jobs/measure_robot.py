@@ -6,7 +6,7 @@ import hashlib
 import math
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -48,10 +48,9 @@ from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, make_strategy
-from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
-from robots import Robot, TorqueLimit
+from robots import Robot
 from robots.storage.encoding import to_json
 
 RESULT = "result"
@@ -97,7 +96,7 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
     own = database.motions if database else ()
     return Whole(
         world=world,
-        methods=[*_plan_methods(world, database), *_policy_methods(world, policies)],
+        methods=list(_list_methods(world, database, policies)),
         motions=[motion for motion in own if not motion.name.endswith(MIRRORED_SUFFIX)],
         caps=caps,
         planner=PlannedRise(world, database, torque_limit=full) if database else None,
@@ -115,46 +114,15 @@ def _find_policies(robot: Robot) -> dict[str, Path]:
     return {file.stem: file for file in list_policies(robot)}
 
 
-def _plan_methods(world: World, database: MotionDatabase | None) -> list[RiseMethod]:
-    if database is None:
-        return []
-    fingerprint = compute_fingerprint(PlannedRise(world, database))
-    return [
-        RiseMethod(
-            name=PLAN,
-            make=_maker(world, PLAN, database),
-            fingerprint=fingerprint,
-        ),
-        RiseMethod(
-            name=NEAREST,
-            make=_maker(world, NEAREST, database),
-            fingerprint=fingerprint,
-            preflight=False,
-        ),
-    ]
-
-
-def _policy_methods(world: World, policies: dict[str, Path]) -> list[RiseMethod]:
-    return [
-        RiseMethod(
-            name=name,
-            make=_maker(world, name),
-            fingerprint=hashlib.sha256(file.read_bytes()).hexdigest(),
-        )
-        for name, file in policies.items()
-    ]
-
-
-def _maker(
-    world: World, name: str, database: MotionDatabase | None = None
-) -> Callable[[TorqueLimit], Strategy]:
-    """Return the factory of a strategy, by name, under a torque limit."""
-
-    def make(limit: TorqueLimit) -> Strategy:
-        with refusing():
-            return make_strategy(world, name, torque_limit=limit, database=database)
-
-    return make
+def _list_methods(
+    world: World, database: MotionDatabase | None, policies: dict[str, Path]
+) -> Iterator[RiseMethod]:
+    """List plans and stored motions, if the robot has motions, and its policies."""
+    if database is not None:
+        fingerprint = compute_fingerprint(PlannedRise(world, database))
+        yield from (RiseMethod.of(name, database, fingerprint) for name in (PLAN, NEAREST))
+    for name, file in policies.items():
+        yield RiseMethod.of(name, fingerprint=hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:

@@ -41,13 +41,13 @@ def whole(op3, world):
         methods=[
             RiseMethod(
                 name="push up",
-                make=lambda limit: StoredMotion(world, motion, torque_limit=limit),
+                make=lambda place, limit: StoredMotion(place, motion, torque_limit=limit),
                 fingerprint="1",
                 preflight=False,
             ),
             RiseMethod(
                 name="nothing",
-                make=lambda limit: NothingPlanned(world, limit),
+                make=NothingPlanned,
                 fingerprint="2",
             ),
         ],

@@ -1,0 +1,152 @@
+"""A robot.toml as tables: defaults are filled in, and every contradiction is told once."""
+
+import copy
+import math
+import tomllib
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from paths import TINY
+
+from robots import Robot
+from robots.description.schema import MAIN_PORT, RobotTable, read_description
+from robots.description.servo_catalog import servo_models
+from robots.robot import ROBOTS_FOLDER
+
+Toml = dict[str, Any]
+Change = Callable[[Toml], object]
+NUMBERS = st.floats(-3.0, 3.0)
+
+
+TEXT = (TINY / "robot.toml").read_text("utf-8")
+
+
+def read(change: Change = lambda _: None) -> tuple[RobotTable, list[str]]:
+    """Read the description of the tiny robot with a change."""
+    toml = tomllib.loads(TEXT)
+    change(toml)
+    return read_description(toml, servo_models())
+
+
+def set_joint(k: int, **values: Any) -> Change:
+    return lambda toml: toml["joints"][k].update(values)
+
+
+def couple(*matrix: list[float], joints: tuple[str, ...] = ("l_hip", "r_hip")) -> Change:
+    row = {"joints": list(joints), "matrix": list(matrix)}
+    return lambda toml: toml.setdefault("couplings", []).append(row)
+
+
+@pytest.mark.parametrize("name", ["op3", "wolfgang"])
+def test_descriptions_of_the_package_are_read_without_problems(name: str):
+    toml = tomllib.loads((ROBOTS_FOLDER / name / "robot.toml").read_text("utf-8"))
+    untouched = copy.deepcopy(toml)
+    table, problems = read_description(toml, servo_models())
+    assert problems == []
+    assert [row.name for row in table.joints] == [row["name"] for row in toml["joints"]]
+    assert table.standing == {joint: pytest.approx(a) for joint, a in toml["standing"].items()}
+    assert toml == untouched
+
+
+def test_what_is_left_out_has_defaults():
+    table, problems = read(lambda toml: toml.pop("bus"))
+    assert problems == []
+    assert table.rising_joints == ("l_hip",)  # one of the pair
+    assert (table.spreading_joints, table.passive_joints, table.couplings) == ((), (), ())
+    assert [row.gear for row in table.joints] == [1.0, 1.0]
+    assert table.bus is None
+
+
+def test_a_bus_without_ports_has_one_for_all_joints_and_the_board():
+    table, _ = read()
+    assert table.bus is not None
+    assert table.bus.ports == {MAIN_PORT: ("l_hip", "r_hip")}
+    assert table.bus.board is not None
+    assert table.bus.board.port == MAIN_PORT
+
+
+def test_a_board_is_on_the_first_of_several_ports():
+    def split(toml: Toml) -> None:
+        toml["bus"]["ports"] = {"left": ["l_hip"], "right": ["r_hip"]}
+
+    table, problems = read(split)
+    assert problems == []
+    assert table.bus is not None
+    assert table.bus.board is not None
+    assert table.bus.board.port == "left"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (set_joint(1, id=1), "joints 'l_hip', 'r_hip' have one servo id, 1"),
+        (set_joint(1, id=200), "bus.board.id is 200, that of joint 'r_hip'"),
+        (set_joint(1, mirror="r_hip"), "its mirror 'r_hip' has the mirror 'r_hip'"),
+        (set_joint(1, mirror_sign=-1), "mirror_sign is 1 and that of its mirror 'r_hip' is -1"),
+        (lambda toml: toml.update(supply_voltage=9.0), "supply_voltage is 9 V, expected 10 to"),
+        (lambda toml: toml.pop("imu_site"), "imu_site is missing, expected the site"),
+        (lambda toml: toml.update(rising_joints=["l_hip", "r_hip"]), "rising_joints: 'l_hip'"),
+        (lambda toml: toml.update(spreading_joints=["l_hip"]), "is one of rising_joints"),
+        (couple([1.0, 1.0], [1.0, 1.0]), "expected independent rows"),
+        (couple([0.0, 1.0], [1.0, 0.0]), "expected no 0 on the diagonal"),
+        (couple([1.0, 0.0], [0.0, 1.0], joints=("l_hip", "tail")), "unknown joint 'tail'"),
+    ],
+)
+def test_a_contradiction_is_told(change: Change, told: str):
+    _, problems = read(change)
+    assert told in "\n".join(problems)
+
+
+def test_a_joint_is_in_one_coupling_and_has_no_gear_there():
+    def twice(toml: Toml) -> None:
+        for _ in range(2):
+            couple([1.0, 0.5], [0.5, 1.0])(toml)
+        toml["joints"][0]["gear"] = 2.0
+
+    _, problems = read(twice)
+    assert problems == [
+        "couplings: joint 'l_hip' is named 2 times, expected once",
+        "couplings: joint 'r_hip' is named 2 times, expected once",
+        "joint 'l_hip': gear is 2, expected none: it is in its coupling",
+    ]
+
+
+@given(row=st.tuples(NUMBERS, NUMBERS), share=NUMBERS)
+def test_servos_that_turn_joints_in_one_ratio_are_no_coupling(row: tuple[float, float], share):
+    _, problems = read(couple([*row], [share * each for each in row]))
+    assert "expected independent rows" in problems[0]
+
+
+@given(angle=st.floats(0.1, 3.0), turned=st.floats(0.1, 1.4), size=st.floats(0.1, 3.0))
+def test_servos_that_turn_joints_in_ratios_of_their_own_are_one(angle, turned, size):
+    """Rows of any size that are some degrees apart; a servo that turns its joint by 0 is told."""
+    rows = [[math.cos(each), math.sin(each)] for each in (turned, turned + angle)]
+    assume(min(abs(rows[0][0]), abs(rows[1][1])) > 1e-3)
+    assert read(couple(rows[0], [size * each for each in rows[1]]))[1] == []
+
+
+def test_problems_come_all_at_once_and_each_once():
+    def spoil(toml: Toml) -> None:
+        set_joint(0, servo="XM999")(toml)
+        set_joint(1, id=200)(toml)
+        toml["control_period"] = 8.0
+
+    _, problems = read(spoil)
+    assert len(problems) == len(set(problems)) == 3
+
+
+def test_torque_is_limited_by_current_only_where_all_servos_sense_it(tiny: Robot):
+    assert tiny.limit_by == "current"
+
+    def mix(toml: Toml) -> None:
+        set_joint(1, servo="XL430-W250")(toml)
+        toml.update(limit_by="current", supply_voltage=12.0)
+
+    _, problems = read(mix)
+    assert problems == [
+        'limit_by is "current", expected "pwm": the XL430-W250 of joint \'r_hip\' has no current '
+        "sensor"
+    ]

@@ -1,0 +1,146 @@
+"""The robot's own model: what it was built from moves, weighs and resists in the same way."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from small_humanoid import small_humanoid
+
+from robots import quaternion
+from robots.model_import.anatomy import find_anatomy
+from robots.model_import.rebuild import LEAST_INERTIA, LEAST_MASS, Rebuilder
+from robots.model_import.source import ModelSource
+from robots.model_import.tree import find_tree
+from robots.quaternion import Array
+
+Built = tuple[mujoco.MjModel, mujoco.MjModel, list[str]]
+FRAME = quaternion.normalize(np.array([0.6, 0.3, -0.5, 0.2]))
+
+
+def rebuild(
+    *,
+    fixed: tuple[str, ...] = (),
+    change: Callable[[mujoco.MjSpec], object] = lambda _: None,
+    stance: dict[str, float] | None = None,
+    **where,
+) -> Built:
+    """Return a small humanoid, what is built from it, and the notes."""
+    old = mujoco.MjModel.from_xml_string(small_humanoid(change=change, **where))
+    source = ModelSource(path=Path("m.xml"), model=old, actuators={}, stance=stance or {})
+    notes: list[str] = []
+    anatomy = find_anatomy(find_tree(source, []), Path("m.xml"), [])
+    builder = Rebuilder(anatomy, keep_hulls=False, fixed=fixed, notes=notes)
+    return old, builder.build("small").compile(), notes
+
+
+def pose(model: mujoco.MjModel, angles: dict[str, float]) -> mujoco.MjData:
+    """Look at a model whose torso stands upright at the origin."""
+    data = mujoco.MjData(model)
+    for name, angle in angles.items():
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0:
+            data.joint(name).qpos[0] = angle
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def draw_angles(model: mujoco.MjModel, seed: int = 0) -> dict[str, float]:
+    rng = np.random.default_rng(seed)
+    return {model.joint(j).name: rng.uniform(-1.0, 1.0) for j in range(1, model.njnt)}
+
+
+def seen_from_torso(data: mujoco.MjData, points: Array) -> Array:
+    """Return points of the world from the torso's origin."""
+    return points - data.body("torso").xpos
+
+
+@pytest.mark.parametrize("where", [{}, {"frame": FRAME}, {"position": (0.3, -0.2, 0.5)}])
+def test_all_bodies_move_as_before(where: dict):
+    """A torso's frame that was turned in its model points forward and up; nothing else differs."""
+    old, new, _ = rebuild(**where)
+    angles = draw_angles(old)
+    was, now = pose(old, angles), pose(new, angles)
+    for body in range(2, old.nbody):
+        name = old.body(body).name
+        assert seen_from_torso(now, now.body(name).xpos) == pytest.approx(
+            seen_from_torso(was, was.body(name).xpos)
+        )
+    total = now.subtree_com[1] - now.body("torso").xpos
+    assert total == pytest.approx(was.subtree_com[1] - was.body("torso").xpos)
+
+
+@pytest.mark.parametrize("where", [{}, {"frame": FRAME}])
+def test_mass_and_inertia_stay(where: dict):
+    """The energy of moving joints is the same: the mass matrix without the root's own axes."""
+    old, new, _ = rebuild(**where)
+    angles = draw_angles(old)
+    matrices = []
+    for model in (old, new):
+        matrix = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, pose(model, angles), matrix)
+        matrices.append(matrix[6:, 6:])
+    assert matrices[1] == pytest.approx(matrices[0], abs=1e-7)
+    assert new.body_mass.sum() == pytest.approx(old.body_mass.sum())
+
+
+def test_a_robot_that_faces_sideways_faces_forward():
+    old, new, notes = rebuild(yaw=np.pi / 2.0, frame=FRAME)
+    assert notes == ["the torso's frame is turned so that x points forward and z up"]
+    was, now = pose(old, {}), pose(new, {})
+    quarter = quaternion.from_yaw(-np.pi / 2.0)
+    for name in ("left_foot", "head", "right_forearm"):
+        turned = quaternion.rotate(quarter, was.body(name).xpos - was.body("torso").xpos)
+        assert seen_from_torso(now, now.body(name).xpos) == pytest.approx(turned)
+
+
+def test_a_hinge_that_is_fixed_is_welded_at_its_angle():
+    """What hangs on it is where it was in the pose in which the model was read."""
+    fixed, angles = "left_upper_arm_joint", {"left_upper_arm_joint": 0.8}
+    old, new, _ = rebuild(fixed=(fixed,), stance=angles)
+    assert mujoco.mj_name2id(new, mujoco.mjtObj.mjOBJ_JOINT, fixed) < 0
+    assert mujoco.mj_name2id(new, mujoco.mjtObj.mjOBJ_BODY, "left_upper_arm") < 0
+    moved = draw_angles(old) | angles
+    was, now = pose(old, moved), pose(new, moved)
+    assert seen_from_torso(now, now.body("left_forearm").xpos) == pytest.approx(
+        seen_from_torso(was, was.body("left_forearm").xpos)
+    )
+    assert new.body_mass.sum() == pytest.approx(old.body_mass.sum())
+    assert now.subtree_com[1] - now.body("torso").xpos == pytest.approx(
+        was.subtree_com[1] - was.body("torso").xpos
+    )
+
+
+def test_a_hinge_without_range_turns_half_a_turn_either_way():
+    def free(spec: mujoco.MjSpec) -> None:
+        spec.joint("head_joint").limited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+    _, new, notes = rebuild(change=free)
+    assert new.joint("head_joint").range == pytest.approx([-np.pi, np.pi])
+    assert notes == ["-180 to 180 deg for joints without range: head_joint"]
+
+
+def test_contacts_that_were_switched_off_stay_so():
+    def exclude(spec: mujoco.MjSpec) -> None:
+        spec.add_exclude(bodyname1="torso", bodyname2="left_upper_arm")
+        spec.add_exclude(bodyname1="left_shank", bodyname2="right_shank")
+
+    _, new, _ = rebuild(change=exclude)
+    pairs = {
+        frozenset((new.body(int(s) >> 16).name, new.body(int(s) & 0xFFFF).name))
+        for s in new.exclude_signature
+    }
+    assert pairs == {
+        frozenset(("torso", "left_upper_arm")),
+        frozenset(("left_shank", "right_shank")),
+    }
+
+
+def test_a_link_with_hardly_any_mass_gets_what_a_simulation_needs():
+    def empty(spec: mujoco.MjSpec) -> None:
+        head = spec.body("head")
+        head.geoms[0].mass = 1e-8
+
+    _, new, _ = rebuild(change=empty)
+    assert new.body("head").mass == pytest.approx(LEAST_MASS)
+    assert np.all(new.body("head").inertia >= LEAST_INERTIA)

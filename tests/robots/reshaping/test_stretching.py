@@ -1,0 +1,108 @@
+"""Stretching links: lengths as they were asked for, masses and inertias as MuJoCo's own."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny_robots import LEGS, build_skeleton, limb, make_robot
+
+from robots import BodyError
+from robots.reshaping.skeleton import Skeleton
+from robots.reshaping.stretch import AxialStretch
+from robots.reshaping.stretching import make_explicit, stretch_geom, stretch_link
+
+UP = np.array([0.0, 0.0, 1.0])
+ARM = limb("arm", "0 0.1 0.15", inside=limb("elbow", "0 0 -0.1") + '<site name="tip" pos="0 0 0"/>')
+ONE = """<mujoco><worldbody><body name="b"><freejoint/>
+  <geom name="g" type="{kind}" size="{size}" density="800"/></body></worldbody></mujoco>"""
+
+
+def stretch_arm(folder: Path, factor: float, *, keep: bool = False) -> mujoco.MjModel:
+    """Stretch the arm's first link along z, and keep its child where it is, if asked for."""
+    skeleton = build_skeleton(make_robot(folder, LEGS + ARM))
+    ((_, arm),) = skeleton.parts.arms
+    kept = [child.root for child in arm.children] if keep else []
+    stretch_link(skeleton, arm, AxialStretch(arm.anchor(), UP, factor), kept)
+    return skeleton.spec.compile()
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+def test_a_link_is_as_long_and_as_heavy_as_asked(tmp_path: Path, factor: float):
+    model = stretch_arm(tmp_path, factor)
+    body = model.body("arm_link")
+    assert body.pos == pytest.approx([0.0, 0.1, 0.15])  # its frame stays
+    assert model.body("elbow_link").pos == pytest.approx([0.0, 0.0, -0.1 * factor])
+    (geom,) = np.flatnonzero(model.geom_bodyid == body.id)
+    assert model.geom_size[geom] == pytest.approx([0.03, 0.02, 0.05 * factor])
+    assert model.geom_pos[geom] == pytest.approx([0.0, 0.0, -0.05 * factor])
+    assert body.mass == pytest.approx(0.1 * factor)
+    assert body.ipos == pytest.approx([0.0, 0.0, -0.05 * factor])
+    # By hand: a box of that size, m/3 times the squares of its half edges.
+    squares = np.array([0.03, 0.02, 0.05 * factor]) ** 2
+    moments = 0.1 * factor / 3.0 * (squares.sum() - squares)
+    assert np.sort(body.inertia) == pytest.approx(np.sort(moments))
+
+
+def test_what_is_beyond_a_link_keeps_its_mass(tmp_path: Path):
+    before, after = stretch_arm(tmp_path, 1.0), stretch_arm(tmp_path, 2.0)
+    for name in ("elbow_link", "torso", "l_hip_link", "r_knee_link"):
+        assert after.body(name).mass == pytest.approx(before.body(name).mass)
+        assert after.body(name).inertia == pytest.approx(before.body(name).inertia)
+
+
+def test_bodies_that_are_kept_stay_where_they_are(tmp_path: Path):
+    assert stretch_arm(tmp_path, 2.0, keep=True).body("elbow_link").pos[2] == pytest.approx(-0.1)
+
+
+def build_one(kind: str, size: str) -> Skeleton:
+    """Build the skeleton of a single shape of a density, its mass written out."""
+    spec = mujoco.MjSpec.from_string(ONE.format(kind=kind, size=size))
+    make_explicit(spec)
+    return Skeleton(spec, torso="b", sole_sites=(), head_joints=())
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "longer"),
+    [
+        ("box", "0.02 0.03 0.05", "0.02 0.03 0.1"),
+        ("ellipsoid", "0.02 0.03 0.05", "0.02 0.03 0.1"),
+        ("cylinder", "0.02 0.05", "0.02 0.1"),
+    ],
+)
+def test_a_stretched_shape_is_the_longer_shape(kind: str, size: str, longer: str):
+    """MuJoCo computes the longer one's mass and inertia itself."""
+    skeleton = build_one(kind, size)
+    stretch_link(skeleton, skeleton.torso, AxialStretch(np.zeros(3), UP, 2.0))
+    found = skeleton.spec.compile()
+    wanted = mujoco.MjModel.from_xml_string(ONE.format(kind=kind, size=longer))
+    assert found.geom_size == pytest.approx(wanted.geom_size)
+    assert found.body("b").mass == pytest.approx(wanted.body("b").mass)
+    assert np.sort(found.body("b").inertia) == pytest.approx(np.sort(wanted.body("b").inertia))
+
+
+@pytest.mark.parametrize(("factor", "half"), [(2.0, 0.12), (0.1, 1e-4)])
+def test_the_caps_of_a_capsule_stay_round(factor: float, half: float):
+    """By hand: 14 cm from end to end become 28 cm, of which the caps take 4 cm."""
+    skeleton = build_one("capsule", "0.02 0.05")
+    geom = skeleton.spec.geom("g")
+    stretch_geom(skeleton, geom, AxialStretch(np.zeros(3), UP, factor))
+    assert geom.size[:2] == pytest.approx([0.02, half])
+
+
+def test_a_shape_without_ends_cannot_be_stretched():
+    skeleton = build_one("box", "0.02 0.03 0.05")
+    skeleton.model.geom_type[:] = mujoco.mjtGeom.mjGEOM_PLANE
+    with pytest.raises(BodyError, match="shape 'g' is of kind plane, expected box, capsule"):
+        stretch_geom(skeleton, skeleton.spec.geom("g"), AxialStretch(np.zeros(3), UP, 2.0))
+
+
+def test_masses_that_are_written_out_are_those_of_the_shapes():
+    spec = mujoco.MjSpec.from_string(ONE.format(kind="capsule", size="0.02 0.05"))
+    before = spec.compile()
+    make_explicit(spec)
+    for geom in spec.geoms:
+        geom.density = 1.0  # which no longer counts
+    after = spec.compile()
+    assert after.body("b").mass == pytest.approx(before.body("b").mass)
+    assert after.body("b").inertia == pytest.approx(before.body("b").inertia)

@@ -1,0 +1,136 @@
+"""Kinematics of a robot: against MuJoCo's own, and laws of mirroring and of frames."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.simulation.world import World
+from robots import Posture, Robot, quaternion
+from robots.kinematics import (
+    GravitySense,
+    center_of_mass,
+    imu_in_torso,
+    lowest_point,
+    lowest_points,
+    mirror_positions,
+    place,
+    place_postures,
+    read_posture,
+    site_positions,
+    torso_orientation,
+    transfer_positions,
+)
+
+SHAPES = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1"/>
+  <body><freejoint/><geom type="{kind}" size="0.1 0.2 0.05" pos="0.03 0 0.02" euler="20 30 0"/>
+  </body></worldbody></mujoco>"""
+SEEDS = st.integers(0, 10_000)
+
+
+def draw_posture(robot: Robot, rng: np.random.Generator) -> Posture:
+    return Posture(
+        position=rng.uniform(-1.0, 1.0, 3),
+        orientation=quaternion.normalize(rng.normal(size=4)),
+        joint_pos=rng.uniform(robot.lower, robot.upper),
+    )
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "ellipsoid", "box"])
+def test_the_lowest_point_is_where_mujoco_would_touch_the_floor(kind: str):
+    model = mujoco.MjModel.from_xml_string(SHAPES.format(kind=kind))
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    for _ in range(20):
+        data.qpos[:] = [0.0, 0.0, 1.0, *quaternion.normalize(rng.normal(size=4))]
+        mujoco.mj_kinematics(model, data)
+        distance = mujoco.mj_geomDistance(model, data, 0, 1, 5.0, None)
+        assert lowest_point(model, data.qpos) == pytest.approx(distance, abs=1e-6)
+
+
+@given(seed=SEEDS)
+def test_a_posture_comes_back_from_its_positions(op3: Robot, world: World, seed: int):
+    posture = draw_posture(op3, np.random.default_rng(seed))
+    qpos = place(op3, world.model, posture)
+    back = read_posture(op3, world.model, qpos)
+    assert back.position == pytest.approx(posture.position)
+    assert back.orientation == pytest.approx(posture.orientation)
+    assert back.joint_pos == pytest.approx(posture.joint_pos)
+
+
+def test_joints_beyond_their_limits_are_read_at_them(op3: Robot, world: World):
+    qpos = place(op3, world.model, op3.standing)
+    qpos[op3.layout(world.model).qpos] = op3.upper + 0.5
+    assert read_posture(op3, world.model, qpos).joint_pos == pytest.approx(op3.upper)
+
+
+@given(seed=SEEDS)
+def test_a_mirror_image_of_a_mirror_image_is_the_robot(op3: Robot, world: World, seed: int):
+    qpos = place(op3, world.model, draw_posture(op3, np.random.default_rng(seed)))
+    once = mirror_positions(op3, world.model, qpos)
+    assert mirror_positions(op3, world.model, once) == pytest.approx(qpos)
+
+
+@given(seed=SEEDS)
+def test_a_mirrored_body_is_where_a_mirror_shows_it(tiny: Robot, seed: int):
+    """Soles exchange their places, and all that is found of them is reflected in y = 0."""
+    model, posture = tiny.spec().compile(), draw_posture(tiny, np.random.default_rng(seed))
+    qpos = place(tiny, model, posture)
+    mirrored = mirror_positions(tiny, model, qpos)
+    left, right = tiny.sole_sites
+    reflect = np.array([1.0, -1.0, 1.0])
+    assert site_positions(model, mirrored[None], left) == pytest.approx(
+        site_positions(model, qpos[None], right) * reflect
+    )
+    assert lowest_points(model, np.stack([qpos, mirrored])).std() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_positions_go_from_one_model_to_another_and_back(op3: Robot, world: World):
+    bare, rng = op3.spec().compile(), np.random.default_rng(0)
+    qpos = np.stack([place(op3, bare, draw_posture(op3, rng)) for _ in range(3)])
+    there = transfer_positions(op3, bare, world.model, qpos)
+    assert transfer_positions(op3, world.model, bare, there) == pytest.approx(qpos)
+    sole = op3.sole_sites[0]
+    assert site_positions(world.model, there, sole) == pytest.approx(
+        site_positions(bare, qpos, sole)
+    )
+
+
+def test_the_center_of_mass_is_that_of_all_bodies(op3: Robot, world: World):
+    model, rng = world.model, np.random.default_rng(0)
+    posture = draw_posture(op3, rng)
+    (found,) = center_of_mass(
+        op3, model, posture.position[None], posture.orientation[None], posture.joint_pos[None]
+    )
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(op3, model, posture)
+    mujoco.mj_forward(model, data)
+    own = model.body_rootid == model.body(op3.torso).rootid
+    assert found == pytest.approx(np.average(data.xipos[own], axis=0, weights=model.body_mass[own]))
+
+
+def test_postures_are_placed_all_at_once_as_one_by_one(op3: Robot, world: World):
+    postures = [draw_posture(op3, np.random.default_rng(seed)) for seed in range(3)]
+    together = place_postures(
+        op3,
+        world.model,
+        np.stack([each.position for each in postures]),
+        np.stack([each.orientation for each in postures]),
+        np.stack([each.joint_pos for each in postures]),
+    )
+    assert together == pytest.approx(np.stack([place(op3, world.model, p) for p in postures]))
+
+
+@given(seed=SEEDS)
+def test_gravity_is_sensed_in_the_torso_however_the_imu_is_mounted(
+    op3: Robot, world: World, seed: int
+):
+    rng = np.random.default_rng(seed)
+    mounted, torso = (quaternion.normalize(rng.normal(size=4)) for _ in range(2))
+    imu = quaternion.multiply(torso, mounted)
+    expected = quaternion.rotate(quaternion.inverse(torso), np.array([0.0, 0.0, -1.0]))
+    assert GravitySense(mounted)(imu) == pytest.approx(expected)
+    own = quaternion.multiply(torso, imu_in_torso(op3, world.model))
+    assert quaternion.angle_between(
+        torso_orientation(op3, world.model, own), torso
+    ) == pytest.approx(0.0, abs=1e-6)

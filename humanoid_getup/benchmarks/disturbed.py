@@ -68,7 +68,7 @@ class WeakTwin(Twin):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class SamePlan:
     """A strategy that returns the same plan for every start."""
 
     world: World
@@ -190,6 +190,6 @@ def _plan(planner: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Strate
     rise = planner.plan(start, np.random.default_rng(seed))
     bare = replace(rise, balanced=False) if isinstance(rise, MotionPlan) else rise
     return {
-        OPEN_LOOP: Known(world=world, torque_limit=limit, rise=bare),
-        FEEDBACK: Known(world=world, torque_limit=limit, rise=rise),
+        OPEN_LOOP: SamePlan(world=world, torque_limit=limit, rise=bare),
+        FEEDBACK: SamePlan(world=world, torque_limit=limit, rise=rise),
     }

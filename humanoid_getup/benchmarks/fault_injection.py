@@ -24,11 +24,11 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.bench_result import CaseBench
-from humanoid_getup.benchmarks.witness import ServoTrace, Witness
+from humanoid_getup.benchmarks.checked_driver import CheckedDriver, ServoTrace
 from humanoid_getup.experiments.judging.summary import Quantiles, summarize
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.ending import ends_as_meant, hold_time
+from humanoid_getup.playback.ending import has_succeeded, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
@@ -241,12 +241,12 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
     virtual = VirtualRobot(Simulation(world), powered=True)
     faulty = PortOptions(rng=rng)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=faulty) as ports:
-        witness = Witness(virtual, ports, clock=CycleClock(), options=OPTIONS)
-        with witness:
+        driver = CheckedDriver(virtual, ports, clock=CycleClock(), options=OPTIONS)
+        with driver:
             pass  # the first connection configures the servos, which may take time
         start = find_rest(world, motion.posture(0))
         ports.main.call(lambda: virtual.place(start))
-        guard = SafetyGuard(witness, GuardLimits.of(robot))
+        guard = SafetyGuard(driver, GuardLimits.of(robot))
         at = (motion.duration or hold_time(motion)) * rng.uniform(*WINDOW)
         servo = robot.joints[int(rng.integers(robot.n))].servo
         board = robot.bus.board if robot.bus else None
@@ -262,7 +262,7 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
             report, outcome = play_in_simulation(
                 player, guard, virtual.simulation, world.scene, on_cycle=look
             )
-            succeeded = report.ending is Ending.DONE and bool(ends_as_meant(motion, outcome))
+            succeeded = report.ending is Ending.DONE and bool(has_succeeded(motion, outcome))
         except FaultyError as error:
             report, succeeded = str(error), False
         since = injected_at[0] - robot.control_period if injected_at else ports.main.time
@@ -272,9 +272,9 @@ def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
         reason=report.reason if isinstance(report, RunReport) else report,
         succeeded=succeeded,
-        safe=None if went_on else witness.trace.find_safe_time(since),
-        beyond_limits=witness.trace.count_beyond_limits() + witness.too_fast,
-        believed_wrong=len(witness.believed_wrong),
+        safe=None if went_on else driver.trace.find_safe_time(since),
+        beyond_limits=driver.trace.count_beyond_limits() + driver.too_fast,
+        believed_wrong=len(driver.believed_wrong),
         holds=guard.holds,
     )
 

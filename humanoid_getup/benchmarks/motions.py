@@ -15,7 +15,7 @@ from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.ending import ends_as_meant, hold_time
+from humanoid_getup.playback.ending import has_succeeded, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -85,7 +85,7 @@ def bench_motion(
         start_class=motion.start_class,
         end_class=motion.end_class,
         strategy=motion.strategy,
-        succeeded=bool(ends_as_meant(motion, outcome)),
+        succeeded=bool(has_succeeded(motion, outcome)),
         clips=run.clips.total,
         lowest_torque_limit_nm=find_lowest_limit(world, motion, start),
         disturbed_n=each,
@@ -110,7 +110,7 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
         parameters=DomainParameters.nominal(world, n, torque_limit=limits),
     )
     outcome = Outcome(play(world, scenarios, [targets] * n), world.robot)
-    unbroken = np.cumprod(ends_as_meant(motion, outcome)).astype(bool)
+    unbroken = np.cumprod(has_succeeded(motion, outcome)).astype(bool)
     return float(limits[unbroken][-1]) if unbroken.any() else None
 
 
@@ -124,7 +124,7 @@ def _play_disturbed(
         place = world.vary(ground_friction=parameters.friction[i])
         twin = Twin(place, voltage=float(parameters.voltage[i]))
         twin.place(read_posture(world.robot, world.model, starts[i]))
-        succeeded.append(bool(ends_as_meant(motion, _play(twin, world, motion)[1])))
+        succeeded.append(bool(has_succeeded(motion, _play(twin, world, motion)[1])))
     return succeeded
 
 

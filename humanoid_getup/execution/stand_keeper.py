@@ -26,7 +26,7 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD, StanceMeter, is_upright
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down
-from humanoid_getup.playback.ending import ends_as_meant
+from humanoid_getup.playback.ending import has_succeeded
 from humanoid_getup.playback.play import play_engaged
 from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.stand_holder import make_stand, make_still
@@ -224,7 +224,7 @@ class StandKeeper:
             self._guard.write(Command.limp(self._guard.robot.n))
         outcome = judge.conclude()
         assert isinstance(outcome, Outcome)  # a robot without an IMU does not lie down
-        lies = bool(ends_as_meant(self._way_down, outcome))
+        lies = bool(has_succeeded(self._way_down, outcome))
         return Step(run=run, abort=supervisor.aborted, outcome=outcome, succeeded=lies)
 
     def _hand_over(self) -> HandOver:

@@ -11,7 +11,7 @@ from humanoid_getup.experiments.disturbances.distributions import Normal, Unifor
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_share
 from humanoid_getup.experiments.judging.record import Record
-from humanoid_getup.experiments.rollouts.early_stop import LAST_CALL
+from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
 from humanoid_getup.experiments.rollouts.play import Feedback, FeedbackLaw
 from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
 from humanoid_getup.filtering.ground_fit import GroundFit
@@ -30,7 +30,7 @@ from robots.torque_limit import check_torque_limit
 
 FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
 FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
-LONG_HOLD = FIRST_HOLD + LAST_CALL  # s, so that every stand that a check takes shows
+LONG_HOLD = FIRST_HOLD + LATEST_STAND  # s, so that every stand that a check takes shows
 LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = Disturbance(

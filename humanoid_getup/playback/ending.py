@@ -20,10 +20,10 @@ def hold_time(motion: Motion) -> float:
     return HOLD if motion.rises else REST
 
 
-def ends_as_meant(motion: Motion, outcome: Outcome) -> NDArray[np.bool_]:
+def has_succeeded(motion: Motion, outcome: Outcome) -> NDArray[np.bool_]:
     """Return whether runs of a motion ended in a held stand, or lying softly on its side, (...).
 
-    A path is not meant to end in either.
+    A path has no intended end, so it always succeeds.
     """
     if motion.end_class == STANDING:
         return outcome.stood

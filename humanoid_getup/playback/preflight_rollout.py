@@ -16,7 +16,7 @@ from humanoid_getup.experiments.judging.torque import find_longest, find_saturat
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance, make_balance
-from humanoid_getup.playback.ending import ends_as_meant, hold_time
+from humanoid_getup.playback.ending import has_succeeded, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.simulation.world import World
@@ -90,7 +90,7 @@ def measure(
     return Figures(
         voltage=voltage,
         duration=motion.duration,
-        succeeded=bool(ends_as_meant(motion, outcome)),
+        succeeded=bool(has_succeeded(motion, outcome)),
         stand_time=float(outcome.stand_time),
         target_speed=np.abs(steps).max(axis=0, initial=0.0),
         peak_torque=peak_torque,

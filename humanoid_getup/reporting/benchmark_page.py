@@ -108,7 +108,7 @@ def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
         )
         for name, motion in motions.items()
     ]
-    headings = ("motion", "from", "ends as meant", "stands after [s]", "peak [N·m]", "RMS [N·m]")
+    headings = ("motion", "from", "succeeds", "stands after [s]", "peak [N·m]", "RMS [N·m]")
     return [
         "## Stored motions",
         "Each from its own start, at stall torque; then under ideal limits, from stall torque down "

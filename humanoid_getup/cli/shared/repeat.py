@@ -29,7 +29,7 @@ def write_command(name: str, request: JobRequest) -> str:
 
 
 @contextmanager
-def hinting(name: str, request: Any) -> Iterator[None]:
+def hinting_resume(name: str, request: Any) -> Iterator[None]:
     """Add the command that resumes the work to an interrupt (`KeyboardInterrupt`)."""
     try:
         yield

@@ -17,7 +17,7 @@ CHUNK = 25  # control periods between two checks
 HELD = HOLD_TIME + 0.3  # s; a stand that lasts this long counts as held
 REST_TIME = 0.6  # s; a robot that has stood at rest this long stays there
 REST_SPEED = 0.03  # rad/s and m/s; bound for every degree of freedom at rest
-LAST_CALL = 1.5  # s after the last target within which a stand must begin
+LATEST_STAND = 1.5  # s after the last target within which a stand must begin
 DOWN_NECK, DOWN_TILT = 0.6, math.radians(60.0)  # bounds beyond which a robot is down
 DOWN_TIME = 0.2  # s after the last target; a robot that is down then has fallen
 
@@ -65,7 +65,7 @@ class EarlyStop:
         stood = (past > 0.0) & ((held >= HELD) | settled) & ~overloaded
         neck = record.stance.neck_height[:, -1] / self._robot.standing_neck_height
         down = (neck < DOWN_NECK) | (record.stance.tilt[:, -1] > DOWN_TILT)
-        late = (since - self._length[going]) * record.period > LAST_CALL
+        late = (since - self._length[going]) * record.period > LATEST_STAND
         hopeless = (down & (past > DOWN_TIME)) | late | record.diverged | overloaded
         self.stood[going], self.failed[going] = stood, ~stood & hopeless
         self.going[going] = ~(stood | hopeless)

@@ -39,7 +39,7 @@ def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
 
 
 def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatch):
-    """The witness is not blind: a driver that repeats old values as fresh is caught."""
+    """The checked driver is not blind: a driver that repeats old values as fresh is caught."""
 
     update = ServoStates.update_cyclic
 

@@ -9,7 +9,7 @@ from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
-from humanoid_getup.playback.ending import ends_as_meant, hold_time
+from humanoid_getup.playback.ending import has_succeeded, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
 from robots import Robot, TorqueLimit, load_robot
@@ -63,7 +63,7 @@ def test_a_motion_that_lies_down_ends_so_softly(name: str, limit: TorqueLimit, o
     player = MotionPlayer(op3, motion, hold=hold_time(motion), torque_limit=limit.value)
     judge = GroundTruthJudge(twin.simulation, limit.value)
     report, outcome = play(player, SafetyGuard(twin), judge)
-    assert ends_as_meant(motion, outcome), report.reason
+    assert has_succeeded(motion, outcome), report.reason
     assert report.clips.total == 0
     assert outcome.limit_violations == 0
     assert outcome.head_impact < 0.1  # m/s

@@ -9,7 +9,7 @@ from records import make_record
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
-from humanoid_getup.playback.ending import describe_end, ends_as_meant, hold_time
+from humanoid_getup.playback.ending import describe_end, has_succeeded, hold_time
 from robots import Robot, quaternion
 
 SUPINE = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -np.pi / 2)
@@ -32,15 +32,15 @@ def test_a_rise_ends_in_a_held_stand(op3: Robot, rising: Motion):
     upright = np.ones((2, 400), dtype=bool)
     upright[1, 300] = False
     stood = Outcome(make_record(op3, (2, 400), 0.01, upright=upright), op3)
-    assert ends_as_meant(rising, stood).tolist() == [True, False]
-    assert ends_as_meant(replace(rising, end_class="supine"), stood).tolist() == [False, False]
-    assert not ends_as_meant(rising, lie(op3)).any()
+    assert has_succeeded(rising, stood).tolist() == [True, False]
+    assert has_succeeded(replace(rising, end_class="supine"), stood).tolist() == [False, False]
+    assert not has_succeeded(rising, lie(op3)).any()
 
 
 @pytest.mark.parametrize("side", ["supine", "prone", "left", "right"])
 def test_a_way_down_ends_on_its_side_and_on_no_other(op3: Robot, rising: Motion, side: str):
     down = replace(rising, end_class=side)
-    assert ends_as_meant(down, lie(op3)).tolist() == [side == "supine"] * 2
+    assert has_succeeded(down, lie(op3)).tolist() == [side == "supine"] * 2
 
 
 @pytest.mark.parametrize(("speed", "is_soft"), [(0.29, True), (0.31, False)])
@@ -50,11 +50,11 @@ def test_a_way_down_is_soft_to_the_head(op3: Robot, rising: Motion, speed: float
     touch[1, 50:] = True
     outcome = lie(op3, head_touch=touch, head_speed=np.full((2, 200), speed))
     down = replace(rising, end_class="supine")
-    assert ends_as_meant(down, outcome).tolist() == [True, is_soft]
+    assert has_succeeded(down, outcome).tolist() == [True, is_soft]
 
 
 def test_a_path_may_end_anywhere(op3: Robot, rising: Motion):
-    assert ends_as_meant(replace(rising, end_class=NO_END), lie(op3)).tolist() == [True, True]
+    assert has_succeeded(replace(rising, end_class=NO_END), lie(op3)).tolist() == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ class ServoTrace:
         return safe if safe is None else max(safe - since, 0.0)
 
 
-class Witness(DynamixelBackend):
+class CheckedDriver(DynamixelBackend):
     """A driver that compares its reports with the virtual robot behind it, in lock-step.
 
     In lock-step nothing happens between a reply and the next request, so values that the

@@ -26,6 +26,7 @@ from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import RiseFigures
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.simulation.world import World
@@ -52,7 +53,7 @@ class Options:
     """Where figures are written."""
 
 
-def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
+def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> RiseFigures:
     """Get a robot up over the bus; return the figures of the rise."""
     world = strategy.world
     virtual = VirtualRobot(Simulation(world))
@@ -69,7 +70,7 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
         options = SessionOptions(simulation=virtual.simulation)
         rng = np.random.default_rng(seed)
         result = get_up(driver, strategy, seed=rng, max_attempts=1, options=options)
-    return result.record()
+    return result.figures()
 
 
 def measure(options: Options, report: Callable[[int], None]) -> dict[str, Any]:
@@ -82,17 +83,19 @@ def measure(options: Options, report: Callable[[int], None]) -> dict[str, Any]:
     for number, fall in enumerate(sample_falls(world, counts, np.random.default_rng(options.seed))):
         rises.append(rise(strategy, fall, [options.seed, 1, number]))
         report(1)
-    played = [r for r in rises if r["peak_torque_nm"] is not None]
+    played = [r for r in rises if r.peak_torque_nm is not None]
     return {
         "name": "bus_torque",
         "seed": options.seed,
         "n": len(rises),
         "torque_limit_nm": limit.value,
         "limit_by": limit.by,
-        "stood": sum(r["stood"] for r in rises),
+        "stood": sum(bool(r.stood) for r in rises),
         "played": len(played),
-        "peak_torque_nm": max((r["peak_torque_nm"] for r in played), default=0.0),
-        "peak_braking_torque_nm": max((r["peak_braking_torque_nm"] for r in played), default=0.0),
+        "peak_torque_nm": max((r.peak_torque_nm or 0.0 for r in played), default=0.0),
+        "peak_braking_torque_nm": max(
+            (r.peak_braking_torque_nm or 0.0 for r in played), default=0.0
+        ),
         "rises": rises,
     }
 

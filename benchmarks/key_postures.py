@@ -30,7 +30,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, load_robot, quaternion
-from robots.storage.encoding import to_json
+from robots.storage.encoding import to_json, to_plain
 from robots.storage.files import write_atomically
 
 SPREAD = 0.1  # rad, standard deviation of a perturbed key's joints
@@ -89,7 +89,7 @@ def describe(key: KeyPosture, side: str, plan: RisePlan) -> dict[str, Any]:
         "robust": plan.robust,
         "stand_time_s": plan.stand_time,
         "plan_and_filter_s": plan.plan_s + plan.filter_s,
-        **record.record(),
+        **to_plain(record.figures),
         "name": key.name,
     }
 

@@ -24,7 +24,7 @@ plan that finds no rise, or that its preflight refuses, counts as not stood.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,8 @@ from rich.table import Table
 from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_methods
+from humanoid_getup.benchmarks.bench_result import BenchRise
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, Report, bench_methods
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.motions.motion import StartClass
@@ -195,7 +196,7 @@ def compare(
     each: int,
     limits: dict[str, TorqueLimit] = LIMITS,
     ways: Sequence[str] = (),
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
+    report: Report = lambda _: None,
 ) -> dict[str, Any]:
     """Get up from the same falls under each torque limit by plans, `robust` and the keyframes.
 
@@ -206,16 +207,16 @@ def compare(
         each: Falls of each class: supine, prone, lateral.
         limits: Torque limits by name.
         ways: Names of the strategies; none for all.
-        report: Called with the record of each rise.
+        report: Called after each rise.
     """
     database = load_database(world.robot)
     cases = {}
     for name, limit in limits.items():
-        records: list[dict[str, Any]] = []
+        rises: list[BenchRise] = []
 
-        def keep(record: dict[str, Any], records: list[dict[str, Any]] = records) -> None:
-            records.append(record)
-            report(record)
+        def keep(rise: BenchRise, rises: list[BenchRise] = rises) -> None:
+            rises.append(rise)
+            report(rise)
 
         strategies: dict[str, Strategy] = {
             PLANNED: PlannedRise(world, database, torque_limit=limit),
@@ -226,22 +227,22 @@ def compare(
         chosen = {way: strategies[way] for way in ways or strategies}
         result = bench_methods(chosen, seed=seed, each=each, heat=False, report=keep)
         cases[name] = {
-            way: to_plain(summary) | _count(records, way) for way, summary in result.cases.items()
+            way: to_plain(summary) | _count(rises, way) for way, summary in result.cases.items()
         }
     return {"name": "peer_keyframes", "seed": seed, "n": len(BENCH_CLASSES) * each, "limits": cases}
 
 
-def _count(records: list[dict[str, Any]], way: str) -> dict[str, Any]:
+def _count(rises: list[BenchRise], way: str) -> dict[str, Any]:
     """Count a strategy's stands by class of fall and what was not played; keep why it failed."""
-    ours = [record for record in records if record["way"] == way]
+    ours = [rise for rise in rises if rise.way == way]
     each = len(ours) // len(BENCH_CLASSES)
     return {
         "stood_by_class": {
-            name: sum(record["stood"] for record in ours[k * each : (k + 1) * each])
+            name: sum(bool(rise.stood) for rise in ours[k * each : (k + 1) * each])
             for k, name in enumerate(BENCH_CLASSES)
         },
-        "not_played": sum(record["attempts"] == 0 for record in ours),
-        "failures": [record["reason"] for record in ours if not record["stood"]],
+        "not_played": sum(rise.attempts == 0 for rise in ours),
+        "failures": [rise.reason for rise in ours if not rise.stood],
     }
 
 

@@ -12,7 +12,7 @@ is taken as it is.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +29,7 @@ from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.execution.get_up import get_up
+from humanoid_getup.execution.result import RiseFigures
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
@@ -56,6 +57,15 @@ PANELS = {
     "self_collisions": "self-collisions of a rise",
     "hard_share": "stood in hard worlds [share]",
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardRise(RiseFigures):
+    """A rise, with how its motion does in hard worlds."""
+
+    hard_share: float | None
+    """Share of the rollouts that stood."""
+    plan_and_filter_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,34 +118,35 @@ def measure(options: Measure) -> None:
             for number, fall in enumerate(falls):
                 rises.append(_rise(strategy, fall, [options.seed, 1, number]))
                 count(1)
-            summary = {key: summarize(r[key] for r in rises) for key in SUMMARIZED}
+            summary = {key: summarize(getattr(r, key) for r in rises) for key in SUMMARIZED}
             result["cases"][name] = to_plain(RiseSummary.of(rises)) | summary | {"rises": rises}
             write_atomically(options.json, to_json(result))
 
 
-def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> dict[str, Any]:
+def _rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> HardRise:
     with Twin(strategy.world, fall.posture) as twin:
         result = get_up(twin, strategy, seed=np.random.default_rng(seed), max_attempts=1)
-    record = result.record()
-    figures = {"neck_delta_v_m_s": None, "hard_share": None}
+    figures = result.figures()
+    neck_delta_v, hard_share = None, None
     if isinstance(result.plan, MotionPlan):
-        figures = _roll_out(strategy, fall, result.plan.motion.joint_target, seed)
-    return record | figures | {"plan_and_filter_s": record["plan_s"] + record["filter_s"]}
+        neck_delta_v, hard_share = _roll_out(strategy, fall, result.plan.motion.joint_target, seed)
+    return HardRise(
+        **vars(replace(figures, neck_delta_v_m_s=neck_delta_v)),
+        hard_share=hard_share,
+        plan_and_filter_s=figures.plan_s + figures.filter_s,
+    )
 
 
 def _roll_out(
     strategy: PlannedRise, fall: Fall, target: NDArray[np.float64], seed: list[int]
-) -> dict[str, float | None]:
-    """Play targets (T, n) in hard worlds that no search saw."""
+) -> tuple[float, float]:
+    """Play targets (T, n) in hard worlds that no search saw; return neck Δv [m/s], and stands."""
     world = strategy.world
     lying = place(world.robot, world.model, fall.posture)
     rng = np.random.default_rng([*seed, 2])
     scenarios = HARD_DISTURBANCE.sample(world, lying, WORLDS, rng, strategy.torque_limit)
     outcome = Experiment(world).compare(scenarios, [target])
-    return {
-        "neck_delta_v_m_s": float(np.asarray(outcome.neck_delta_v)[0, 0]),
-        "hard_share": float(outcome.stood.mean()),
-    }
+    return float(np.asarray(outcome.neck_delta_v)[0, 0]), float(outcome.stood.mean())
 
 
 def draw(options: Draw) -> None:

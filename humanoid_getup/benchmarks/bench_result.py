@@ -3,14 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from msgspec import UNSET, Struct, UnsetType
 
-from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
+from humanoid_getup.execution.result import RiseFigures, RiseResult
+from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, SummarizedRise
 from robots.servo import LimitMode
 
 Case = TypeVar("Case")
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptRise(SummarizedRise):
+    """What a benchmark keeps of each of very many rises."""
+
+    bench_class: str | UnsetType = UNSET
+    """Class of the fall; unset where rises are told apart by other things."""
+    start_class: str | None
+    reason: str
+    attempts: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRise(RiseFigures, KeptRise):
+    """One of a benchmark's rises; what is unset does not tell its rises apart."""
+
+    way: str | UnsetType = UNSET
+    case: str | UnsetType = UNSET
+    fall: int | UnsetType = UNSET
+    """Number of the fall."""
+    refused: bool | UnsetType = UNSET
+    """Whether nothing was played."""
+
+    @classmethod
+    def refusable(cls, rise: RiseResult, *, case: str, way: str, fall: int) -> BenchRise:
+        """Label a rise that the preflight may have refused."""
+        refused = rise.run is None
+        return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
 
 
 class BenchHead(Struct, frozen=True, kw_only=True):
@@ -37,8 +68,7 @@ class CaseBench(BenchHead, Generic[Case], frozen=True, kw_only=True):
     """A benchmark of several cases."""
 
     cases: dict[str, Case]
-    rises: list[dict[str, Any]] | UnsetType = UNSET
-    """The record of each rise."""
+    rises: list[BenchRise] | UnsetType = UNSET
 
     @property
     def table(self) -> Mapping[str, Any]:
@@ -56,8 +86,7 @@ class RiseBench(BenchHead, frozen=True, kw_only=True):
     search_budget_s: float
     classes: dict[str, RiseSummary]
     all: RiseSummary
-    rises: list[dict[str, Any]]
-    """The record of each rise."""
+    rises: list[BenchRise]
 
     @property
     def table(self) -> Mapping[str, Any]:
@@ -81,16 +110,16 @@ class RefusableSummary(RiseSummary, frozen=True, kw_only=True):
 
     @classmethod
     def table(
-        cls, records: Sequence[dict[str, Any]], cases: Iterable[str], ways: Sequence[str]
+        cls, rises: Sequence[BenchRise], cases: Iterable[str], ways: Sequence[str]
     ) -> dict[str, RefusableSummary]:
         """Summarize the rises of each case by each way."""
-        return {f"{case}: {way}": cls._select(records, case, way) for case in cases for way in ways}
+        return {f"{case}: {way}": cls._select(rises, case, way) for case in cases for way in ways}
 
     @classmethod
-    def _select(cls, records: Sequence[dict[str, Any]], case: str, way: str) -> RefusableSummary:
-        ours = [r for r in records if r["case"] == case and r["way"] == way]
+    def _select(cls, rises: Sequence[BenchRise], case: str, way: str) -> RefusableSummary:
+        ours = [rise for rise in rises if rise.case == case and rise.way == way]
         return cls.of(
             ours,
-            refused=sum(r["refused"] for r in ours),
-            failures=[f"fall {r['fall']}: {r['reason']}" for r in ours if not r["stood"]],
+            refused=sum(bool(rise.refused) for rise in ours),
+            failures=[f"fall {rise.fall}: {rise.reason}" for rise in ours if not rise.stood],
         )

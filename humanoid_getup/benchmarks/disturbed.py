@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, rise_once
+from humanoid_getup.benchmarks.bench_result import BenchRise, CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, Report, rise_once
 from humanoid_getup.benchmarks.world_change import (
     WorldChange,
     disturb_start,
     disturb_world,
     turn_head,
 )
+from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.playback.estimation import estimate_posture
@@ -108,12 +108,11 @@ class DisturbedRise:
             voltage=change.voltage,
         )
 
-    def rise(self, strategy: Strategy, fall: Fall, seed: list[int]) -> dict[str, Any]:
-        """Get up once; return the record of the rise."""
+    def rise(self, strategy: Strategy, fall: Fall, seed: list[int]) -> RiseResult:
+        """Get up once."""
         options = SessionOptions(start_class=fall.start_class, support=self.world.scene.support)
         twin = WeakTwin(self.world, self.start, self.strength, self.voltage)
-        result = rise_once(twin, strategy, seed, options)
-        return result.record() | {"refused": result.run is None}
+        return rise_once(twin, strategy, seed, options)
 
 
 def bench_disturbed(
@@ -124,7 +123,7 @@ def bench_disturbed(
     each: int,
     classes: Sequence[str] = BENCH_CLASSES,
     disturbances: Mapping[str, WorldChange] = DISTURBANCES,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
+    report: Report = lambda _: None,
 ) -> CaseBench[RefusableSummary]:
     """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
 
@@ -138,19 +137,19 @@ def bench_disturbed(
         each: Falls of each class.
         classes: Start classes.
         disturbances: What is disturbed, by name.
-        report: Called with the record of each rise.
+        report: Called after each rise.
     """
     rng = np.random.default_rng(seed)
     falls = sample_falls(planner.world, dict.fromkeys(classes, each), rng)
-    records = []
+    rises = list[BenchRise]()
     for number, fall in enumerate(falls):
         ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
         for case, disturbance in disturbances.items():
             trial = DisturbedRise.of(planner.world, fall, disturbance, [seed, 2, number])
             for way, strategy in ways.items():
-                label = {"fall": number, "case": case, "way": way}
-                records.append(trial.rise(strategy, fall, [seed, 3, number]) | label)
-                report(records[-1])
+                rise = trial.rise(strategy, fall, [seed, 3, number])
+                rises.append(BenchRise.refusable(rise, case=case, way=way, fall=number))
+                report(rises[-1])
     return CaseBench(
         name="disturbed",
         seed=seed,
@@ -158,8 +157,8 @@ def bench_disturbed(
         robot=planner.world.robot.name,
         torque_limit_nm=planner.torque_limit.value,
         limit_by=planner.torque_limit.by,
-        cases=RefusableSummary.table(records, disturbances, (OPEN_LOOP, FEEDBACK, *policies)),
-        rises=records,
+        cases=RefusableSummary.table(rises, disturbances, (OPEN_LOOP, FEEDBACK, *policies)),
+        rises=rises,
     )
 
 

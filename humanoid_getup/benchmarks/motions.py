@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -78,10 +79,10 @@ def bench_motion(
     twin = Twin(world)
     twin.place(read_posture(world.robot, world.model, start))
     run, outcome = _play(twin, world, motion)
-    figures = outcome.figures()
     rng = np.random.default_rng([seed, number])
     succeeded = sum(_play_disturbed(world, motion, start, each, rng))
-    return MotionSummary(
+    make = partial(
+        MotionSummary,
         start_class=motion.start_class,
         end_class=motion.end_class,
         strategy=motion.strategy,
@@ -91,8 +92,8 @@ def bench_motion(
         disturbed_n=each,
         disturbed_succeeded=succeeded,
         disturbed_interval_95=wilson_interval(succeeded, each),
-        **{key: figures[key] for key in MotionSummary.__struct_fields__ if key in figures},
     )
+    return outcome.figures(make)
 
 
 def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import msgspec
 
-from humanoid_getup.benchmarks.bench_result import RefusableSummary
+from humanoid_getup.benchmarks.bench_result import KeptRise, RefusableSummary
 from humanoid_getup.benchmarks.motions import MotionSummary
-from humanoid_getup.benchmarks.rise import Report
 
 
 class MethodRises(msgspec.Struct, frozen=True, kw_only=True):
@@ -19,7 +17,7 @@ class MethodRises(msgspec.Struct, frozen=True, kw_only=True):
     classes: tuple[str, ...]
     missing: dict[str, str]
     """Classes in which the robot does not come to lie, and why they were left out."""
-    rises: list[dict[str, Any]]
+    rises: list[KeptRise]
     """Stored figures of each rise."""
 
 
@@ -29,6 +27,8 @@ class DisturbedRises(msgspec.Struct, frozen=True, kw_only=True):
     cases: dict[str, RefusableSummary]
 
 
+Step = Callable[[object], None]
+"""Called after each step of a part, with its result."""
 PartResult = MethodRises | MotionSummary | DisturbedRises
 
 
@@ -44,5 +44,5 @@ class Part:
     """Inputs on which its result depends."""
     kind: type[PartResult]
     """Type of its result."""
-    run: Callable[[Report], PartResult]
+    run: Callable[[Step], PartResult]
     """Runs it; reports each step."""

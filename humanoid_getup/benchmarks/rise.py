@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from msgspec import UNSET, UnsetType
 
 from drivers import Twin
-from humanoid_getup.benchmarks.bench_result import CaseBench, MethodSummary, RiseBench
+from humanoid_getup.benchmarks.bench_result import (
+    BenchRise,
+    CaseBench,
+    KeptRise,
+    MethodSummary,
+    RiseBench,
+)
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
@@ -24,8 +29,8 @@ BENCH_CLASSES = ("supine", "prone", "lateral")
 IN_A_ROW = 10  # rises whose heat adds up
 REST = 5.0  # s between them, torque off
 
-Report = Callable[[dict[str, Any]], None]
-"""Called with the record of each rise."""
+Report = Callable[[BenchRise], None]
+"""Called after each rise, with its figures."""
 
 
 def bench_rise(
@@ -34,11 +39,11 @@ def bench_rise(
     """Rise by plans from ``each`` settled falls of every class on the twin."""
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
-    records = rise_all(strategy, falls, seed, {}, report, preflight=strategy.options.filtering)
+    rises = rise_all(strategy, falls, seed, report, preflight=strategy.options.filtering)
     return RiseBench(
         name="rise",
         seed=seed,
-        n=len(records),
+        n=len(rises),
         robot=strategy.world.robot.name,
         scene=strategy.world.scene.name,
         torque_limit_nm=strategy.torque_limit.value,
@@ -48,18 +53,17 @@ def bench_rise(
         assistance=strategy.options.assistance,
         prefer=strategy.prefer,
         search_budget_s=strategy.search_budget,
-        classes=summarize_classes(records, BENCH_CLASSES),
-        all=RiseSummary.of(records),
-        rises=records,
+        classes=summarize_classes(rises, BENCH_CLASSES),
+        all=RiseSummary.of(rises),
+        rises=rises,
     )
 
 
-def summarize_classes(
-    records: list[dict[str, Any]], classes: Sequence[str]
-) -> dict[str, RiseSummary]:
+def summarize_classes(rises: Sequence[KeptRise], classes: Sequence[str]) -> dict[str, RiseSummary]:
     """Summarize the rises of each class."""
     return {
-        name: RiseSummary.of([r for r in records if r["bench_class"] == name]) for name in classes
+        name: RiseSummary.of([rise for rise in rises if rise.bench_class == name])
+        for name in classes
     }
 
 
@@ -78,18 +82,18 @@ def bench_methods(
         seed: Seed of the falls and the plans.
         each: Falls of each of `BENCH_CLASSES`.
         heat: Whether to measure how hot the servos become in ten rises in a row, too.
-        report: Called with the record of each rise.
+        report: Called after each rise.
     """
     first = next(iter(strategies.values()))
     falls = _sample(first.world, each, seed)
     cases: dict[str, MethodSummary] = {}
     for name, strategy in strategies.items():
-        records = rise_all(strategy, falls, seed, {"way": name}, report)
+        rises = rise_all(strategy, falls, seed, report, way=name)
         hottest: Quantiles | UnsetType = UNSET
         if heat:
             rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
             hottest = summarize(_heat_up(strategy, row, seed) for row in rows)
-        cases[name] = MethodSummary.of(records, hottest_after_ten_rises_c=hottest)
+        cases[name] = MethodSummary.of(rises, hottest_after_ten_rises_c=hottest)
     return CaseBench(
         name="methods",
         seed=seed,
@@ -111,23 +115,23 @@ def rise_all(
     strategy: Strategy,
     falls: list[Fall],
     seed: int,
-    label: dict[str, Any],
     report: Report,
     *,
     classes: Sequence[str] = BENCH_CLASSES,
     preflight: bool = True,
-) -> list[dict[str, Any]]:
-    """Rise from every fall on a fresh twin; return the labeled record of each rise.
+    way: str | UnsetType = UNSET,
+) -> list[BenchRise]:
+    """Rise from every fall on a fresh twin, by a way that may have a name.
 
     The falls are in the order of the classes, as many of each.
     """
-    records = []
+    rises = list[BenchRise]()
     for number, fall in enumerate(falls):
         rise = rise_from(strategy, fall, number, seed, preflight=preflight)
         bench_class = classes[number * len(classes) // len(falls)]
-        records.append(rise.record() | {"bench_class": bench_class} | label)
-        report(records[-1])
-    return records
+        rises.append(BenchRise(**vars(rise.figures()), bench_class=bench_class, way=way))
+        report(rises[-1])
+    return rises
 
 
 def rise_from(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
-from humanoid_getup.benchmarks.rise import rise_from
+from humanoid_getup.benchmarks.bench_result import BenchRise, CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.rise import Report, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
@@ -67,7 +66,7 @@ def bench_scenes(
     seed: int,
     each: int,
     scenes: Sequence[str] = SCENES,
-    report: Callable[[dict[str, Any]], None] = lambda _: None,
+    report: Report = lambda _: None,
 ) -> CaseBench[RefusableSummary]:
     """Rise once from the same falls in every scene, by every method, on the twin.
 
@@ -78,9 +77,9 @@ def bench_scenes(
         seed: Of rough ground, falls and plans.
         each: Falls in each scene.
         scenes: Names or files of scenes.
-        report: Called with the record of each rise.
+        report: Called after each rise.
     """
-    records: list[dict[str, Any]] = []
+    rises = list[BenchRise]()
     for scene in scenes:
         number = 0
         for group in sample_scene_falls(robot, scene, each, seed):
@@ -88,15 +87,15 @@ def bench_scenes(
             for fall in group.falls:
                 for method, strategy in strategies:
                     rise = rise_from(strategy, fall, number, seed, preflight=method.preflight)
-                    label = {"case": scene, "way": method.name, "fall": number}
-                    records.append(rise.record() | {"refused": rise.run is None} | label)
-                    report(records[-1])
+                    way = method.name
+                    rises.append(BenchRise.refusable(rise, case=scene, way=way, fall=number))
+                    report(rises[-1])
                 number += 1
     return CaseBench(
         name="scenes",
         seed=seed,
         n=each,
         robot=robot.name,
-        cases=RefusableSummary.table(records, scenes, [method.name for method in methods]),
-        rises=records,
+        cases=RefusableSummary.table(rises, scenes, [method.name for method in methods]),
+        rises=rises,
     )

@@ -106,20 +106,18 @@ def _sit(world: World, stand: DisturbedStand, limit: TorqueLimit) -> AfterStand:
 
 def _summarize(results: list[AfterStand]) -> SitSummary:
     succeeded = sum(result.succeeded for result in results)
-    judged = [r.way_down.outcome.figures() for r in results if r.way_down and r.way_down.outcome]
-    head, torso, peak, rms = (
-        [run[figure] for run in judged]
-        for figure in ("head_impact_m_s", "torso_impact_m_s", "peak_torque_nm", "rms_torque_nm")
-    )
+    judged = [r.way_down.outcome for r in results if r.way_down and r.way_down.outcome]
+    head = [float(outcome.head_impact or 0.0) for outcome in judged]
+    torso = [float(outcome.torso_impact or 0.0) for outcome in judged]
     return SitSummary(
         n=len(results),
         succeeded=succeeded,
         interval_95=wilson_interval(succeeded, len(results)),
         head_impact_m_s=summarize(head),
-        head_impact_max_m_s=max((speed or 0.0 for speed in head), default=None),
+        head_impact_max_m_s=max(head, default=None),
         torso_impact_m_s=summarize(torso),
-        torso_impact_max_m_s=max((speed or 0.0 for speed in torso), default=None),
-        peak_torque_nm=summarize(peak),
-        rms_torque_nm=summarize(rms),
+        torso_impact_max_m_s=max(torso, default=None),
+        peak_torque_nm=summarize(float(outcome.peak_torque) for outcome in judged),
+        rms_torque_nm=summarize(float(outcome.rms_torque) for outcome in judged),
         failures=[result.reason for result in results if not result.succeeded],
     )

@@ -13,19 +13,19 @@ from functools import cached_property, partial
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, UnsetType, convert
 
-from humanoid_getup.benchmarks.bench_result import CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.bench_result import CaseBench, KeptRise, RefusableSummary
 from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import bench_disturbed
 from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
-from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult
+from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
 from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from, summarize_classes
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
 from humanoid_getup.benchmarks.world_change import WorldChange
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.judging.summary import COUNTED, SUMMARIZED, RiseSummary
+from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion import Motion
@@ -45,17 +45,6 @@ CASES = (
 """Disturbances of the whole benchmark, which every robot permits."""
 QUICK_CASES = CASES[:2]
 FEWER = 4  # times fewer falls of each class are disturbed
-KEPT = (
-    *SUMMARIZED,
-    *COUNTED,
-    "bench_class",
-    "start_class",
-    "planned",
-    "stood",
-    "reason",
-    "attempts",
-)
-"""What is kept of each rise."""
 PLAYED, DISTURBED = "motion ", "disturbed "
 """Prefixes of the names of parts that are not rises by a method."""
 
@@ -156,22 +145,21 @@ class Whole:
 
     def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> MethodRises:
         falls = self.falls
-        records = rise_all(
+        rises = rise_all(
             method.make(self.world, cap.limit),
             falls.falls,
             self.seed,
-            {},
             report,
             classes=falls.classes,
             preflight=method.preflight,
         )
-        kept = [{key: record.get(key) for key in KEPT} for record in records]
+        kept = convert(rises, list[KeptRise], from_attributes=True)
         return MethodRises(classes=falls.classes, missing=falls.missing, rises=kept)
 
     def _motion_parts(self) -> Iterator[Part]:
-        def play(motion: Motion, number: int, report: Report) -> MotionSummary:
+        def play(motion: Motion, number: int, report: Step) -> MotionSummary:
             summary = bench_motion(self.world, motion, number, seed=self.seed, each=self.each)
-            report({})
+            report(summary)
             return summary
 
         for number, motion in enumerate(self.motions):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Literal
+
+import msgspec
 
 from drivers import Command, Ending, RunReport
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -11,6 +14,38 @@ from humanoid_getup.playback.monitors import Abort
 from robots import Robot
 from robots.quaternion import Array
 from robots.servo import LimitMode
+
+
+class HeldJoint(msgspec.Struct, frozen=True, kw_only=True):
+    """What the servo of a joint is left with."""
+
+    target_rad: float
+    torque_limit_nm: float
+    position_p_gain: float
+    pwm_limit: float
+
+
+class HandOverFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """What the servos are left with, under report.json's keys."""
+
+    summary: str
+    watchdog: Literal["off"] = "off"
+    limit_by: LimitMode
+    joints: dict[str, HeldJoint]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AfterFigures:
+    """What followed a stand, under report.json's keys; None for what it did not get to."""
+
+    succeeded: bool
+    reason: str
+    held_s: float
+    way_down_s: float | None
+    head_impact_m_s: float | None = None
+    torso_impact_m_s: float | None = None
+    peak_torque_nm: float | None = None
+    hand_over: HandOverFigures | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,23 +72,22 @@ class HandOver:
             "watchdog off"
         )
 
-    def record(self) -> dict[str, Any]:
+    def figures(self) -> HandOverFigures:
         """Return the figures under report.json's keys."""
-        command, names = self.command, self.robot.joint_names
-        return {
-            "summary": str(self),
-            "watchdog": "off",
-            "limit_by": self.limit_by,
-            "joints": {
-                name: {
-                    "target_rad": float(command.joint_pos[i]),
-                    "torque_limit_nm": float(command.torque_limit[i]),
-                    "position_p_gain": float(self.p_gain[i]),
-                    "pwm_limit": float(command.pwm_limit[i]),
-                }
-                for i, name in enumerate(names)
+        command, joints = self.command, enumerate(self.robot.joint_names)
+        return HandOverFigures(
+            summary=str(self),
+            limit_by=self.limit_by,
+            joints={
+                name: HeldJoint(
+                    target_rad=float(command.joint_pos[i]),
+                    torque_limit_nm=float(command.torque_limit[i]),
+                    position_p_gain=float(self.p_gain[i]),
+                    pwm_limit=float(command.pwm_limit[i]),
+                )
+                for i, name in joints
             },
-        }
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,20 +170,18 @@ class AfterStand:
     def _describe_hold(hold: Step) -> str:
         return f"held for {hold.run.duration:.1f} s" if hold.run.duration else "released at once"
 
-    def record(self) -> dict[str, Any]:
+    def figures(self) -> AfterFigures:
         """Return the figures under report.json's keys."""
-        outcome = self.way_down and self.way_down.outcome
-        figures = outcome.figures() if outcome else {}
-        return {
-            "succeeded": self.succeeded,
-            "reason": self.reason,
-            "held_s": self.hold.run.duration if self.hold else 0.0,
-            "way_down_s": self.way_down.run.duration if self.way_down else None,
-            "head_impact_m_s": figures.get("head_impact_m_s"),
-            "torso_impact_m_s": figures.get("torso_impact_m_s"),
-            "peak_torque_nm": figures.get("peak_torque_nm"),
-            "hand_over": self.hand_over.record() if self.hand_over else None,
-        }
+        down = self.way_down
+        make = partial(
+            AfterFigures,
+            succeeded=self.succeeded,
+            reason=self.reason,
+            held_s=self.hold.run.duration if self.hold else 0.0,
+            way_down_s=down and down.run.duration,
+            hand_over=self.hand_over and self.hand_over.figures(),
+        )
+        return down.outcome.figures(make) if down and down.outcome else make()
 
     def _find_failure(self) -> Step | None:
         steps = (step for step in (self.hold, self.way_down) if step is not None)

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any
+from functools import partial
+from typing import Literal
 
+from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict
 
 from drivers import Ending, RunReport
-from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.execution.after_stand import AfterFigures, AfterStand
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.judging.summary import SummarizedRise
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.plan_figures import PlanFigures
 from robots import Robot
-
-FIGURES = (
-    "peak_torque_nm",
-    "peak_braking_torque_nm",
-    "peak_velocity_rad_s",
-    "torque_use",
-    "rms_torque_nm",
-    "self_collisions",
-    "ground_penetrations",
-    "limit_violations",
-    "head_impact_m_s",
-    "neck_delta_v_m_s",
-)
-"""Keys of the outcome's figures in report.json."""
 
 
 class AttemptStatus(Enum):
@@ -117,6 +107,38 @@ class Attempt:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RiseFigures(PlanFigures, SummarizedRise):
+    """The figures of a rise, under report.json's keys."""
+
+    start_class: str | None
+    reason: str
+    hold_s: float | None
+    moves: int
+    moves_s: float
+    moves_peak_torque_nm: float | None
+    moves_head_impact_m_s: float | None
+    refused_plans: int
+    attempts: int
+    period_s: float | None
+    overruns: int
+    late_p99_s: float | None
+    busy_p99_s: float | None
+    holds: int
+    clips_by_joint: list[str]
+    attempt_reasons: list[str]
+    warnings: list[str]
+    after: AfterFigures | None
+    judged_by: Literal["sensors", "truth"] | None
+    peak_braking_torque_nm: float | None = None
+    peak_velocity_rad_s: float | None = None
+    neck_delta_v_m_s: float | None = None
+    played: bool | UnsetType = UNSET
+    """Only of a robot without an IMU, as those below: whether it was played to its end."""
+    without_imu: bool | UnsetType = UNSET
+    held_s: float | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True)
 class RiseResult:
     """How getting up ended. Plan, run and outcome are those of the last attempt."""
 
@@ -182,65 +204,61 @@ class RiseResult:
         """Return the number of attempts in which something was played."""
         return sum(attempt.run is not None for attempt in self.attempts)
 
-    def _describe_moves(self) -> dict[str, float | None]:
-        """Return the figures of all moves."""
-        outcomes = [move.outcome for attempt in self.attempts for move in attempt.moves]
-        impacts = [float(o.head_impact) for o in outcomes if o.head_impact is not None]
-        return {
-            "moves_s": sum(int(o.record.cycles) for o in outcomes) * self.robot.control_period,
-            "moves_peak_torque_nm": max((float(o.peak_torque) for o in outcomes), default=None),
-            "moves_head_impact_m_s": max(impacts, default=None),
-        }
-
-    def record(self) -> dict[str, Any]:
-        """Return the figures of the rise under report.json's keys."""
-        run, outcome = self.run, self.outcome
-        plans = self.attempts[-1].plans if self.attempts else ()
-        record: dict[str, Any] = {
-            "start_class": self.start_class,
-            "stood": self.stood,
-            "reason": self.reason,
-            "stand_time_s": float(outcome.stand_time) if outcome and self.stood else None,
-            "hold_s": float(outcome.stand.hold_time) if outcome else 0.0,
-            **self.plan.record(),
+    def figures(self) -> RiseFigures:
+        """Return the figures of the rise."""
+        run, outcome, attempts = self.run, self.outcome, self.attempts
+        plans = attempts[-1].plans if attempts else ()
+        moves = [move.outcome for attempt in attempts for move in attempt.moves]
+        impacts = [float(o.head_impact) for o in moves if o.head_impact is not None]
+        known = vars(self.plan.figures()) | {
             "plan_s": sum(plan.plan_s for plan in plans),
             "filter_s": sum(plan.filter_s for plan in plans),
-            "moves": sum(len(attempt.moves) for attempt in self.attempts),
-            **self._describe_moves(),
-            "refused_plans": sum(len(attempt.refused) for attempt in self.attempts),
-            "attempts": self.times_played,
-            "period_s": run.period if run else None,
-            "overruns": run.overruns if run else 0,
-            "late_p99_s": run.pace.late_p99 if run else None,
-            "busy_p99_s": run.pace.busy_p99 if run else None,
-            "holds": run.holds if run else 0,
-            "clips": run.clips.total if run else 0,
-            "clips_by_joint": run.clips.describe(self.robot) if run else [],
-            "attempt_reasons": [attempt.reason for attempt in self.attempts],
-            "warnings": [text for attempt in self.attempts for text in attempt.warnings],
-            "after": self.after.record() if self.after else None,
         }
-        if outcome:
-            record["judged_by"] = "sensors" if outcome.is_sensed else "truth"
-            record |= {key: outcome.figures()[key] for key in FIGURES}
-        return record if self.has_imu else record | self._describe_unknown()
+        make = partial(
+            RiseFigures,
+            **known,
+            start_class=self.start_class,
+            stood=self.stood,
+            reason=self.reason,
+            hold_s=float(outcome.stand.hold_time) if outcome else 0.0,
+            moves=len(moves),
+            moves_s=sum(int(o.record.cycles) for o in moves) * self.robot.control_period,
+            moves_peak_torque_nm=max((float(o.peak_torque) for o in moves), default=None),
+            moves_head_impact_m_s=max(impacts, default=None),
+            refused_plans=sum(len(attempt.refused) for attempt in attempts),
+            attempts=self.times_played,
+            period_s=run.period if run else None,
+            overruns=run.overruns if run else 0,
+            late_p99_s=run.pace.late_p99 if run else None,
+            busy_p99_s=run.pace.busy_p99 if run else None,
+            holds=run.holds if run else 0,
+            clips=run.clips.total if run else 0,
+            clips_by_joint=run.clips.describe(self.robot) if run else [],
+            attempt_reasons=[attempt.reason for attempt in attempts],
+            warnings=[text for attempt in attempts for text in attempt.warnings],
+            after=self.after and self.after.figures(),
+            judged_by=outcome and ("sensors" if outcome.is_sensed else "truth"),
+        )
+        figures = outcome.figures(make) if outcome else make()
+        if not self.stood:
+            figures = replace(figures, stand_time_s=None)
+        return figures if self.has_imu else self._add_joints(figures)
 
-    def _describe_unknown(self) -> dict[str, Any]:
-        """Return the figures of joints, and None for those that are unknown without an IMU."""
+    def _add_joints(self, figures: RiseFigures) -> RiseFigures:
+        """Add the figures of joints; None for those that are unknown without an IMU."""
         last = self.attempts[-1] if self.attempts else Attempt(number=1)
-        hold = self.after.hold if self.after else None
+        hold = self.after and self.after.hold
         verdict = last.verdict.warnings if last.verdict else ()
-        return {
-            "stood": None,
-            "stand_time_s": None,
-            "hold_s": None,
-            "start_class": None,
-            "played": last.is_unknown,
-            "without_imu": True,
-            "balanced": False,
-            "held_s": hold.run.duration if hold else 0.0,
-            "judged_by": None,
-            "warnings": [*map(str, verdict), *last.warnings],
-            "after": None,
+        return replace(
+            figures,
+            stood=None,
+            hold_s=None,
+            start_class=None,
+            played=last.is_unknown,
+            without_imu=True,
+            balanced=False,
+            held_s=hold.run.duration if hold else 0.0,
+            warnings=[*map(str, verdict), *last.warnings],
+            after=None,
             **(asdict(last.joint_figures) if last.joint_figures else {}),
-        }
+        )

@@ -8,7 +8,6 @@ import re
 import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from msgspec import convert
 from msgspec.structs import replace
@@ -164,7 +163,7 @@ def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> No
     """Run a part, and store its result."""
     steps = 0
 
-    def report(_record: dict[str, Any]) -> None:
+    def report(_result: object) -> None:
         nonlocal steps
         steps += 1
         advance(1)
@@ -222,8 +221,8 @@ def _choose_rises(result: MethodRises) -> dict[str, int]:
     rises = result.rises
     chosen = {}
     for name in result.classes:
-        numbers = [k for k, rise in enumerate(rises) if rise["bench_class"] == name]
-        chosen[name] = next((k for k in numbers if rises[k]["stood"]), numbers[0])
+        numbers = [k for k, rise in enumerate(rises) if rise.bench_class == name]
+        chosen[name] = next((k for k in numbers if rises[k].stood), numbers[0])
     return chosen
 
 

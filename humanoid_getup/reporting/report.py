@@ -3,39 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass, replace
 
+from msgspec import UNSET, UnsetType
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.after_stand import AfterFigures
+from humanoid_getup.execution.result import RiseFigures, RiseResult
+from humanoid_getup.execution.session import Then
+from humanoid_getup.motions.motion import Motion
+from robots.servo import LimitMode
 
-KEYS = (
-    "robot",
-    "seed",
-    "start",
-    "start_class",
-    "scene",
-    "backend",
-    "torque_limit_nm",
-    "limit_by",
-    "planned",
-    "stood",
-    "reason",
-    "stand_time_s",
-    "hold_s",
-    "plan_s",
-    "filter_s",
-    "peak_torque_nm",
-    "peak_braking_torque_nm",
-    "peak_velocity_rad_s",
-    "torque_use",
-    "attempts",
-    "period_s",
-    "overruns",
-)
-"""Keys of every report; None if the run did not get that far."""
 TRADED = (
     ("RMS", "rms_torque_nm", "N·m"),
     ("peak", "peak_torque_nm", "N·m"),
@@ -45,21 +25,64 @@ TRADED = (
 """Figures affected by a preference: label, key and unit."""
 
 
-def make_report(rise: RiseResult, settings: dict[str, Any]) -> dict[str, Any]:
-    """Collect the figures of a rise and its settings, both under the keys of report.json."""
-    report: dict[str, Any] = dict.fromkeys(KEYS)
-    report |= {"robot": rise.robot.name} | rise.record() | settings
-    report["period_s"] = report["period_s"] or rise.robot.control_period
-    return report
+@dataclass(frozen=True, kw_only=True)
+class ReportHead:
+    """Which robot did it, and where, by report.json's keys."""
+
+    robot: str
+    body: str
+    seed: int
+    start: str | UnsetType = UNSET
+    """Where it lay; unset for a stand."""
+    scene: str
+    backend: str
+    torque_limit_nm: float | None
+    limit_by: LimitMode
+    then: Then | None
 
 
-def print_summary(report: dict[str, Any], files: list[str], console: Console) -> None:
+@dataclass(frozen=True, kw_only=True)
+class RiseSettings:
+    """What was chosen for a rise, by report.json's keys; unset where there is no such choice."""
+
+    method: str | UnsetType = UNSET
+    planning: bool | UnsetType = UNSET
+    filtering: bool | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseReport(RiseFigures, RiseSettings, ReportHead):
+    """The content of report.json after a rise."""
+
+    motion: str | UnsetType = UNSET
+    """That was chosen to be played; unset if none was."""
+    strip_reason: str | UnsetType | None = UNSET
+    """Why there is no film strip; unset where no files are written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandReport(AfterFigures, ReportHead):
+    """The content of report.json after a stand."""
+
+    strip_reason: str | UnsetType | None = UNSET
+
+
+def make_report(
+    rise: RiseResult, head: ReportHead, settings: RiseSettings, motion: Motion | None = None
+) -> RiseReport:
+    """Collect the figures of a rise, by a chosen motion or else by a strategy, and its settings."""
+    report = RiseReport(**vars(rise.figures()), **vars(settings), **vars(head))
+    report = replace(report, period_s=report.period_s or rise.robot.control_period)
+    return replace(report, motion=motion.name, strategy=motion.strategy) if motion else report
+
+
+def print_summary(report: RiseReport, files: list[str], console: Console) -> None:
     """Print the result of a rise in a few lines."""
-    color = "green" if report["stood"] else "yellow" if report.get("played") else "red"
+    color = "green" if report.stood else "yellow" if report.played else "red"
     console.print(f"[bold {color}]{escape(_headline(report))}")
     table = Table.grid(padding=(0, 2))
     for label, text in (
-        ("start", f"{report['start_class'] or report['start']}, seed {report['seed']}"),
+        ("start", f"{report.start_class or report.start}, seed {report.seed}"),
         ("attempts", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
         ("style", _describe_style(report)),
@@ -71,126 +94,128 @@ def print_summary(report: dict[str, Any], files: list[str], console: Console) ->
         ("faults", _describe_faults(report)),
         ("then", _describe_after(report)),
         ("files", ", ".join(files)),
-        ("no film", report.get("strip_reason")),
+        ("no film", report.strip_reason),
     ):
         if text:
             table.add_row(f"[dim]{label}", escape(text))
     console.print(table)
 
 
-def _headline(report: dict[str, Any]) -> str:
-    if report["stood"]:
-        tries = len(report["attempt_reasons"])
+def _headline(report: RiseReport) -> str:
+    if report.stood:
+        tries = len(report.attempt_reasons)
         attempt = f" of attempt {tries}" if tries > 1 else ""
-        return f"stood after {report['stand_time_s']:.2f} s{attempt}, held {report['hold_s']:.1f} s"
-    return report["reason"] if report.get("played") else f"did not stand: {report['reason']}"
+        return f"stood after {report.stand_time_s:.2f} s{attempt}, held {report.hold_s:.1f} s"
+    return report.reason if report.played else f"did not stand: {report.reason}"
 
 
-def _describe_motion(report: dict[str, Any]) -> str:
-    if report.get("motion"):
-        return f"{report['motion']} ({report['strategy']})"
-    if report.get("policy"):
-        return f"policy {report['policy']}"
-    if not report["connection"]:
+def _describe_motion(report: RiseReport) -> str:
+    if report.motion:
+        return f"{report.motion} ({report.strategy})"
+    if report.policy:
+        return f"policy {report.policy}"
+    if not report.connection:
         return ""
-    text = f"{report['connection']} ({report['strategy']})"
-    if kept := report.get("plan_cache"):
-        apart = math.degrees(kept["joint_rad"])
-        took = report["plan_s"] + report["filter_s"]
+    text = f"{report.connection} ({report.strategy})"
+    if kept := report.plan_cache:
+        apart = math.degrees(kept.joint_rad)
+        took = report.plan_s + report.filter_s
         return f"{text}, plan kept from a start within {apart:.1f}°, checked in {took:.2f} s"
-    text += f", planned in {report['plan_s']:.2f} s" if report.get("planning") else ", not planned"
-    if not report.get("filtering"):
+    text += f", planned in {report.plan_s:.2f} s" if report.planning else ", not planned"
+    if not report.filtering:
         return f"{text}, not filtered"
-    text += f", filtered in {report['filter_s']:.2f} s over {report['rollouts']} rollouts"
-    robust = report["robust"]
+    text += f", filtered in {report.filter_s:.2f} s over {report.rollouts} rollouts"
+    robust = report.robust
     return text if robust is None else f"{text}, stands in {robust:.0%} of the disturbed ones"
 
 
-def _describe_attempts(report: dict[str, Any]) -> str:
+def _describe_attempts(report: RiseReport) -> str:
     """Describe how each attempt ended, if a later one stood."""
-    reasons = report["attempt_reasons"]
-    if len(reasons) < 2 or not report["stood"]:  # the headline names them all
+    reasons = report.attempt_reasons
+    if len(reasons) < 2 or not report.stood:  # the headline names them all
         return ""
     return "; ".join(f"{number}. {reason}" for number, reason in enumerate(reasons, start=1))
 
 
-def _describe_style(report: dict[str, Any]) -> str:
+def _describe_style(report: RiseReport) -> str:
     """Describe the style, and how well it was followed."""
-    if not report.get("style"):
+    if not report.style:
         return ""
-    summary = report.get("style_summary")
-    return f"{report['style']}: {summary}" if summary else report["style"]
+    summary = report.style_summary
+    return f"{report.style}: {summary}" if summary else report.style
 
 
-def _describe_moves(report: dict[str, Any]) -> str:
+def _describe_moves(report: RiseReport) -> str:
     """Describe the moves before the rise."""
-    if not report.get("moves"):
+    if not report.moves:
         return ""
-    text = f"{report['moves']} to where there is room to rise, before it"
-    text += f": {report['moves_s']:.1f} s, peak {report['moves_peak_torque_nm']:.2f} N·m"
-    head = report["moves_head_impact_m_s"]
+    text = f"{report.moves} to where there is room to rise, before it"
+    text += f": {report.moves_s:.1f} s, peak {report.moves_peak_torque_nm:.2f} N·m"
+    head = report.moves_head_impact_m_s
     return text if head is None else f"{text}, head {head:.2f} m/s"
 
 
-def _describe_keys(report: dict[str, Any]) -> str:
+def _describe_keys(report: RiseReport) -> str:
     """Describe how each key posture was passed, one line each."""
     return "\n".join(
-        f"{key['name']} at {key['time_s']:.2f} s, within {key['largest_joint_error_rad']:.3f} rad"
-        if key["kept"]
-        else f"{key['name']} dropped: {key['reason']}"
-        for key in report.get("keys") or ()
+        f"{key.name} at {key.time_s:.2f} s, within {key.largest_joint_error_rad:.3f} rad"
+        if key.kept
+        else f"{key.name} dropped: {key.reason}"
+        for key in report.keys
     )
 
 
-def _describe_preference(report: dict[str, Any]) -> str:
+def _describe_preference(report: RiseReport) -> str:
     """Describe the gain of a preference, by the rollouts before and after the improvement."""
-    if report.get("prefer") in (None, "time") or report["rollout"] is None:
+    if report.prefer in (None, "time") or report.rollout is None:
         return ""
-    spent = f"{report['searched_s']:.0f} s simulated"
-    if report.get("plan_cache"):
-        return f"{report['prefer']}, as when it was planned"
-    before, after = report["rollout_before_improvement"], report["rollout"]
+    spent = f"{report.searched_s:.0f} s simulated"
+    if report.plan_cache:
+        return f"{report.prefer}, as when it was planned"
+    before, after = report.rollout_before_improvement, report.rollout
     if before is None:
-        return f"{report['prefer']}: nothing better than the first rise found, {spent}"
+        return f"{report.prefer}: nothing better than the first rise found, {spent}"
     changes = [
-        f"{label} {before[key]:.2f} → {after[key]:.2f} {unit}" for label, key, unit in TRADED
+        f"{label} {getattr(before, key):.2f} → {getattr(after, key):.2f} {unit}"
+        for label, key, unit in TRADED
     ]
-    return f"{report['prefer']}: {', '.join(changes)}; {spent}"
+    return f"{report.prefer}: {', '.join(changes)}; {spent}"
 
 
-def _describe_impact(report: dict[str, Any]) -> str:
-    if report.get("head_impact_m_s") is None:
+def _describe_impact(report: RiseReport) -> str:
+    if report.head_impact_m_s is None:
         return ""
     return (
-        f"head {report['head_impact_m_s']:.2f} m/s, "
-        f"neck Δv {report['neck_delta_v_m_s']:.2f} m/s in a cycle"
+        f"head {report.head_impact_m_s:.2f} m/s, "
+        f"neck Δv {report.neck_delta_v_m_s:.2f} m/s in a cycle"
     )
 
 
-def _describe_load(report: dict[str, Any]) -> str:
-    if report["peak_torque_nm"] is None:
+def _describe_load(report: RiseReport) -> str:
+    if report.peak_torque_nm is None:
         return ""
-    about = "" if report.get("judged_by") == "truth" else "about "
+    about = "" if report.judged_by == "truth" else "about "
     return (
-        f"peak {about}{report['peak_torque_nm']:.2f} N·m "
-        f"({report['torque_use']:.0%} of the limit), "
-        f"braking {report['peak_braking_torque_nm']:.2f} N·m, "
-        f"RMS {report['rms_torque_nm']:.2f} N·m, peak {report['peak_velocity_rad_s']:.1f} rad/s"
+        f"peak {about}{report.peak_torque_nm:.2f} N·m "
+        f"({report.torque_use:.0%} of the limit), "
+        f"braking {report.peak_braking_torque_nm:.2f} N·m, "
+        f"RMS {report.rms_torque_nm:.2f} N·m, peak {report.peak_velocity_rad_s:.1f} rad/s"
     )
 
 
-def _describe_after(report: dict[str, Any]) -> str:
-    after = report.get("after")
+def _describe_after(report: RiseReport) -> str:
+    after = report.after
     if not after:
         return ""
-    left = after["hand_over"]
-    return f"{after['reason']}: {left['summary']}" if left else after["reason"]
+    left = after.hand_over
+    return f"{after.reason}: {left.summary}" if left else after.reason
 
 
-def _describe_faults(report: dict[str, Any]) -> str:
+def _describe_faults(report: RiseReport) -> str:
     touches = ("self_collisions", "ground_penetrations", "limit_violations")
     counted = (*touches, "clips", "holds", "overruns")
-    return ", ".join(_count(report[key], key) for key in counted if report.get(key))
+    numbers = {key: getattr(report, key) for key in counted}
+    return ", ".join(_count(number, key) for key, number in numbers.items() if number)
 
 
 def _count(number: int, key: str) -> str:

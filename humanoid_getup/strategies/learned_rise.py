@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
+from humanoid_getup.strategies.plan_figures import PlanFigures
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_style
 from robots import FULL_TORQUE, Posture, TorqueLimit
@@ -45,13 +45,14 @@ class PolicyPlan(RisePlan):
         """Judge supply and temperatures; the motion of a policy is unknown beforehand."""
         return preflight_robot(strategy.world.robot, settled.voltage, settled.temperature)
 
-    def record(self) -> dict[str, Any]:
-        """Return the figures of the plan under report.json's keys."""
+    def figures(self) -> PlanFigures:
+        """Return the figures of the plan."""
         style, followed = self.policy.style, self.policy.followed
-        return (
-            super().record()
-            | {"policy": self.name, "style": style and style.name}
-            | (followed.record() | {"style_summary": str(followed)} if followed else {})
+        return replace(
+            super().figures(),
+            policy=self.name,
+            style=style and style.name,
+            **(vars(followed.figures()) if followed else {}),
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_postures.key_record import KeyRecord
-from humanoid_getup.strategies.search.search_record import NO_SEARCH, SearchRecord
+from humanoid_getup.strategies.plan_figures import PlanFigures, RolloutFigures
+from humanoid_getup.strategies.search.search_record import SearchRecord
 from robots import Posture, TorqueLimit
 
 MOTION = "motion.npz"
@@ -110,25 +111,27 @@ class RisePlan:
     def forget(self) -> None:
         """Remove the plan from its cache, if any: it was refused, or failed."""
 
-    def record(self) -> dict[str, Any]:
-        """Return the figures of the plan under report.json's keys."""
+    def figures(self) -> PlanFigures:
+        """Return the figures of the plan."""
         joined = self.connection.motion if self.connection else None
-        return {
-            "planned": self.planned,
-            "plan_s": self.plan_s,
-            "filter_s": self.filter_s,
-            "rollouts": self.rollouts,
-            "rounds": self.rounds,
-            "robust": None if math.isnan(self.robust) else self.robust,
-            "connection": joined and joined.name,
-            "strategy": joined and joined.strategy,
-            "policy": None,
-            "style": None,
-            "plan_cache": None,
-            "balanced": None,
-            "keys": [key.record() for key in self.keys],
-            **(self.search.record() if self.search else NO_SEARCH),
-        }
+        search = self.search
+        before, after = (search.before, search.outcome) if search else (None, None)
+        return PlanFigures(
+            planned=self.planned,
+            plan_s=self.plan_s,
+            filter_s=self.filter_s,
+            rollouts=self.rollouts,
+            rounds=self.rounds,
+            robust=None if math.isnan(self.robust) else self.robust,
+            connection=joined and joined.name,
+            strategy=joined and joined.strategy,
+            keys=[key.figures for key in self.keys],
+            prefer=search and search.prefer,
+            search_budget_s=search and search.budget,
+            searched_s=search and search.simulated,
+            rollout=after and after.figures(RolloutFigures),
+            rollout_before_improvement=before and before.figures(RolloutFigures),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,9 +186,9 @@ class MotionPlan(RisePlan):
         """Return the plan without the feedback to the ankles; ``None`` if it has none."""
         return replace(self, balanced=False) if self._is_balanced else None
 
-    def record(self) -> dict[str, Any]:
-        """Return the figures of the plan under report.json's keys."""
-        return super().record() | {"balanced": self._is_balanced}
+    def figures(self) -> PlanFigures:
+        """Return the figures of the plan."""
+        return replace(super().figures(), balanced=self._is_balanced)
 
     def save(self, folder: Path) -> None:
         """Save the motion."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -140,32 +139,34 @@ class PlannedRise:
             outcome=found.rollout and found.rollout.outcome,
             before=found.before and found.before.outcome,
         )
-        figures: dict[str, Any] = {
-            "planned": found.planned,
-            "robust": found.robust,
-            "rollouts": rollouts,
-            "rounds": found.rounds,
-            "plan_s": found.plan_s,
-            "filter_s": filter_s,
-            "search": record,
-            "keys": found.keys,
-        }
+        tried = RisePlan(
+            status=RiseStatus.NOT_PLANNED,
+            planned=found.planned,
+            robust=found.robust,
+            rollouts=rollouts,
+            rounds=found.rounds,
+            plan_s=found.plan_s,
+            filter_s=filter_s,
+            search=record,
+            keys=found.keys,
+        )
         if found.move is not None:
             motion = make_move(self.world, start, found.move)
-            return MotionPlan(status=RiseStatus.MOVES, motion=motion, **figures)
+            return MotionPlan(**vars(replace(tried, status=RiseStatus.MOVES)), motion=motion)
         if found.rollout is not None:
-            return MotionPlan(
+            motion = make_motion(self.world, start, found.rollout)
+            plan = replace(
+                tried,
                 status=RiseStatus.STOOD,
-                motion=make_motion(self.world, start, found.rollout),
                 connection=found.rollout.candidate.connection,
                 stand_time=float(found.rollout.outcome.stand_time),
-                **figures,
             )
+            return MotionPlan(**vars(plan), motion=motion)
         if not found.rolled_out:
-            return RisePlan(status=RiseStatus.NOT_PLANNED, **figures)
+            return tried
         share = found.highest / self.world.robot.standing_neck_height
         detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
-        return RisePlan(status=RiseStatus.FELL, detail=detail, **figures)
+        return replace(tried, status=RiseStatus.FELL, detail=detail)
 
     def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Chain the smoothed path and the nearest motion without any physics."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from humanoid_getup.style.curves import CurveTargets, StyleCurves
@@ -72,6 +72,18 @@ class StyleErrors:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StyleFigures:
+    """How a style was followed, under report.json's keys; unset without one."""
+
+    style_followed: bool | UnsetType = UNSET
+    style_height_error: float | UnsetType = UNSET
+    style_angle_error_deg: float | UnsetType = UNSET
+    style_restarts: int | UnsetType = UNSET
+    style_start_error_deg: float | UnsetType = UNSET
+    style_summary: str | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True)
 class FollowedStyle:
     """Figures of one robot on its first curves."""
 
@@ -126,12 +138,13 @@ class FollowedStyle:
             text += f"; the curves begin {math.degrees(self.start_error):.0f}° from how it lay"
         return text
 
-    def record(self) -> dict[str, Any]:
+    def figures(self) -> StyleFigures:
         """Return the figures under report.json's keys."""
-        return {
-            "style_followed": self.was_followed,
-            "style_height_error": self.height_error,
-            "style_angle_error_deg": math.degrees(self.angle_error),
-            "style_restarts": self.restarts,
-            "style_start_error_deg": math.degrees(self.start_error),
-        }
+        return StyleFigures(
+            style_followed=self.was_followed,
+            style_height_error=self.height_error,
+            style_angle_error_deg=math.degrees(self.angle_error),
+            style_restarts=self.restarts,
+            style_start_error_deg=math.degrees(self.start_error),
+            style_summary=str(self),
+        )

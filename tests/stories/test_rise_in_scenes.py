@@ -34,7 +34,7 @@ def test_a_robot_under_a_table_crawls_out_and_rises(op3: Robot):
         result = hg.get_up(twin, hg.PlannedRise(world))
         assert result.stood, result.reason
         root = twin.truth.posture.position
-    assert result.record()["moves"] > 0
+    assert result.figures().moves > 0
     top = next(obstacle for obstacle in world.scene.obstacles if obstacle.name == "top")
     assert np.any(np.abs(root - top.position)[:2] > top.half_size[:2])
 

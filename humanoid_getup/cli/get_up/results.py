@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType, structs
 from rich.markup import escape
 
 from drivers import Ending
@@ -23,18 +24,25 @@ from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip, plots, style_plot
-from humanoid_getup.reporting.report import make_report, print_summary
+from humanoid_getup.reporting.report import (
+    ReportHead,
+    RiseSettings,
+    StandReport,
+    make_report,
+    print_summary,
+)
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_postures.key_record import find_passes
+from humanoid_getup.strategies.key_postures.key_record import KeyFigures, find_passes
 from robots.storage.encoding import to_json
 
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 
 
 @contextmanager
-def reporting_hand_over(after: AfterStand | None) -> Iterator[None]:
+def naming_hand_over(after: AfterStand | None) -> Iterator[None]:
     """Report that a robot was handed over under torque even if its results cannot be written."""
     try:
         yield
@@ -44,33 +52,29 @@ def reporting_hand_over(after: AfterStand | None) -> Iterator[None]:
         raise KeyboardInterrupt(str(after.hand_over)) from None
 
 
-def hand_over(
-    result: RiseResult, world: World, options: RunOptions, start: str, extra: dict[str, Any]
+def write_results(
+    result: RiseResult,
+    world: World,
+    options: RunOptions,
+    start: str,
+    settings: RiseSettings,
+    motion: Motion | None = None,
 ) -> int:
     """Write and print the result of a rise; return the exit code."""
-    settings = {
-        "body": str(world.robot.body),
-        "seed": options.seed,
-        "start": start,
-        "scene": options.scene,
-        "backend": options.backend,
-        "torque_limit_nm": options.torque_limit,
-        "limit_by": options.limit_by or world.robot.limit_by,
-        "then": options.ending,
-    }
-    report = make_report(result, settings | extra)
-    report["keys"] = _measure_keys(result, world)
+    head = _make_head(world, options, start)
+    report = make_report(result, head, settings, motion)
+    report = replace(report, keys=_measure_keys(result, world))
     files: list[str] = []
     if options.out is not None:
         with staging(options.out, ARTEFACTS) as folder:
-            report["strip_reason"] = _draw(result, world, options, folder)
-            if report["style"] is not None and (options.out / FLIGHT).exists():
-                title = f"{world.robot.name}, {report['start_class']}: style {report['style']}"
+            report = replace(report, strip_reason=_draw(result, world, options, folder))
+            if report.style is not None and (options.out / FLIGHT).exists():
+                title = f"{world.robot.name}, {report.start_class}: style {report.style}"
                 try:
                     record = FlightRecord.load(options.out / FLIGHT)
                     style_plot.save_flight(record, folder / STYLE, title=title)
                 except ValueError as error:  # an incomplete log
-                    report["warnings"].append(f"no {STYLE}: {error}")
+                    report.warnings.append(f"no {STYLE}: {error}")
             (folder / REPORT).write_text(to_json(report), "utf-8")
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
@@ -86,26 +90,33 @@ def hand_over(
     return HARDWARE_FAULT if by_fault else DID_NOT_STAND
 
 
-def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> int:
+def _make_head(
+    world: World, options: RunOptions | Sit | Hold, start: str | UnsetType = UNSET
+) -> ReportHead:
+    return ReportHead(
+        robot=world.robot.name,
+        body=str(world.robot.body),
+        seed=options.seed,
+        start=start,
+        scene=options.scene,
+        backend=options.backend,
+        torque_limit_nm=options.torque_limit,
+        limit_by=options.limit_by or world.robot.limit_by,
+        then=options.ending if isinstance(options, RunOptions) else options.then,
+    )
+
+
+def write_stand_results(result: AfterStand, world: World, options: Sit | Hold) -> int:
     """Write and print how a stand was kept and ended; return the exit code."""
-    report: dict[str, Any] = {
-        "robot": world.robot.name,
-        "body": str(world.robot.body),
-        "seed": options.seed,
-        "scene": options.scene,
-        "backend": options.backend,
-        "torque_limit_nm": options.torque_limit,
-        "limit_by": options.limit_by or world.robot.limit_by,
-        "then": options.then,
-        **result.record(),
-    }
+    report = StandReport(**vars(_make_head(world, options)), **vars(result.figures()))
     if options.out is not None:
         outcome = result.way_down and result.way_down.outcome
         with staging(options.out, ARTEFACTS) as folder:
-            report["strip_reason"] = "the robot did not lie down"
+            reason = "the robot did not lie down"
             if outcome is not None:
                 title = f"{world.robot.name}: sitting and lying down"
-                report["strip_reason"] = draw_run(outcome, world, options, folder, title)
+                reason = draw_run(outcome, world, options, folder, title)
+            report = replace(report, strip_reason=reason)
             (folder / REPORT).write_text(to_json(report), "utf-8")
             write_json(report, options)
     else:
@@ -119,15 +130,16 @@ def hand_over_stand(result: AfterStand, world: World, options: Sit | Hold) -> in
     return HARDWARE_FAULT if result.by_fault else DID_NOT_STAND
 
 
-def _measure_keys(result: RiseResult, world: World) -> list[dict[str, Any]]:
-    """Return the records of the key postures; kept ones have their error as played."""
-    outcome, kept = result.outcome, [key for key in result.plan.keys if key.kept]
+def _measure_keys(result: RiseResult, world: World) -> list[KeyFigures]:
+    """Return the figures of the key postures; kept ones have their error as played."""
+    outcome, kept = result.outcome, [key for key in result.plan.keys if key.figures.kept]
     played = dict[int, float]()
     if outcome is not None and kept:
         passes = find_passes(world, outcome.qpos, [key.posture for key in kept])
         played = {id(key): one.largest for key, one in zip(kept, passes, strict=True)}
     return [
-        key.record() | {"played_joint_error_rad": played.get(id(key))} for key in result.plan.keys
+        structs.replace(key.figures, played_joint_error_rad=played.get(id(key)))
+        for key in result.plan.keys
     ]
 
 
@@ -147,7 +159,7 @@ def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -
     attempt = f", attempt {len(result.attempts)}" if len(result.attempts) > 1 else ""
     title = f"{robot.name}{where}, {lay}{side} start{attempt}: {plan.label}"
     if result.moves:
-        moved = result.record()["moves_s"]
+        moved = result.figures().moves_s
         title += f", after {moved:.1f} s of moves"
     moves = [move.outcome for move in result.moves]
     return draw_run(outcome, world, options, folder, title, end, moves)

@@ -6,11 +6,10 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from humanoid_getup.cli.get_up.results import hand_over, reporting_hand_over
+from humanoid_getup.cli.get_up.results import naming_hand_over, write_results
 from humanoid_getup.cli.get_up.session import run_session
 from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
 from humanoid_getup.cli.options.shared import RunOptions
@@ -27,6 +26,7 @@ from humanoid_getup.jobs.inputs import (
 from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.choice import StrategyRequest, apply_style, choose_strategy
@@ -45,11 +45,9 @@ def rise(command: Rise) -> int:
         max_attempts=command.attempts,
         # Without the filter, the purpose is to see whether the raw path stands.
         preflight=command.filtering,
-        extra={
-            "method": command.method,
-            "planning": command.planning,
-            "filtering": command.filtering,
-        },
+        settings=RiseSettings(
+            method=command.method, planning=command.planning, filtering=command.filtering
+        ),
     )
 
 
@@ -63,7 +61,7 @@ def run_policy(command: RunPolicy) -> int:
     learned = LearnedRise(world, policy, torque_limit=limit, name=name)
     with refusing():
         strategy = apply_style(learned, command.style)
-    return _get_up(command, strategy, extra={"method": POLICY})
+    return _get_up(command, strategy, settings=RiseSettings(method=POLICY))
 
 
 def play(command: Play) -> int:
@@ -84,7 +82,7 @@ def play(command: Play) -> int:
         motion,
         preflight=command.preflight,
         without_imu=command.without_imu,
-        extra={"motion": motion.name, "strategy": motion.strategy},
+        settings=RiseSettings(),
     )
 
 
@@ -132,20 +130,17 @@ def _get_up(
     max_attempts: int = 1,
     preflight: bool = True,
     without_imu: bool = False,
-    extra: dict[str, Any],
+    settings: RiseSettings,
 ) -> int:
-    """Get the robot of a command up and write the result; return the exit code.
-
-    The extra keys are those of the report.
-    """
+    """Get the robot of a command up and write the result; return the exit code."""
 
     def prepare(session: Session, rng: np.random.Generator) -> Callable[[], RiseResult]:
         manager = AttemptManager(session, strategy, max_attempts=max_attempts)
         return lambda: manager.get_up(rng)
 
     def finish(result: RiseResult, start: str) -> int:
-        with reporting_hand_over(result.after):
-            return hand_over(result, strategy.world, command, start, extra)
+        with naming_hand_over(result.after):
+            return write_results(result, strategy.world, command, start, settings, motion)
 
     return run_session(
         command,

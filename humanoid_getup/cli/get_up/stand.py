@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.get_up.recording import make_log, recording
-from humanoid_getup.cli.get_up.results import hand_over_stand, reporting_hand_over
+from humanoid_getup.cli.get_up.results import naming_hand_over, write_stand_results
 from humanoid_getup.cli.get_up.session_hooks import SessionHooks
 from humanoid_getup.cli.options.rise import Hold, Sit
 from humanoid_getup.cli.shared.console import phase
@@ -38,5 +38,5 @@ def _keep_stand(command: Sit | Hold) -> int:
             session = Session.on(choice.backend, world, limit, options)
             result = hooks.work(session.guard, lambda: StandKeeper(session).start)
         report("drawing")
-        with reporting_hand_over(result):
-            return hand_over_stand(result, world, command)
+        with naming_hand_over(result):
+            return write_stand_results(result, world, command)

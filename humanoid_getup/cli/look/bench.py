@@ -72,7 +72,7 @@ def bench(command: JobRequest) -> int:
     """Run a benchmark, and print its main figures."""
     with showing(command) as report:
         result = benchmark(command, report)
-    return hand_over(result, command)
+    return write_results(result, command)
 
 
 def bench_all(command: BenchAll) -> int:
@@ -83,7 +83,7 @@ def bench_all(command: BenchAll) -> int:
     return code
 
 
-def hand_over(result: BenchHead, command: JobRequest) -> int:
+def write_results(result: BenchHead, command: JobRequest) -> int:
     """Write the results, print the main figures as a table, and return the exit code.
 
     The code is 1 if a limit was passed, a wrong position believed, or a robot never safe.

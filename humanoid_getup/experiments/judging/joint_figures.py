@@ -33,14 +33,7 @@ class JointFigures(msgspec.Struct, frozen=True, kw_only=True):
         """Measure a run, one state a control period, under a torque limit [N·m]."""
         record = record_joints(robot, states, robot.control_period)
         outcome = Outcome(record, robot, torque_limit=torque_limit)
-        return JointFigures(
-            peak_torque_nm=float(outcome.peak_torque),
-            peak_braking_torque_nm=float(outcome.peak_braking_torque),
-            rms_torque_nm=float(outcome.rms_torque),
-            torque_use=float(outcome.torque_use),
-            peak_velocity_rad_s=float(outcome.peak_velocity),
-            limit_violations=int(outcome.limit_violations),
-        )
+        return outcome.figures(JointFigures)
 
     def __str__(self) -> str:
         """Describe the load of the servos in one line."""

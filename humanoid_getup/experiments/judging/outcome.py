@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from inspect import signature
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +28,26 @@ APART = 0.1  # s after which a collision or violation counts again
 LIMIT_SLACK = np.radians(1.0)  # a soft joint stop yields this much
 WINDOW = 25  # samples over which a robot has to be nearly upright to make progress
 
+FIGURES = {
+    "stand_time_s": "stand_time",
+    "peak_torque_nm": "peak_torque",
+    "peak_braking_torque_nm": "peak_braking_torque",
+    "peak_velocity_rad_s": "peak_velocity",
+    "torque_use": "torque_use",
+    "rms_torque_nm": "rms_torque",
+    "self_overlap_m": "overlap",
+    "self_collisions": "self_collisions",
+    "ground_penetrations": "ground_penetrations",
+    "limit_violations": "limit_violations",
+    "head_impact_m_s": "head_impact",
+    "torso_impact_m_s": "torso_impact",
+    "neck_delta_v_m_s": "neck_delta_v",
+}
+"""Figures of load and contact, by their keys in reports."""
+
 Bools = NDArray[np.bool_]
 Counts = NDArray[np.int_]
+Kind = TypeVar("Kind")
 
 
 class Outcome:
@@ -209,27 +229,11 @@ class Outcome:
         """Return whether it is judged by sensors alone: torques are estimated, contacts unknown."""
         return self.record.is_sensed
 
-    def figures(self) -> dict[str, Any]:
-        """Return the figures of load and contact under the keys of reports; of N runs, lists."""
-        figures = {
-            "stand_time_s": self.stand_time,
-            "peak_torque_nm": self.peak_torque,
-            "peak_braking_torque_nm": self.peak_braking_torque,
-            "peak_velocity_rad_s": self.peak_velocity,
-            "torque_use": self.torque_use,
-            "rms_torque_nm": self.rms_torque,
-            "self_overlap_m": self.overlap,
-            "self_collisions": self.self_collisions,
-            "ground_penetrations": self.ground_penetrations,
-            "limit_violations": self.limit_violations,
-            "head_impact_m_s": self.head_impact,
-            "torso_impact_m_s": self.torso_impact,
-            "neck_delta_v_m_s": self.neck_delta_v,
-        }
-        return {
-            key: None if value is None else np.asarray(value).tolist()
-            for key, value in figures.items()
-        }
+    def figures(self, kind: Callable[..., Kind]) -> Kind:
+        """Make something of those figures of one run that it takes, under their keys in reports."""
+        keys = signature(kind).parameters.keys() & FIGURES.keys()
+        found = {key: getattr(self, FIGURES[key]) for key in keys}
+        return kind(**{k: None if v is None else np.asarray(v).item() for k, v in found.items()})
 
     def _count_episodes(self, present: Bools) -> Counts:
         """Count the episodes of flags (..., T), joined across short gaps, (...)."""

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
 import msgspec
 import numpy as np
 
-SUMMARIZED = (
-    "stand_time_s",
-    "plan_s",
-    "filter_s",
-    "torque_use",
-    "peak_torque_nm",
-    "rms_torque_nm",
-    "head_impact_m_s",
-)
-COUNTED = ("self_collisions", "ground_penetrations", "limit_violations", "clips")
 Z95 = 1.959964  # quantile of the normal distribution
 
 
@@ -27,6 +18,25 @@ class Quantiles(msgspec.Struct, frozen=True, kw_only=True):
 
     median: float | None = None
     p95: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SummarizedRise:
+    """What is summarized of a rise, by report.json's keys; None if it did not get that far."""
+
+    planned: bool = False
+    stood: bool | None = False
+    stand_time_s: float | None = None
+    plan_s: float = 0.0
+    filter_s: float = 0.0
+    torque_use: float | None = None
+    peak_torque_nm: float | None = None
+    rms_torque_nm: float | None = None
+    head_impact_m_s: float | None = None
+    self_collisions: int | None = None
+    ground_penetrations: int | None = None
+    limit_violations: int | None = None
+    clips: int = 0
 
 
 class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,18 +59,15 @@ class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
     clips: int
 
     @classmethod
-    def of(cls, records: Sequence[Mapping[str, Any]], **others: Any) -> Self:
-        """Summarize the records of rises; ``others`` are further fields."""
-        stood = sum(bool(r["stood"]) for r in records)
-        figures: dict[str, Any] = {key: sum(r.get(key) or 0 for r in records) for key in COUNTED}
-        figures |= {key: summarize(r.get(key) for r in records) for key in SUMMARIZED}
-        return cls(
-            n=len(records),
-            planned=sum(bool(r["planned"]) for r in records),
-            stood=stood,
-            stood_interval_95=wilson_interval(stood, len(records)),
-            **(figures | others),
-        )
+    def of(cls, rises: Sequence[SummarizedRise], **others: Any) -> Self:
+        """Summarize rises; ``others`` are further fields."""
+        for field in msgspec.structs.fields(RiseSummary):
+            if hasattr(SummarizedRise, field.name):
+                values = [getattr(rise, field.name) for rise in rises]
+                spreads = field.type is Quantiles
+                others[field.name] = summarize(values) if spreads else sum(v or 0 for v in values)
+        n = len(rises)
+        return cls(n=n, stood_interval_95=wilson_interval(others["stood"], n), **others)
 
 
 def wilson_interval(successes: int, n: int) -> tuple[float, float]:

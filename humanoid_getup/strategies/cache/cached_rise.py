@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import version
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -25,6 +24,7 @@ from humanoid_getup.strategies.cache.plan_cache import (
 )
 from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
+from humanoid_getup.strategies.plan_figures import CacheFigures, PlanFigures
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.search.search_record import SearchRecord
 from robots import Posture, Robot, quaternion
@@ -67,17 +67,17 @@ class KeptPlan(MotionPlan):
         """Remove the plan from the cache."""
         self.cache.remove(self.entry)
 
-    def record(self) -> dict[str, Any]:
-        """Return the figures of the plan under report.json's keys."""
+    def figures(self) -> PlanFigures:
+        """Return the figures of the plan."""
         near = self.nearness
-        reused = near and {
-            "entry": self.entry.name,
-            "age_s": now() - self.entry.rise.made,
-            "distance": near.distance,
-            "joint_rad": near.joint,
-            "tilt_rad": near.tilt,
-        }
-        return super().record() | {"plan_cache": reused}
+        reused = near and CacheFigures(
+            entry=self.entry.name,
+            age_s=now() - self.entry.rise.made,
+            distance=near.distance,
+            joint_rad=near.joint,
+            tilt_rad=near.tilt,
+        )
+        return replace(super().figures(), plan_cache=reused)
 
 
 class CachedRise:

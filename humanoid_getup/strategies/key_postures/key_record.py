@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -42,32 +43,29 @@ class KeyPass:
         return self.distance <= 1.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class KeyRecord:
-    """Result of a key posture in a plan."""
+class KeyFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """Result of a key posture in a plan, under report.json's keys."""
 
     name: str
-    posture: Posture
     kept: bool
-    time: float | None = None
-    """Time at which the motion passes it [s]; ``None`` if it does not."""
-    joint_error: float | None = None
-    """Largest joint error at that instant of the undisturbed rollout [rad]."""
-    tilt_error: float | None = None
-    """Error of the torso's tilt at that instant [rad]."""
+    time_s: float | None = None
+    """Time at which the motion passes it; ``None`` if it does not."""
+    largest_joint_error_rad: float | None = None
+    """At that instant of the undisturbed rollout."""
+    tilt_error_rad: float | None = None
+    """Of the torso, at that instant."""
     reason: str = ""
     """Reason why it was dropped; empty if it was kept."""
+    played_joint_error_rad: float | UnsetType | None = UNSET
+    """In the rise itself; unset where only the plan is known."""
 
-    def record(self) -> dict[str, Any]:
-        """Return it under report.json's keys."""
-        return {
-            "name": self.name,
-            "kept": self.kept,
-            "time_s": self.time,
-            "largest_joint_error_rad": self.joint_error,
-            "tilt_error_rad": self.tilt_error,
-            "reason": self.reason,
-        }
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeyRecord:
+    """A key posture, and its result in a plan."""
+
+    posture: Posture
+    figures: KeyFigures
 
 
 def find_passes(world: World, qpos: Array, keys: Sequence[Posture]) -> list[KeyPass]:

@@ -14,6 +14,7 @@ from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.strategies.key_postures.key_record import (
     CLOSE_TILT,
+    KeyFigures,
     KeyPass,
     KeyRecord,
     find_passes,
@@ -166,20 +167,22 @@ class KeyedRise:
     ) -> tuple[KeyRecord, ...]:
         passed = {id(key): one for key, one in zip(keys, passes, strict=True)}
         return tuple(
-            self._record_pass(key, passed[id(key)])
-            if id(key) in passed
-            else KeyRecord(name=key.name, posture=key.posture, kept=False, reason=reasons[id(key)])
+            KeyRecord(
+                posture=key.posture,
+                figures=self._measure_pass(key.name, passed[id(key)])
+                if id(key) in passed
+                else KeyFigures(name=key.name, kept=False, reason=reasons[id(key)]),
+            )
             for key in self._keys
         )
 
-    def _record_pass(self, key: KeyPosture, one: KeyPass) -> KeyRecord:
-        return KeyRecord(
-            name=key.name,
-            posture=key.posture,
+    def _measure_pass(self, name: str, one: KeyPass) -> KeyFigures:
+        return KeyFigures(
+            name=name,
             kept=one.is_kept,
-            time=(one.frame + 1) * self._world.robot.control_period,
-            joint_error=one.largest,
-            tilt_error=one.tilt,
+            time_s=(one.frame + 1) * self._world.robot.control_period,
+            largest_joint_error_rad=one.largest,
+            tilt_error_rad=one.tilt,
             reason="" if one.is_kept else self._describe(one),
         )
 

@@ -26,8 +26,8 @@ def test_the_main_benchmark_counts_what_its_rises_say(op3, world):
     planner = PlannedRise(world, load_database(op3), options=PlannerOptions(planning=False))
     result = bench_rise(planner, seed=4, each=1, report=seen.append)
     assert result.n == 3
-    assert [r["bench_class"] for r in seen] == ["supine", "prone", "lateral"]
-    assert result.all.stood == sum(r["stood"] for r in seen)
+    assert [r.bench_class for r in seen] == ["supine", "prone", "lateral"]
+    assert result.all.stood == sum(r.stood for r in seen)
     assert result.all.planned == 0  # nothing was planned
     check_classes(result)
 
@@ -56,10 +56,10 @@ def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
     ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned(world)}
     result = bench_methods(ways, seed=4, each=1, report=seen.append)
     assert result.n == 3
-    assert [r["way"] for r in seen] == ["motion"] * 3 + ["nothing"] * 3
-    assert [r["start_class"] for r in seen[:3]] == [r["start_class"] for r in seen[3:]]
+    assert [r.way for r in seen] == ["motion"] * 3 + ["nothing"] * 3
+    assert [r.start_class for r in seen[:3]] == [r.start_class for r in seen[3:]]
     assert result.cases["nothing"].stood == 0
-    assert result.cases["motion"].stood == sum(r["stood"] for r in seen[:3])
+    assert result.cases["motion"].stood == sum(r.stood for r in seen[:3])
 
 
 @pytest.fixture

@@ -142,8 +142,8 @@ def test_plans_meet_the_same_falls_in_every_world(world: World):
     assert len(seen) == 3 * len(cases) * 2
     for case in cases:
         for way in (OPEN_LOOP, FEEDBACK):
-            ours = [r for r in seen if r["case"] == case and r["way"] == way]
+            ours = [r for r in seen if r.case == case and r.way == way]
             summary = result.cases[f"{case}: {way}"]
-            assert [r["fall"] for r in ours] == [0, 1, 2]
-            assert summary.stood == sum(r["stood"] for r in ours)
-            assert summary.refused + sum(r["attempts"] for r in ours) == 3
+            assert [r.fall for r in ours] == [0, 1, 2]
+            assert summary.stood == sum(r.stood for r in ours)
+            assert summary.refused + sum(r.attempts for r in ours) == 3

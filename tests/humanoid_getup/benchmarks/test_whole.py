@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from msgspec import convert
 
+from humanoid_getup.benchmarks.bench_result import KeptRise
 from humanoid_getup.benchmarks.part import MethodRises
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import make_caps
@@ -81,12 +82,12 @@ def summary(whole, results):
 def test_every_method_gets_the_same_falls_under_every_cap(results):
     rises = [one.rises for one in results.values() if isinstance(one, MethodRises)]
     assert len(rises) == 4
-    assert {tuple(rise["start_class"] for rise in some) for some in rises} == {CLASSES}
+    assert {tuple(rise.start_class for rise in some) for some in rises} == {CLASSES}
 
 
 def test_the_summary_counts_what_the_rises_say(results, summary):
     for name, case in summary.cases.items():
-        stood = [rise["stood"] for rise in results[name].rises]
+        stood = [rise.stood for rise in results[name].rises]
         assert (case.n, case.stood) == (4, sum(stood)), name
         assert case.stood_interval_95 == wilson_interval(sum(stood), 4)
         assert [c.stood for c in case.classes.values()] == stood
@@ -97,10 +98,10 @@ def test_the_summary_counts_what_the_rises_say(results, summary):
 
 @pytest.mark.parametrize(("method", "name"), [(0, "push up"), (1, "nothing")])
 def test_a_rise_that_is_repeated_is_the_same(whole, results, method, name):
-    again = whole.repeat(whole.methods[method], 1).record()
+    again = whole.repeat(whole.methods[method], 1).figures()
     before = results[f"{name}, stall torque"].rises[1]
-    kept = as_kept({key: again.get(key) for key in before if key != "bench_class"})
-    assert kept == {key: value for key, value in before.items() if key != "bench_class"}
+    kept = convert(again, KeptRise, from_attributes=True)
+    assert replace(kept, bench_class=before.bench_class) == before
 
 
 def test_a_part_depends_on_what_changes_its_result(whole):

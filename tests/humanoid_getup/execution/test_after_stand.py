@@ -10,6 +10,7 @@ from drivers.control_loop import TimingSummary
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.playback.monitors import Abort, AbortKind
 from robots import Robot
+from robots.storage.encoding import to_plain
 
 FELL = Abort(AbortKind.FELL, "tilt 40°", 3.26)
 
@@ -91,7 +92,7 @@ def test_an_aborted_step_did_not_come_to_its_end_and_a_judged_one_did():
 
 def test_a_hand_over_names_what_each_servo_is_left_with(handed_over: AfterStand, tiny: Robot):
     assert handed_over.reason == "held for 3.0 s, handed over under torque"
-    record = handed_over.record()
+    record = to_plain(handed_over.figures())
     assert (record["succeeded"], record["held_s"], record["way_down_s"]) == (True, 3.0, None)
     left = record["hand_over"]
     assert (left["watchdog"], left["limit_by"]) == ("off", "current")

@@ -210,7 +210,7 @@ def test_a_rise_that_falls_with_balance_alone_is_played_and_held_without(
     assert result.status is AttemptStatus.STOOD, result.reason
     (attempt,) = result.attempts
     assert attempt.plan is not None and not attempt.plan.balanced
-    assert result.record()["balanced"] is False
+    assert result.figures().balanced is False
     assert attempt.after is not None
     assert attempt.after.succeeded, attempt.after.reason
 
@@ -486,21 +486,21 @@ def test_a_reboot_is_allowed_again_when_the_window_has_passed():
 
 def test_a_rise_reports_every_attempt(manage, motions):
     plans = Scripted(motions[WRONG], motions[RIGHT])
-    record = get_up_with(manage(plans, sensed=True, max_attempts=2)).record()
-    assert (record["stood"], record["attempts"], record["reason"]) == (True, 2, "held stand")
-    assert record["attempt_reasons"][0].startswith("aborted after 1.0 s")
-    assert record["attempt_reasons"][1] == "held stand"
-    assert (record["judged_by"], record["self_collisions"]) == ("sensors", None)
-    assert record["peak_torque_nm"] > 0.5
+    figures = get_up_with(manage(plans, sensed=True, max_attempts=2)).figures()
+    assert (figures.stood, figures.attempts, figures.reason) == (True, 2, "held stand")
+    assert figures.attempt_reasons[0].startswith("aborted after 1.0 s")
+    assert figures.attempt_reasons[1] == "held stand"
+    assert (figures.judged_by, figures.self_collisions) == ("sensors", None)
+    assert figures.peak_torque_nm > 0.5
 
 
 def test_a_robot_that_cannot_be_measured_still_gives_a_record(manage, motions, twin):
     twin.spoil = lambda state: replace(state, voltage=9.1)
     result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
     assert result.status is AttemptStatus.NEEDS_HELP
-    record = result.record()
-    assert (record["planned"], record["stood"], record["attempts"]) == (False, False, 0)
-    assert "the supply is too low: 9.1 V" in record["reason"]
+    figures = result.figures()
+    assert (figures.planned, figures.stood, figures.attempts) == (False, False, 0)
+    assert "the supply is too low: 9.1 V" in figures.reason
 
 
 def test_a_robot_placed_at_rest_is_played_from_there_without_settling(manage, motions, twin):

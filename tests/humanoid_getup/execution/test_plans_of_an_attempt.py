@@ -101,9 +101,9 @@ def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone,
     (attempt,) = result.attempts
     assert attempt.refused == (wrong,)
     assert wrong.motion.provenance.pop("forgotten") == 1
-    record = result.record()
-    assert (record["refused_plans"], record["moves"], record["attempts"]) == (1, 0, 1)
-    assert record["plan_s"] == pytest.approx(1.5)
+    figures = result.figures()
+    assert (figures.refused_plans, figures.moves, figures.attempts) == (1, 0, 1)
+    assert figures.plan_s == pytest.approx(1.5)
 
 
 def test_after_a_few_plans_that_fall_nothing_is_played(world, prone, motions):
@@ -128,7 +128,7 @@ def test_a_robot_that_tips_over_while_it_is_planned_for_is_planned_for_again(
     result, strategy = get_up(world, prone, [for_the_side, right])
     assert [start is prone for start in strategy.starts] == [False, True]
     assert result.stood
-    assert result.record()["refused_plans"] == 1
+    assert result.figures().refused_plans == 1
 
 
 def _begin_as(motion: Motion, posture: Posture) -> Motion:
@@ -153,8 +153,8 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
     assert len(strategy.starts) == 2
     # The torso stays where it is; what the arm does is measured, not taken from the plan.
     assert np.abs(strategy.starts[1].joint_pos - strategy.starts[0].joint_pos).max() > 1e-4
-    record = result.record()
-    assert (record["moves"], record["refused_plans"], record["plan_s"]) == (1, 0, 2.5)
+    figures = result.figures()
+    assert (figures.moves, figures.refused_plans, figures.plan_s) == (1, 0, 2.5)
 
 
 def test_the_start_class_is_that_before_any_move(world, prone, motions, move, monkeypatch):
@@ -169,9 +169,9 @@ def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move
     wrong = Refused(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
     rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     result, _ = get_up(world, prone, [wrong, move, rise])
-    record = result.record()
-    assert (record["stood"], record["refused_plans"], record["moves"]) == (True, 1, 1)
-    assert record["plan_s"] == pytest.approx(6.5)
+    figures = result.figures()
+    assert (figures.stood, figures.refused_plans, figures.moves) == (True, 1, 1)
+    assert figures.plan_s == pytest.approx(6.5)
 
 
 def test_dead_reckoning_puts_a_robot_where_its_move_should_end(move):

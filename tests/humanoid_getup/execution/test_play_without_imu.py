@@ -71,9 +71,9 @@ def test_a_motion_is_played_and_no_stand_is_claimed(bare, squat):
     result, sent = play_on_twin(bare, squat, place_at_start(bare, squat))
     assert result.status is AttemptStatus.PLAYED
     assert result.reason == UNKNOWN
-    record = result.record()
-    assert (record["stood"], record["judged_by"], record["start_class"]) == (None, None, None)
-    assert 0.0 < record["peak_torque_nm"] <= bare.robot.max_torque.max()
+    figures = result.figures()
+    assert (figures.stood, figures.judged_by, figures.start_class) == (None, None, None)
+    assert 0.0 < figures.peak_torque_nm <= bare.robot.max_torque.max()
     assert np.abs(sent[-1] - squat.joint_target[-1]).max() < 0.002  # whole ticks
 
 
@@ -111,7 +111,7 @@ def test_a_robot_that_is_held_keeps_its_last_targets_until_a_key_is_pressed(bare
         is_released=is_released,
         on_cycle=lambda cycle: sent.append(cycle.sent.joint_pos),
     )
-    assert result.record()["held_s"] >= 45 * bare.robot.control_period
+    assert result.figures().held_s >= 45 * bare.robot.control_period
     assert np.array_equal(sent[-1], sent[-40])
     assert not twin.simulation.has_torque
     assert result.reason == UNKNOWN
@@ -189,5 +189,5 @@ def test_a_guard_still_stands_between_the_motion_and_the_servos(bare, squat):
     guard.stop("a key")
     result = play(guard, squat)
     assert result.status is not AttemptStatus.PLAYED
-    assert not result.record()["played"]
+    assert not result.figures().played
     assert "stands" not in result.reason

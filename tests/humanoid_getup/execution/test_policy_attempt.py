@@ -140,8 +140,8 @@ def test_a_policy_that_does_nothing_is_run_to_its_end_and_judged(world, idle, su
     assert result.run is not None
     assert (result.run.ending, result.run.clips.total) == (Ending.DONE, 0)
     assert result.run.duration == pytest.approx(SHORT, abs=2 * PERIOD)
-    record = result.record()
-    assert (record["policy"], record["planned"], record["connection"]) == ("mine", False, None)
+    figures = result.figures()
+    assert (figures.policy, figures.planned, figures.connection) == ("mine", False, None)
 
 
 def test_a_policy_that_gives_up_leaves_the_robot_limp(world, lost, supine):
@@ -202,4 +202,4 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
 def test_a_policy_in_a_plan_is_named(world: World, idle: OnnxPolicy, supine: Posture):
     plan = LearnedRise(world, idle, name="mine").plan(supine, np.random.default_rng(0))
     assert isinstance(plan, PolicyPlan)
-    assert (plan.title, plan.record()["policy"], plan.policy) == ("policy mine", "mine", idle)
+    assert (plan.title, plan.figures().policy, plan.policy) == ("policy mine", "mine", idle)

@@ -62,10 +62,10 @@ def test_a_robot_that_stands_sits_and_lies_down_and_is_limp_then(world: World, o
     assert result.reason == "sat and lay down, torque off"
     assert classify(twin.truth.posture.orientation) == "supine"
     assert not twin.simulation.has_torque
-    record = result.record()
-    assert record["head_impact_m_s"] < 0.3
-    assert record["torso_impact_m_s"] < 0.3
-    assert record["peak_torque_nm"] <= 2.0 + 1e-9
+    figures = result.figures()
+    assert figures.head_impact_m_s < 0.3
+    assert figures.torso_impact_m_s < 0.3
+    assert figures.peak_torque_nm <= 2.0 + 1e-9
 
 
 def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
@@ -89,7 +89,7 @@ def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
     assert not any(command.is_limp for command in sent)
     moved = np.abs(np.diff([command.joint_pos for command in sent], axis=0)).max()
     assert moved <= twin.robot.max_velocity.max() * twin.period
-    assert result.record()["after"]["held_s"] == pytest.approx(2.0, abs=0.1)
+    assert result.figures().after.held_s == pytest.approx(2.0, abs=0.1)
     assert classify(twin.truth.posture.orientation) == "supine"
 
 
@@ -106,9 +106,9 @@ def test_torque_is_left_on_only_for_another_program(
     left = result.after.hand_over
     assert (left is not None) is has_torque
     if left is not None:
-        knee = left.record()["joints"]["l_knee"]
-        assert knee["target_rad"] == pytest.approx(0.8901, abs=0.002)  # as in robot.toml
-        assert (knee["torque_limit_nm"], knee["position_p_gain"]) == (
+        knee = left.figures().joints["l_knee"]
+        assert knee.target_rad == pytest.approx(0.8901, abs=0.002)  # as in robot.toml
+        assert (knee.torque_limit_nm, knee.position_p_gain) == (
             pytest.approx(4.1, abs=0.005),
             800,
         )
@@ -259,7 +259,7 @@ def test_a_robot_that_stood_lies_down_whenever_it_is_released(world: World, op3:
     session = begin(twin, world, then="hold", is_released=after(10.0, twin.period))
     result = StandKeeper(replace(session, simulation=None)).start()
     assert result.succeeded, result.reason
-    assert result.record()["held_s"] == pytest.approx(10.0, abs=0.1)
+    assert result.figures().held_s == pytest.approx(10.0, abs=0.1)
     assert classify(twin.truth.posture.orientation) == "supine"
 
 

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from humanoid_getup.benchmarks.whole import CapSummary
+from humanoid_getup.experiments.judging.summary import SummarizedRise
 from humanoid_getup.reporting import benchmark_plot
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 
 
 def case(method: str, cap: str, stood: int, median: float | None) -> CapSummary:
-    rises = [{"stood": k < stood, "planned": True, "stand_time_s": median} for k in range(10)]
+    rises = [SummarizedRise(stood=k < stood, planned=True, stand_time_s=median) for k in range(10)]
     return CapSummary.of(
         rises,
         method=method,

@@ -39,7 +39,7 @@ def test_player_preflight_and_report_agree_on_balance(
     expected = simulated and rises and balanced
     assert given == [expected]
     assert made == [expected]
-    assert plan.record()["balanced"] is expected
+    assert plan.figures().balanced is expected
     assert (plan.open_loop() is None) is not expected
 
 

@@ -50,9 +50,9 @@ def test_a_plan_says_where_the_robot_lay_and_what_its_rollout_took(plan):
     )
     assert search.outcome.stand_time == pytest.approx(plan.stand_time)
     assert 0.3 < search.outcome.rms_torque < search.outcome.peak_torque <= 4.1
-    record = plan.record()
-    assert record["rollout"]["rms_torque_nm"] == float(search.outcome.rms_torque)
-    assert record["rollout_before_improvement"] is None
+    figures = plan.figures()
+    assert figures.rollout.rms_torque_nm == float(search.outcome.rms_torque)
+    assert figures.rollout_before_improvement is None
     assert str(plan).startswith(f"{plan.title}: a rollout ends in a held stand, stands in ")
 
 

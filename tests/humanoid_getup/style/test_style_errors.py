@@ -81,4 +81,4 @@ def test_it_is_said_whether_curves_were_followed(facts, is_followed, text):
     assert text in str(followed)
     assert followed.was_followed is is_followed
     assert str(followed).startswith("followed") == is_followed
-    assert followed.record()["style_restarts"] == restarts
+    assert followed.figures().style_restarts == restarts

@@ -3,6 +3,7 @@ import pytest
 from humanoid_getup.experiments.judging.summary import (
     Quantiles,
     RiseSummary,
+    SummarizedRise,
     summarize,
     wilson_interval,
 )
@@ -30,12 +31,12 @@ def test_a_summary_leaves_out_what_is_no_number():
     assert summarize([None]) == Quantiles()
 
 
-def test_records_are_counted():
-    records = [
-        {"stood": True, "planned": True, "stand_time_s": 2.0, "self_collisions": 2},
-        {"stood": False, "planned": True, "stand_time_s": None, "self_collisions": 1},
+def test_rises_are_counted():
+    rises = [
+        SummarizedRise(stood=True, planned=True, stand_time_s=2.0, self_collisions=2),
+        SummarizedRise(stood=False, planned=True, self_collisions=1),
     ]
-    summary = RiseSummary.of(records)
+    summary = RiseSummary.of(rises)
     assert (summary.n, summary.planned, summary.stood) == (2, 2, 1)
     assert summary.stand_time_s.median == 2.0
     assert summary.self_collisions == 3

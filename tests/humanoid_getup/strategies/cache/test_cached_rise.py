@@ -100,7 +100,7 @@ def test_a_first_rise_is_the_planners_own_and_is_kept(solved, planner, start):
     plan, folder = solved
     own = planner.plan(start, np.random.default_rng(SEED))
     assert plan.nearness is None
-    assert plan.record()["plan_cache"] is None
+    assert plan.figures().plan_cache is None
     assert (plan.robust, plan.rollouts, plan.rounds) == (own.robust, own.rollouts, own.rounds)
     np.testing.assert_array_equal(plan.motion.joint_target, own.motion.joint_target)
     (entry,) = PlanCache(folder).read("op3").entries
@@ -122,10 +122,11 @@ def test_the_same_start_again_gives_the_same_motion_after_one_rollout(
         np.testing.assert_array_equal(getattr(again.motion, name), getattr(first.motion, name))
     assert (again.stand_time, again.robust) == (first.stand_time, first.robust)
     assert again.connection.motion.name == first.connection.motion.name
-    record = again.record()["plan_cache"]
-    assert record["entry"] == first.entry.name
-    assert (record["distance"], record["joint_rad"], record["tilt_rad"]) == (0.0, 0.0, 0.0)
-    assert record["age_s"] >= 0.0
+    figures = again.figures().plan_cache
+    assert figures is not None
+    assert figures.entry == first.entry.name
+    assert (figures.distance, figures.joint_rad, figures.tilt_rad) == (0.0, 0.0, 0.0)
+    assert figures.age_s >= 0.0
 
 
 def test_a_near_start_elsewhere_is_checked_in_disturbed_worlds(cache, counting, start, op3):

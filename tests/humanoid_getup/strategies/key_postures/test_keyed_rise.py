@@ -48,12 +48,13 @@ def test_a_reachable_key_is_kept_and_the_robot_stands(plan: RisePlan):
     (key,) = plan.keys
     assert plan.status is RiseStatus.STOOD
     assert plan.robust == 1.0
-    assert (key.name, key.kept, key.reason) == (PROPPED, True, "")
-    assert key.joint_error is not None
-    assert key.joint_error < CLOSE_JOINT
-    assert key.time is not None
-    assert 0.3 < key.time < plan.stand_time
-    assert plan.record()["keys"] == [key.record()]
+    figures = key.figures
+    assert (figures.name, figures.kept, figures.reason) == (PROPPED, True, "")
+    assert figures.largest_joint_error_rad is not None
+    assert figures.largest_joint_error_rad < CLOSE_JOINT
+    assert figures.time_s is not None
+    assert 0.3 < figures.time_s < plan.stand_time
+    assert plan.figures().keys == [figures]
 
 
 def test_the_motion_passes_through_the_key_when_it_says(
@@ -61,10 +62,10 @@ def test_the_motion_passes_through_the_key_when_it_says(
 ):
     assert isinstance(plan, MotionPlan)
     (key,) = plan.keys
-    assert key.time is not None
-    at = round(key.time / op3.control_period)
+    assert key.figures.time_s is not None
+    at = round(key.figures.time_s / op3.control_period)
     off = np.abs(plan.motion.joint_pos[at] - propped.posture.joint_pos).max()
-    assert off == pytest.approx(key.joint_error, abs=1e-6)
+    assert off == pytest.approx(key.figures.largest_joint_error_rad, abs=1e-6)
 
 
 def test_the_twin_passes_through_the_key_and_stands(
@@ -107,8 +108,9 @@ def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
     plan = PlannedRise(world, keys=[headstand]).plan(fall, np.random.default_rng(0))
     (key,) = plan.keys
     assert plan.status is RiseStatus.STOOD
-    assert (key.name, key.kept, key.time) == ("key 1", False, None)
-    assert key.reason
+    figures = key.figures
+    assert (figures.name, figures.kept, figures.time_s) == ("key 1", False, None)
+    assert figures.reason
 
 
 def test_keys_require_planning_and_filtering(world: World, propped: KeyPosture):

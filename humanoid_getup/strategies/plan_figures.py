@@ -1,0 +1,57 @@
+"""The figures of a plan, under report.json's keys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from humanoid_getup.motions.preference import PreferenceName
+from humanoid_getup.strategies.key_postures.key_record import KeyFigures
+from humanoid_getup.style.style_errors import StyleFigures
+
+
+class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """A planned rise in its own rollout."""
+
+    stand_time_s: float
+    peak_torque_nm: float
+    peak_braking_torque_nm: float
+    rms_torque_nm: float
+    neck_delta_v_m_s: float | None
+    self_overlap_m: float | None
+
+
+class CacheFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """The entry of the cache that a plan came from, and how near its start was."""
+
+    entry: str
+    age_s: float
+    distance: float
+    """Posture metric."""
+    joint_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanFigures(StyleFigures):
+    """The figures of a plan; None where there is nothing of the kind."""
+
+    planned: bool
+    plan_s: float
+    filter_s: float
+    rollouts: int
+    rounds: int
+    robust: float | None
+    connection: str | None
+    strategy: str | None
+    policy: str | None = None
+    style: str | None = None
+    plan_cache: CacheFigures | None = None
+    balanced: bool | None = None
+    keys: list[KeyFigures]
+    prefer: PreferenceName | None
+    search_budget_s: float | None
+    searched_s: float | None
+    rollout: RolloutFigures | None
+    rollout_before_improvement: RolloutFigures | None

@@ -7,7 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partial
 from importlib import import_module
+from importlib.metadata import version
 from typing import Annotated, Any, NamedTuple, Union
 
 import tyro
@@ -15,11 +17,11 @@ from tyro.conf import subcommand
 
 from humanoid_getup.cli.old_spellings import modernize
 from humanoid_getup.cli.options.shared import with_json
-from humanoid_getup.cli.parsing import registry
+from humanoid_getup.cli.parsing import in_one_line, registry
 from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.jobs.requests.values import find_value_problems
+from humanoid_getup.jobs.requests.values import list_options
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
 
@@ -236,7 +238,7 @@ COMMANDS = {
 }
 DEFAULTS = {"robots": "robots list"}
 """Default commands of groups."""
-HELP = ("-h", "--help")
+HELP, VERSION = ("-h", "--help"), "--version"
 
 
 @dataclass(frozen=True)
@@ -254,10 +256,10 @@ class Invocation:
 
 
 def parse(arguments: Sequence[str]) -> Invocation:
-    """Read a command line; exit where tyro cannot read it (code 2), or after help.
+    """Read a command line; exit after help.
 
     Raises:
-        BadInputError: naming every option whose value does not fit.
+        BadInputError: naming every option that is unknown or missing, or whose value does not fit.
     """
     words = modernize(arguments)
     if words != list(arguments):
@@ -265,9 +267,9 @@ def parse(arguments: Sequence[str]) -> Invocation:
     name, rest = find_command(words)
     if name not in COMMANDS or not COMMANDS[name].options:
         return _explain(name, rest)
-    options = _read(load_options(name), f"getup {name}", rest)
-    if problems := find_value_problems(options) or options.find_problems():
-        raise BadInputError("; ".join(problems))
+    with in_one_line(f"getup {name}", partial(_list_others, name)):
+        options = _read(load_options(name), f"getup {name}", rest)
+    options.check()
     return Invocation(name, options)
 
 
@@ -282,13 +284,16 @@ def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 
 def _explain(group: str, rest: Sequence[str]) -> Any:
-    """Print the commands of a group, or of all; or completions.
+    """Print the commands of a group, or of all; or completions, or the version.
 
     Raises:
         BadInputError: if neither was asked for.
     """
     if any(word.startswith("--tyro-") for word in rest):
         _read(list_commands(), "getup", rest, DESCRIPTION)
+    if rest and rest[0] == VERSION and not group:
+        print(f"getup {version('humanoid-getup')}")
+        raise SystemExit(0)
     if rest and rest[0] in HELP:
         print(write_help(group))
         raise SystemExit(0)
@@ -318,7 +323,8 @@ def write_help(group: str = "") -> str:
             lines.append(
                 f"  {name.removeprefix(f'{group} '):{width}}  {COMMANDS[name].summary}{default}"
             )
-    return "\n".join([*lines, "", f"{program} COMMAND --help lists the options of a command."])
+    lines += ["", f"{program} COMMAND --help lists the options of a command."]
+    return "\n".join(lines if group else [*lines, f"{program} {VERSION} prints the version."])
 
 
 def load_options(name: str) -> type[JobRequest]:
@@ -327,6 +333,18 @@ def load_options(name: str) -> type[JobRequest]:
     package = "cli" if command.options.startswith("options.") else "jobs"
     options = _load(f"{package}.{command.options}")
     return with_json(options) if command.json else options
+
+
+def _list_others(name: str, option: str) -> list[str]:
+    """Name the commands of the same section that have an option."""
+    group = name.split()[0]
+    section = next(names for names in SECTIONS.values() if group in names)
+    return [
+        f"getup {other}"
+        for other in COMMANDS
+        if other.split()[0] in section and COMMANDS[other].options
+        if option in list_options(load_options(other))
+    ]
 
 
 def load_work(name: str) -> Callable[[JobRequest], int]:

@@ -47,7 +47,7 @@ def import_robot(
     request.check()
     monitor = ProgressMonitor(report, cancel)
     options = ImportOptions(
-        name=request.name or request.out.resolve().name,
+        name=request.robot_name,
         servos=request.servo,
         keep_hulls=request.meshes,
         fixed=request.fix,

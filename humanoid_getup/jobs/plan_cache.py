@@ -6,6 +6,7 @@ from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.strategies.cache.plan_cache import PlanCache
+from robots import list_robots
 
 REMEDY = "getup plan-cache --clear"
 MANY = 3  # damaged files that one line names
@@ -15,6 +16,17 @@ def open_plan_cache(folder: Path | None = None) -> PlanCache:
     """Open the cache in a folder; ``None`` for that of the user."""
     with refusing():
         return PlanCache(folder)
+
+
+def check_robot_name(cache: PlanCache, robot: str | None) -> None:
+    """Refuse the name of a robot that neither comes with the program nor has solved rises.
+
+    Raises:
+        BadInputError: naming those that are known.
+    """
+    known = dict.fromkeys([*list_robots(), *cache.list_robots()])
+    if robot is not None and robot not in known:
+        raise BadInputError(f"unknown robot '{robot}': expected {', '.join(known)}")
 
 
 def refuse_damage(cache: PlanCache, robot: str | None, named: Path | None) -> None:

@@ -18,6 +18,7 @@ from robots.storage.validation import Angle, Names, Sign, positive, read_table, 
 MAIN_PORT = "main"  # name of the port when all joints share one
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
 AXES_BYTES = 6  # of a gyro or an accelerometer: three axes, two bytes each
+MIN_CONTROL_PERIOD = 0.001  # s; faster than any servo bus
 MAX_CONTROL_PERIOD = 1.0  # s; slower than any robot can rise: the period was meant in ms
 MAX_TURNS = 100.0  # of a servo per turn of a joint
 LEAST_SINE = 0.02  # of the angle between the rows of a coupling; less, and a servo is wasted
@@ -71,7 +72,7 @@ class RobotTable:
     torso: str
     neck_site: str
     sole_sites: Names
-    control_period: Annotated[float, positive(MAX_CONTROL_PERIOD, "s")]
+    control_period: Annotated[float, within(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")]
     supply_voltage: Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")]
     joints: Annotated[
         tuple[JointRow, ...], Meta(description="a list of tables, one for each joint")

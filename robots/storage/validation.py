@@ -42,6 +42,7 @@ MOST_ROWS = 2000  # tables of one list
 MOST_PARTS = 50  # of a dotted key
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
+LEAST = 1e-9  # of numbers above 0, in any unit: less is none, and its inverse may be infinite
 MOST_UNKNOWN = 20  # keys that are named
 MANY = 3  # names that one message still lists
 
@@ -60,8 +61,8 @@ def whole(lower: int, upper: int) -> Meta:
 
 
 def positive(upper: float, unit: str = "") -> Meta:
-    """Limit a number to above 0, at most ``upper``."""
-    return Meta(gt=0.0, le=upper, extra={"unit": unit})
+    """Limit a number to above 0, at most ``upper``; its inverse must be a number, too."""
+    return Meta(ge=LEAST, le=upper, extra={"unit": unit})
 
 
 def within(lower: float, upper: float, unit: str = "") -> Meta:
@@ -218,7 +219,10 @@ def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
             return _blank(hint)
         except (ValueError, TypeError, OverflowError):  # msgspec's errors among them
             pass
-    problems.append(f"{place} is {_show_with_unit(hint, value)}, expected {_describe(hint)}")
+    expected = _describe(hint)
+    if isinstance(value, float) and 0.0 < value < LEAST:
+        expected = expected.replace("above 0", f"at least {LEAST:g}")
+    problems.append(f"{place} is {_show_with_unit(hint, value)}, expected {expected}")
     return _blank(hint)
 
 

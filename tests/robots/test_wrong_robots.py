@@ -15,12 +15,13 @@ LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("period = 0.008", "period = -0.008", "control_period is -0.008 s, expected above 0 s"),
-        ("period = 0.008", "period = 0", "control_period is 0 s, expected above 0 s"),
-        ("period = 0.008", "period = 8", "control_period is 8 s, expected above 0 s, at most 1 s"),
-        ("period = 0.008", "period = nan", "control_period is nan, expected above 0 s"),
+        ("period = 0.008", "period = -0.008", "control_period is -0.008 s, expected 0.001 to 1 s"),
+        ("period = 0.008", "period = 1e-320", "control_period is 1e-320 s, expected 0.001"),
+        ("period = 0.008", "period = 0", "control_period is 0 s, expected 0.001 to 1 s"),
+        ("period = 0.008", "period = 8", "control_period is 8 s, expected 0.001 to 1 s"),
+        ("period = 0.008", "period = nan", "control_period is nan, expected 0.001 to 1 s"),
         ("period = 0.008", "period = true", "control_period is True, expected"),
-        ("period = 0.008", 'period = "8 ms"', "control_period is '8 ms', expected above 0 s"),
+        ("period = 0.008", 'period = "8 ms"', "control_period is '8 ms', expected 0.001 to 1 s"),
         (
             "period = 0.008",
             f"period = 0x{'f' * 9999}",

@@ -9,8 +9,9 @@ from typing import Annotated
 from tyro.conf import arg
 
 from humanoid_getup.cli.options.shared import PORT_EXAMPLE, JsonOption, Ports
+from humanoid_getup.jobs.requests.files import READ
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
-from humanoid_getup.jobs.requests.values import between, positive
+from humanoid_getup.jobs.requests.values import between
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,17 +21,19 @@ class ServeBus(BodyOption, SceneOptions):
     Prints the path of the serial port; of a robot with several, one line each.
     """
 
-    origin: Annotated[str, arg(name="from", metavar="supine|prone|left|right|FILE")] = "supine"
+    origin: Annotated[str, READ, arg(name="from", metavar="supine|prone|left|right|FILE")] = (
+        "supine"
+    )
     """Initial posture: class of a sampled fall, or a posture file."""
     link: Annotated[Path | None, arg(metavar="PATH")] = None
     """Path of the port; default: in a temporary folder."""
     lock_step: bool = False
     """Advance time with the client's sync writes of goals instead of the clock."""
-    faults: Annotated[Path | None, arg(metavar="FILE")] = None
+    faults: Annotated[Path | None, READ, arg(metavar="FILE")] = None
     """TOML file of faults to inject."""
     powered: bool = False
     """Start with servo power on; without it, a client must switch it on at the board."""
-    voltage: Annotated[float | None, positive("V", at_most=48.0), arg(metavar="V")] = None
+    voltage: Annotated[float | None, between(1.0, 48.0, "V"), arg(metavar="V")] = None
     """Supply [V]; default: the robot's nominal voltage."""
     latency: Annotated[float, between(0.0, 0.1, "s"), arg(metavar="S")] = 0.0
     """Latency timer of the USB adapter [s]; FTDI adapters: 0.016 as shipped."""
@@ -81,7 +84,7 @@ class Calibrate(ServiceOptions):
     is a pseudo-terminal, as of a virtual bus: a trial run leaves the robot's file alone.
     """
 
-    at: Annotated[str | None, arg(metavar="zero|standing|FILE")] = None
+    at: Annotated[str | None, READ, arg(metavar="zero|standing|FILE")] = None
     """Posture in which the robot is held while its zeros are measured: all angles 0, its stance,
     or a posture file; default: zero, and with --signs alone no zeros are measured."""
     joint: Annotated[tuple[str, ...], arg(metavar="NAME,...")] = ()

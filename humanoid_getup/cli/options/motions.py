@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption, WorldOptions
-from humanoid_getup.jobs.output_files import find_folder_problems
+from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.motions import KeyframesFile, NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
@@ -18,7 +18,7 @@ from humanoid_getup.jobs.requests.shared import (
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import between, positive
+from humanoid_getup.jobs.requests.values import between
 
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 
@@ -27,10 +27,10 @@ REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 class ListScenes(BodyOption, JsonOption, RobotOption):
     """List the scenes in which a robot may lie, or draw them."""
 
-    scene: Positional[str] = ""
+    scene: Annotated[Positional[str], READ] = ""
     """Name of a scene, or a scene file (.toml); default: all named scenes."""
     seed: Seed = 0
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write of a robot that lies in each scene; of one scene alone, in each of its
     ways."""
 
@@ -63,7 +63,7 @@ class ShowMotion(BodyOption, RobotOption):
     """Draw a rising motion as a film strip."""
 
     motion: Positional[MotionName]
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write; default: MOTION.png."""
 
 
@@ -72,7 +72,7 @@ class Preflight(TorqueOptions, WorldOptions):
     """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
 
     motion: Positional[MotionName]
-    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
+    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
     """Supply voltage at the servos [V]; default: the robot's nominal one."""
     temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
     """Temperature of all servos before the rise [°C]."""
@@ -82,28 +82,19 @@ class Preflight(TorqueOptions, WorldOptions):
 class ReplayOptions(JsonOption):
     """Replay a flight log on the twin and report the differences."""
 
-    log: Annotated[Positional[Path], arg(metavar="LOG")]
+    log: Annotated[Positional[Path], READ, arg(metavar="LOG")]
     """A flight log (.mcap)."""
-    robot: str | None = None
+    robot: Annotated[str | None, ROBOT] = None
     """Name of a robot, or a folder with a robot.toml; default: the log's robot."""
-    scene: str | None = None
+    scene: Annotated[str | None, READ] = None
     """Name of a scene; default: the log's scene, else flat."""
-    voltage: Annotated[float | None, positive("V"), arg(metavar="V")] = None
+    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
     """Supply voltage of the twin [V]; default: as measured at the start."""
-    threshold: Annotated[float | None, positive("rad"), arg(metavar="RAD")] = None
+    threshold: Annotated[float | None, between(1e-9, 10.0, "rad"), arg(metavar="RAD")] = None
     """Difference of a joint or of the tilt from which the replay has diverged [rad];
     default: 0.05."""
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    out: Annotated[Path | None, Written(REPLAY_FILES), arg(metavar="DIR")] = None
     """Folder for replay.json, flight.png and replay.png."""
-
-    def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written as well."""
-        problems = super().find_problems()
-        return (
-            problems
-            if self.out is None
-            else problems + find_folder_problems(self.out, REPLAY_FILES)
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,5 +119,5 @@ class PreviewMotion(RobotOption):
     """Name of a motion in the keyframes."""
     keyframes: KeyframesFile = None
     """Keyframes file (.toml); default: the robot's keyframes.toml."""
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write; default: NAME.png."""

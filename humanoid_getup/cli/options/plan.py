@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.output_files import find_folder_problems
+from humanoid_getup.jobs.requests.files import Written
 from humanoid_getup.jobs.requests.plan import PlanRequest
 
 PATH, STRIP = "path.npz", "strip.png"
@@ -22,14 +22,12 @@ class Plan(JsonOption, PlanRequest):
 
     keep_partial: bool = False
     """If no path is found, save the collision-free beginning of the best one."""
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    out: Annotated[Path | None, Written(PLAN_FILES), arg(metavar="DIR")] = None
     """Folder for path.npz and strip.png."""
 
     def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written as well."""
+        """Report a path without a folder as well."""
         problems = super().find_problems()
         if self.keep_partial and self.out is None:
             problems.append("--keep-partial: expected --out DIR with it, to save the path in")
-        return (
-            problems if self.out is None else problems + find_folder_problems(self.out, PLAN_FILES)
-        )
+        return problems

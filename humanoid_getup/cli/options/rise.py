@@ -9,6 +9,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import CacheFolder, MoveOptions, RunOptions, StyleOption
 from humanoid_getup.jobs.output_files import find_folder_problems
+from humanoid_getup.jobs.requests.files import ROBOT
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     BodyOption,
@@ -18,7 +19,7 @@ from humanoid_getup.jobs.requests.shared import (
     PolicyName,
     PreferenceOptions,
 )
-from humanoid_getup.jobs.requests.values import positive
+from humanoid_getup.jobs.requests.values import between
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,10 +80,10 @@ class RunPolicy(RunOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Positional[PolicyName]
-    robot: str = ""
+    robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
     style: StyleOption = None
-    longest: Annotated[float | None, positive("s"), arg(metavar="S")] = None
+    longest: Annotated[float | None, between(0.001, 1e6, "s"), arg(metavar="S")] = None
     """Time after which the run ends, standing or not [s]; default: 12."""
 
 

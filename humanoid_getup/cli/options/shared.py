@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.shared.output import ARTEFACTS, find_json_problems
-from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.cli.shared.output import ARTEFACTS
+from humanoid_getup.jobs.requests.files import READ, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     NO_ORIGIN,
     BodyOption,
@@ -27,12 +27,14 @@ CacheFolder = Annotated[
 ]
 JsonTarget = Annotated[
     str | None,
+    WRITTEN,
     arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
 ]
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
 StyleOption = Annotated[
     str | None,
+    READ,
     arg(
         metavar="STYLE|planned",
         help="What a policy that follows style curves follows: a style, see `getup style list`, a "
@@ -49,22 +51,13 @@ class JsonOption(JobRequest):
 
     json: JsonTarget = None
 
-    def find_problems(self) -> list[str]:
-        """Report a file that cannot be written."""
-        return super().find_problems() + find_json_problems(self.json)
-
 
 @dataclass(frozen=True, kw_only=True)
 class PictureOption(JobRequest):
     """Option for a picture."""
 
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write."""
-
-    def find_problems(self) -> list[str]:
-        """Report a picture that cannot be written as well."""
-        problems = super().find_problems()
-        return problems if self.picture is None else problems + find_file_problems(self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,19 +97,17 @@ class BackendOptions(SceneOptions):
 class MoveOptions(TorqueOptions, JsonOption, BackendOptions):
     """Options of every command that moves a robot."""
 
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    out: Annotated[Path | None, Written(ARTEFACTS), arg(metavar="DIR")] = None
     """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
     of a policy with style curves, style.png."""
 
     def find_problems(self) -> list[str]:
-        """Report a wrong torque limit or folder as well."""
+        """Report a wrong torque limit or body as well."""
         problems = super().find_problems()
         if self.backend != "twin" and self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and isinstance(self, BodyOption):
             problems += self.refuse_body(A_REAL_ROBOT)
-        if self.out is not None:
-            problems += find_folder_problems(self.out, ARTEFACTS)
         return problems
 
 

@@ -10,13 +10,15 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.files import READ, WRITTEN
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
 from humanoid_getup.jobs.requests.style import StyleOutput
-from humanoid_getup.jobs.requests.values import positive
+from humanoid_getup.jobs.requests.values import between
 
 StyleName = Annotated[
-    str, arg(metavar="STYLE", help="Name of a style, see `getup style list`, or a style file.")
+    str,
+    READ,
+    arg(metavar="STYLE", help="Name of a style, see `getup style list`, or a style file."),
 ]
 
 
@@ -29,21 +31,17 @@ class ListStyles(BodyOption, JsonOption, RobotOption):
 class ShowStyles(BodyOption, JsonOption, RobotOption):
     """Print the control points of styles, and draw their curves."""
 
-    styles: Annotated[Positional[tuple[str, ...]], arg(metavar="STYLE...")]
+    styles: Annotated[Positional[tuple[str, ...]], READ, arg(metavar="STYLE...")]
     """Names of styles, or style files."""
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture of the curves to write: each style's mean, and the spread over ways of lying."""
 
     def find_problems(self) -> list[str]:
-        """Report a picture that cannot be written, or missing styles, as well."""
+        """Report missing styles as well."""
         problems = super().find_problems()
         if not self.styles:
             problems.append("there is no STYLE, expected one or more names or files")
-        if self.picture is None:
-            return problems
-        if self.json is not None and Path(self.json) == self.picture:
-            problems.append(f"--json and --picture are both {self.picture}, expected two files")
-        return problems + find_file_problems(self.picture)
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,13 +49,13 @@ class EditStyle(StyleOutput):
     """Edit a style: its duration first, then the time of the rise, then a hold."""
 
     style: Positional[StyleName]
-    slower: Annotated[float | None, positive(), arg(metavar="FACTOR")] = None
+    slower: Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")] = None
     """Factor on the duration."""
-    faster: Annotated[float | None, positive(), arg(metavar="FACTOR")] = None
+    faster: Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")] = None
     """Divisor of the duration."""
-    sooner: Annotated[float | None, positive("s"), arg(metavar="S")] = None
+    sooner: Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")] = None
     """Time by which the neck rises sooner [s]; the duration stays."""
-    later: Annotated[float | None, positive("s"), arg(metavar="S")] = None
+    later: Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")] = None
     """Time by which the neck rises later [s]; the duration stays."""
     hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
     """Time whose targets are held [s], and duration of the hold [s]."""

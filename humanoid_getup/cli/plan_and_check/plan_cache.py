@@ -11,7 +11,7 @@ from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
+from humanoid_getup.jobs.plan_cache import check_robot_name, open_plan_cache, refuse_damage
 from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache, now
 
 AGES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
@@ -21,6 +21,7 @@ def list_or_clear(command: ListPlanCache) -> int:
     """Print a table or JSON of the stored plans, or remove them."""
     with refusing():
         cache = open_plan_cache(command.cache_folder)
+        check_robot_name(cache, command.robot)
         if command.clear:
             return _clear(cache, command)
         refuse_damage(cache, command.robot, command.cache_folder)

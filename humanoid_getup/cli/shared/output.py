@@ -6,18 +6,12 @@ import sys
 from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.files import STANDARD_OUTPUT
 from humanoid_getup.jobs.requests.shared import JobRequest
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
 ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
-STANDARD_OUTPUT = "-"
-
-
-def find_json_problems(json: str | None) -> list[str]:
-    """Report why JSON could not be written."""
-    return [] if json in (None, STANDARD_OUTPUT) else find_file_problems(Path(json))
 
 
 def find_json_target(command: JobRequest | None) -> str | None:

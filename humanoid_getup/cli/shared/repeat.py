@@ -6,11 +6,10 @@ import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields, replace
-from typing import Any, get_args, get_type_hints
-
-from tyro.conf import Positional
+from typing import Any, get_type_hints
 
 from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.jobs.requests.values import name_option
 
 
 def write_command(name: str, request: JobRequest) -> str:
@@ -21,10 +20,11 @@ def write_command(name: str, request: JobRequest) -> str:
         value = getattr(request, field.name)
         if value == _find_default(field):
             continue
-        if Positional in get_args(hints[field.name]):
-            words += [str(item) for item in (value if isinstance(value, tuple) else (value,))]
+        name = name_option(field.name, hints[field.name])
+        if name.startswith("--"):
+            options += _write_option(name, value)
         else:
-            options += _write_option(_find_name(field.name, hints[field.name]), value)
+            words += [str(item) for item in (value if isinstance(value, tuple) else (value,))]
     return shlex.join([*words, *options])
 
 
@@ -42,16 +42,9 @@ def _find_default(field: Field[Any]) -> Any:
     return None if field.default is MISSING else field.default
 
 
-def _find_name(name: str, hint: Any) -> str:
-    """Return the name of an option, which its type may override."""
-    names = (getattr(note, "name", None) for note in get_args(hint))
-    renamed = next((name for name in names if isinstance(name, str)), None)
-    return (renamed or name).replace("_", "-")
-
-
 def _write_option(name: str, value: object) -> list[str]:
     if isinstance(value, bool):
-        return [f"--{name}" if value else f"--no-{name}"]
+        return [name if value else f"--no-{name[2:]}"]
     if isinstance(value, tuple):
-        return [f"--{name}", ",".join(map(str, value))]
-    return [f"--{name}", str(value)]
+        return [name, ",".join(map(str, value))]
+    return [name, str(value)]

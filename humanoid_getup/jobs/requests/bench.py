@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from humanoid_getup.jobs.output_files import find_folder_problems
+from humanoid_getup.jobs.requests.files import READ, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
@@ -19,17 +20,7 @@ from humanoid_getup.jobs.requests.shared import (
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between, positive
-
-
-def find_list_problems(**lists: tuple[str, ...]) -> list[str]:
-    """Report lists that are empty or have an item twice."""
-    problems = [f"--{key} is empty, expected a name or more" for key, v in lists.items() if not v]
-    for key, values in lists.items():
-        if twice := [name for name in dict.fromkeys(values) if values.count(name) > 1]:
-            problems.append(f"--{key} has '{twice[0]}' twice, expected each name once")
-    return problems
-
+from humanoid_getup.jobs.requests.values import Items, at_least, between
 
 PAGE, FIGURES, PLOT, PARTS = "benchmark.md", "benchmark.json", "benchmark.png", "parts"
 STRIPS = tuple(f"strip_{name}.png" for name in ("supine", "prone", "left", "right"))
@@ -48,7 +39,7 @@ class BenchAll(BodyOption, RobotOption):
     """What the torque caps act on; default: the robot's own."""
     quick: bool = False
     """Fewer falls, torque caps and disturbances, for a first look."""
-    out: Annotated[Path, arg(metavar="DIR")] = Path("out/benchmark")
+    out: Annotated[Path, Written(WHOLE_ARTEFACTS), arg(metavar="DIR")] = Path("out/benchmark")
     """Folder for benchmark.md, benchmark.json, pictures, and the results of finished parts."""
     resume: bool = False
     """Keep the finished parts in the folder; they must be of the same benchmark."""
@@ -60,8 +51,7 @@ class BenchAll(BodyOption, RobotOption):
 
     def find_problems(self) -> list[str]:
         """Report a folder that cannot be written as well."""
-        problems = super().find_problems() + find_folder_problems(self.out, WHOLE_ARTEFACTS)
-        return problems or find_folder_problems(self.out / PARTS, ())
+        return super().find_problems() or find_folder_problems(self.out / PARTS, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +74,7 @@ class BenchMethods(TorqueOptions, BodyOption, SceneOptions):
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    ways: Annotated[tuple[str, ...], arg(metavar="WAY,...")] = ("plan", "robust")
+    ways: Annotated[tuple[str, ...], READ, arg(metavar="WAY,...")] = ("plan", "robust")
     """Strategies to compare: plan, and policies by name or file."""
 
 
@@ -94,9 +84,11 @@ class BenchDisturbed(TorqueOptions, BodyOption, SceneOptions):
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-    policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust",)
-    """Policies beside the plans, by name or file."""
-    cases: Annotated[tuple[str, ...], arg(metavar="CASE,...")] = ()
+    policies: Annotated[tuple[str, ...], READ, Items(none=True), arg(metavar="POLICY,...")] = (
+        "robust",
+    )
+    """Policies beside the plans, by name or file; '' for none."""
+    cases: Annotated[tuple[str, ...], READ, arg(metavar="CASE,...")] = ()
     """Disturbances by their names in the table; default: all."""
 
 
@@ -107,9 +99,9 @@ class BenchScenes(BodyOption, TorqueOptions, RobotOption):
     n: Count = 20
     """Falls in each scene, evenly of the ways in which robots lie there."""
     seed: Seed = 0
-    scenes: Annotated[tuple[str, ...], arg(metavar="SCENE,...")] = ()
+    scenes: Annotated[tuple[str, ...], READ, arg(metavar="SCENE,...")] = ()
     """Names or files of scenes; none for all that are measured."""
-    ways: Annotated[tuple[str, ...], arg(metavar="WAY,...")] = (
+    ways: Annotated[tuple[str, ...], READ, arg(metavar="WAY,...")] = (
         "plan",
         "robust",
         "nearest",
@@ -117,11 +109,6 @@ class BenchScenes(BodyOption, TorqueOptions, RobotOption):
     )
     """plan; nearest: the stored motion nearest to the start; straight: straight interpolation to
     a stored motion, unfiltered; and policies by name or file."""
-
-    def find_problems(self) -> list[str]:
-        """Report empty lists and repeated names as well."""
-        scenes = find_list_problems(scenes=self.scenes) if self.scenes else []
-        return super().find_problems() + scenes + find_list_problems(ways=self.ways)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,5 +158,5 @@ class BenchKill(BodyOption, SceneOptions):
 class BenchSoak(BodyOption, SceneOptions):
     """Rise, hold, lie down, tumble and rise again on the virtual bus, as long as requested."""
 
-    duration: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 1800.0
+    duration: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 1800.0
     """Time on the bus [s]."""

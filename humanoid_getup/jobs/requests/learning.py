@@ -8,56 +8,57 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.files import FOLDER, READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
-    Count,
+    MOST_JOBS,
+    Jobs,
     PolicyName,
     RobotOption,
     SceneOptions,
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between
+from humanoid_getup.jobs.requests.values import Items, at_least, between
 
 
 @dataclass(frozen=True, kw_only=True)
 class PriorRequest(RobotOption):
     """Plan many rises and fit the pose prior of styled policies to them."""
 
-    out: Annotated[Path, arg(metavar="DIR")]
+    out: Annotated[Path, FOLDER, arg(metavar="DIR")]
     """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
     rises: Annotated[int, at_least(4, step=4)] = 1000
     """Number of rises to plan, equally many of each class; policies add half as many."""
-    policies: Annotated[tuple[str, ...], arg(metavar="POLICY,...")] = ("robust", "gentle")
+    policies: Annotated[tuple[str, ...], READ, Items(none=True), arg(metavar="POLICY,...")] = (
+        "robust",
+        "gentle",
+    )
     """Policies of the robot whose rises are added; '' for none."""
-    jobs: Count = 2
+    jobs: Jobs = 2
     """Number of processes that plan."""
     epochs: Annotated[int, at_least(1)] = 100
     """Passes over the postures."""
-    fitted: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    fitted: Annotated[Path | None, READ, arg(metavar="FILE.npz")] = None
     """Keep a prior that was fitted before, and only collect rises."""
     seed: Seed = 0
-
-    def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written as well."""
-        return super().find_problems() + find_folder_problems(self.out, ())
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainRequest(RobotOption):
     """Train a policy that gets the robot up; the same command again continues a training."""
 
-    out: Annotated[Path, arg(metavar="DIR")]
+    out: Annotated[Path, FOLDER, arg(metavar="DIR")]
     """Folder for checkpoint, progress and TensorBoard files."""
     recipe: Literal["quick", "robust", "gentle", "rough", "styled-quick", "styled"] = "quick"
     """Training recipe."""
-    parent: Annotated[Path | None, arg(metavar="DIR|FILE.onnx")] = None
+    parent: Annotated[Path | None, READ, arg(metavar="DIR|FILE.onnx")] = None
     """Folder of a training whose policy is the initial one, or a policy file (.onnx) with the same
     actions; default: random weights."""
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder of a pose prior, see `getup prior`, for a training with style curves."""
     seed: Seed = 0
-    threads: Annotated[int, at_least(0)] = 0
+    threads: Annotated[int, at_least(0, at_most=MOST_JOBS)] = 0
     """Threads that step physics; 0: all of the machine."""
     device: str = "cpu"
     """Device of the networks: cpu or cuda."""
@@ -66,10 +67,6 @@ class TrainRequest(RobotOption):
     robots: Annotated[int | None, at_least(1)] = None
     """Number of robots that are simulated at once; default: the recipe's."""
 
-    def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written as well."""
-        return super().find_problems() + find_folder_problems(self.out, ())
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExportRequest(RobotOption):
@@ -77,14 +74,10 @@ class ExportRequest(RobotOption):
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
     """Folder of the training."""
-    out: Annotated[Path, arg(metavar="FILE")]
+    out: Annotated[Path, WRITTEN, arg(metavar="FILE")]
     """ONNX file to write; an existing file is replaced."""
-    robot: str = ""
+    robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: the training's."""
-
-    def find_problems(self) -> list[str]:
-        """Report a file that cannot be written as well."""
-        return super().find_problems() + find_file_problems(self.out)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,11 +85,11 @@ class EvaluateRequest(TorqueOptions, SceneOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]
-    robot: str = ""
+    robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
-    scene: Annotated[str, arg(metavar="SCENE,...")] = "flat"
+    scene: Annotated[str, READ, arg(metavar="SCENE,...")] = "flat"
     """Names of scenes, see `getup scenes`, or scene files (.toml), with commas between them."""
-    style: Annotated[str | None, arg(metavar="STYLE,...")] = None
+    style: Annotated[str | None, READ, arg(metavar="STYLE,...")] = None
     """Styles that a policy with style curves follows, with commas between them: names, files,
     planned for the curves of a motion that is planned for each fall, or nearest, the default: of
     the named styles that begin nearest to the robot, the one that turns it least."""
@@ -105,7 +98,7 @@ class EvaluateRequest(TorqueOptions, SceneOptions):
     n: Annotated[int, at_least(4, step=4)] = 1000
     """Number of falls in each scene, equally many of each class. Rough ground is another one for
     every four of them, unless they are read from a file."""
-    falls: Annotated[Path | None, arg(metavar="FILE")] = None
+    falls: Annotated[Path | None, READ, arg(metavar="FILE")] = None
     """File of falls: read if it exists, else written."""
     delay: Annotated[float, between(0.0, 60.0, "ms"), arg(metavar="MS")] = 0.0
     """Delay of targets on their way to the servos [ms]."""

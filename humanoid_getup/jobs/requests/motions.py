@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
     Count,
     JobRequest,
+    Jobs,
     PolicyName,
     Prefer,
     RobotOption,
     Seed,
 )
-from humanoid_getup.jobs.requests.values import at_least, between, positive
+from humanoid_getup.jobs.requests.values import at_least, between
 
 MOST_SEED = 2**31  # that CMA-ES takes
 MOST_PAGE = 255  # of an action file
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
-KeyframesFile = Annotated[Path | None, arg(metavar="FILE")]
+KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +42,7 @@ class BuildRequest(RobotOption):
     seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
     prefer: Prefer | None = None
     """What a motion should be besides successful; default: as in its keyframes."""
-    jobs: Count = 2
+    jobs: Jobs = 2
     """Motions that are built in parallel."""
     resume: bool = False
     """Continue searches that were interrupted, or that need more generations: see the folder
@@ -54,7 +56,9 @@ class RetargetRequest(BuildRequest):
     """Transfer the keyframes of another robot: point the limbs the same way, keep the motions
     that stand, and improve the others as `getup motions build` does."""
 
-    source: Annotated[str, arg(metavar="NAME|DIR")] = "op3"
+    robot: Annotated[str, ROBOT] = field()
+    """Name of a robot, or a folder with a robot.toml: where the motions go."""
+    source: Annotated[str, ROBOT, arg(metavar="NAME|DIR")] = "op3"
     """Robot whose keyframes are transferred."""
     improve: bool = True
     """Improve the motions that do not stand as they are."""
@@ -66,7 +70,7 @@ class DiscoverRequest(RobotOption):
     still stand, in disturbed worlds, and keep the best of each kind."""
 
     policy: Positional[PolicyName]
-    robot: str = ""
+    robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: the policy file's robot."""
     rises: Annotated[int, at_least(2)] = 48
     """Rises from each side: supine, prone and left."""
@@ -94,7 +98,7 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     degrees, or a table (.csv) with a column time and one for each joint.
     """
 
-    file: Annotated[Positional[Path], arg(metavar="FILE")]
+    file: Annotated[Positional[Path], READ, arg(metavar="FILE")]
     """File of another program: .bin, .json or .csv."""
     page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
     """Pages of an action file; their following pages are played as well."""
@@ -113,8 +117,6 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
             for page in self.page
             if not 1 <= page <= MOST_PAGE
         ]
-        if len(set(self.page)) < len(self.page):
-            problems.append("--page has a page twice, expected each once")
         if self.name and len(self.page) > 1:
             problems.append(f"--name is given with {len(self.page)} pages, expected one")
         return problems
@@ -127,7 +129,7 @@ class ClipRequest(RobotOption):
     The motion is made without physics: `getup play` shows whether it can be played.
     """
 
-    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
+    files: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
     """Clip of motion capture: a .bvh file, or an .amc file and its skeleton."""
     begin: Annotated[float | None, arg(metavar="S")] = None
     """Time of the clip at which the motion begins [s]; default: its beginning."""
@@ -135,13 +137,13 @@ class ClipRequest(RobotOption):
     """Time at which it ends [s]; default: its end."""
     finish: bool = False
     """End in the robot's stance, however the clip ends."""
-    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
+    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
     """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
     up: Literal["y", "z"] | None = None
     """Axis of the clip that points up; default: y."""
     name: str = ""
     """Name of the motion; default: that of the clip's file."""
-    out: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    out: Annotated[Path | None, WRITTEN, arg(metavar="FILE.npz")] = None
     """Motion file to write; default: the motion's name in the working folder."""
 
     @property
@@ -180,4 +182,4 @@ class ClipRequest(RobotOption):
             problems.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
         if self.target.suffix != SUFFIX:
             problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
-        return problems + find_file_problems(self.target)
+        return problems if self.out else problems + find_file_problems(self.target)

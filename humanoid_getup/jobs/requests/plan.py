@@ -7,14 +7,15 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from humanoid_getup.jobs.requests.files import READ
 from humanoid_getup.jobs.requests.shared import (
     NO_ORIGIN,
     BodyOption,
-    Count,
     Keys,
     Origin,
     SceneOptions,
 )
+from humanoid_getup.jobs.requests.values import at_least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,10 +24,10 @@ class PlanRequest(BodyOption, SceneOptions):
 
     origin: Origin = None
     key: Keys = ()
-    to: Annotated[str | None, arg(metavar="FILE|motions:NAME@TIME")] = None
+    to: Annotated[str | None, READ, arg(metavar="FILE|motions:NAME@TIME")] = None
     """Where the path ends: a posture file, or a frame of a motion by its time [s]; default: the
     nearest postures at which stored motions are joined, in turn."""
-    max_checks: Count = 300_000
+    max_checks: Annotated[int, at_least(1, at_most=10**9)] = 300_000
     """Postures that may be checked for collisions, for each path between two postures."""
     refinement: bool = True
     """If there is no path, loosen the constraints and tighten them step by step."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from humanoid_getup.jobs.requests.files import READ, ROBOT
 from humanoid_getup.jobs.requests.shared import JobRequest
+
+ROBOT_NAME = re.compile(r"[\w-][\w.-]{0,99}")
+PLAIN = "1 to 100 letters, digits, '_', '-' or '.', not '.' first"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +21,7 @@ class ImportRequest(JobRequest):
     """Make a robot folder from a model file: its own model, and a robot.toml whose guesses are
     marked."""
 
-    model: Annotated[Positional[Path], arg(metavar="MODEL.xml|MODEL.urdf")]
+    model: Annotated[Positional[Path], READ, arg(metavar="MODEL.xml|MODEL.urdf")]
     """MJCF or URDF file of a humanoid that stands upright, z up."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder to make; it must not exist or be empty."""
@@ -30,10 +35,24 @@ class ImportRequest(JobRequest):
     meshes: bool = False
     """Keep meshes as convex hulls, instead of fitting boxes and capsules to them."""
 
+    @property
+    def robot_name(self) -> str:
+        """Return the name of the robot."""
+        return self.name or self.out.resolve().name
+
+    def find_problems(self) -> list[str]:
+        """Report a name that is none of a folder or a file, too."""
+        problems = super().find_problems()
+        if ROBOT_NAME.fullmatch(self.robot_name):
+            return problems
+        option = f"--name is '{self.name}'" if self.name else f"--out is '{self.out}'"
+        named = "" if self.name else ", or --name with it"
+        return [*problems, f"{option}, expected a name of {PLAIN}{named}"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class CheckRequest(JobRequest):
     """A robot to check."""
 
-    robot: Annotated[Positional[str], arg(metavar="NAME|DIR")]
+    robot: Annotated[Positional[str], ROBOT, arg(metavar="NAME|DIR")]
     """Name of a robot, or a folder with a robot.toml."""

@@ -8,11 +8,17 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.values import at_least, find_value_problems, positive
+from humanoid_getup.jobs.requests.files import READ, ROBOT, find_output_problems
+from humanoid_getup.jobs.requests.values import Items, at_least, between, find_value_problems
 
+MOST_SEED = 2**63 - 1  # that files keep exactly
+MOST_JOBS = 256
 Count = Annotated[int, at_least(1)]
+Jobs = Annotated[int, at_least(1, at_most=MOST_JOBS)]
 Keys = Annotated[
     tuple[str, ...],
+    READ,
+    Items(twice=True),
     arg(
         metavar="FILE|motions:NAME@TIME,...",
         help="Postures to rise through, in order: posture files, or frames of motions by their "
@@ -21,10 +27,12 @@ Keys = Annotated[
 ]
 MotionName = Annotated[
     str,
+    READ,
     arg(metavar="MOTION", help="Name of a motion in the robot's database, or an .npz file."),
 ]
 Origin = Annotated[
     str | None,
+    READ,
     arg(
         name="from",
         metavar="supine|prone|left|right|FILE",
@@ -34,12 +42,12 @@ Origin = Annotated[
 NO_ORIGIN = "--from is missing, expected supine, prone, left, right or a posture file"
 Prefer = Literal["time", "torque", "impact", "robustness"]
 PolicyName = Annotated[
-    str, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
+    str, READ, arg(metavar="NAME|FILE", help="Name of a policy of the robot, or an .onnx file.")
 ]
-Seed = Annotated[int, at_least(0), arg(help="Random seed.")]
+Seed = Annotated[int, at_least(0, at_most=MOST_SEED), arg(help="Random seed.")]
 TorqueLimitValue = Annotated[
     float | None,
-    positive("N·m"),
+    between(0.001, 1000.0, "N·m"),
     arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
 ]
 
@@ -50,7 +58,7 @@ class JobRequest:
 
     def find_problems(self) -> list[str]:
         """Report all problems beyond the type and range of single values."""
-        return []
+        return find_output_problems(self)
 
     def check(self) -> None:
         """Refuse what cannot be done.
@@ -69,7 +77,7 @@ A_POLICY = "a policy is made for the original body"
 class RobotOption(JobRequest):
     """Option for the robot."""
 
-    robot: str = "op3"
+    robot: Annotated[str, ROBOT] = "op3"
     """Name of a robot, or a folder with a robot.toml."""
 
 
@@ -103,7 +111,7 @@ class BodyOption(JobRequest):
 class SceneOptions(RobotOption):
     """Robot, scene and seed."""
 
-    scene: str = "flat"
+    scene: Annotated[str, READ] = "flat"
     """Name of a scene, see `getup scenes`, or a scene file (.toml)."""
     seed: Seed = 0
 
@@ -125,6 +133,6 @@ class PreferenceOptions(JobRequest):
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
     (of the neck, not of the head alone), or with a margin against disturbances."""
-    search_budget: Annotated[float, positive("s", at_most=1e6), arg(metavar="S")] = 600.0
+    search_budget: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 600.0
     """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
     stands or this is spent; one that stands is improved, as --prefer says, for up to half of it."""

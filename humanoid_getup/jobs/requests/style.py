@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.requests.files import READ, WRITTEN
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
-from humanoid_getup.jobs.requests.values import positive
+from humanoid_getup.jobs.requests.values import between
 
-StyleOut = Annotated[Path, arg(metavar="FILE.toml")]
+StyleOut = Annotated[Path, WRITTEN, arg(metavar="FILE.toml")]
 SUFFIX = ".toml"
 
 
@@ -24,8 +24,8 @@ class StyleOutput(BodyOption, RobotOption):
     """Style file to write; an existing file is replaced."""
 
     def find_problems(self) -> list[str]:
-        """Report a file that cannot be written as well."""
-        problems = super().find_problems() + find_file_problems(self.out)
+        """Report a file of another kind as well."""
+        problems = super().find_problems()
         if self.out.suffix != SUFFIX:
             problems.append(f"--out is {self.out}, expected a name that ends with {SUFFIX}")
         return problems
@@ -35,11 +35,11 @@ class StyleOutput(BodyOption, RobotOption):
 class ExtractRequest(StyleOutput):
     """Extract a style from a motion, a flight log, or a clip of motion capture."""
 
-    source: Annotated[Positional[str], arg(metavar="MOTION|FILE")]
+    source: Annotated[Positional[str], READ, arg(metavar="MOTION|FILE")]
     """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
-    skeleton: Annotated[Path | None, arg(metavar="FILE.asf")] = None
+    skeleton: Annotated[Path | None, READ, arg(metavar="FILE.asf")] = None
     """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
-    rate: Annotated[float | None, positive("Hz"), arg(metavar="HZ")] = None
+    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
     """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
     up: Literal["y", "z"] | None = None
     """Axis of a clip that points up; default: y."""

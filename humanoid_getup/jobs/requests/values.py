@@ -5,11 +5,15 @@ Problems name fields as the command line does: `--torque-limit`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import MISSING, dataclass, fields
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from tyro.conf import Positional
+
+MOST = 1_000_000
+"""Of what is counted."""
 
 
 @dataclass(frozen=True)
@@ -17,27 +21,18 @@ class Range:
     """Range of finite numbers that an option accepts; used in `Annotated`."""
 
     lower: float
-    upper: float = math.inf
+    upper: float
     unit: str = ""
-    excludes_lower: bool = False
     step: int = 1
     """A whole number must be a multiple of it."""
 
     def __contains__(self, value: float) -> bool:
-        above = value > self.lower if self.excludes_lower else value >= self.lower
         is_step = isinstance(value, float) or value % self.step == 0
-        return math.isfinite(value) and above and value <= self.upper and is_step
+        return self.lower <= value <= self.upper and is_step
 
     def __str__(self) -> str:
-        lower, upper = self.format(self.lower), self.format(self.upper)
         prefix = "" if self.step == 1 else f"a multiple of {self.step}, "
-        if not self.excludes_lower:
-            limits = f"{lower} or more" if math.isinf(self.upper) else f"{self.lower:g} to {upper}"
-        elif math.isinf(self.upper):
-            limits = f"above {lower}"
-        else:
-            limits = f"above {lower}, at most {upper}"
-        return prefix + limits
+        return f"{prefix}{self.lower:g} to {self.format(self.upper)}"
 
     def format(self, value: float) -> str:
         """Write a number with the unit."""
@@ -45,14 +40,19 @@ class Range:
         return f"{number} {self.unit}".rstrip()
 
 
-def at_least(lower: int, *, step: int = 1) -> Range:
+@dataclass(frozen=True)
+class Items:
+    """What else a list of any length accepts; stands beside the type, in `Annotated`."""
+
+    twice: bool = False
+    """An item may come twice."""
+    none: bool = False
+    """It may be empty, though its default is not."""
+
+
+def at_least(lower: int, *, at_most: int = MOST, step: int = 1) -> Range:
     """Accept whole numbers from a lower limit, or multiples of ``step``."""
-    return Range(lower, step=step)
-
-
-def positive(unit: str = "", *, at_most: float = math.inf) -> Range:
-    """Accept finite numbers above 0."""
-    return Range(0.0, at_most, unit, excludes_lower=True)
+    return Range(lower, at_most, step=step)
 
 
 def between(lower: float, upper: float, unit: str = "") -> Range:
@@ -69,11 +69,41 @@ def name_choices(names: Sequence[str]) -> str:
 def find_value_problems(options: Any) -> list[str]:
     """Report every field of a dataclass whose value does not fit its type and range."""
     hints = get_type_hints(type(options), include_extras=True)
-    values = {field.name: getattr(options, field.name) for field in fields(options)}
-    checked = {name: _find_problem(value, hints[name]) for name, value in values.items()}
-    return [
-        f"--{name.replace('_', '-')} is {problem}" for name, problem in checked.items() if problem
-    ]
+    problems = []
+    for field in fields(options):
+        value, hint = getattr(options, field.name), hints[field.name]
+        problem = _find_problem(value, hint) or _find_list_problem(value, hint, field.default)
+        if problem:
+            problems.append(f"{name_option(field.name, hint)} {problem}")
+    return problems
+
+
+def list_options(request: type) -> list[str]:
+    """List the options of a request as the command line names them."""
+    hints = get_type_hints(request, include_extras=True)
+    return [name_option(field.name, hints[field.name]) for field in fields(request)]
+
+
+def name_option(name: str, hint: Any) -> str:
+    """Write the name of a field as the command line does: --torque-limit, or MOTION."""
+    notes = [note for note in list_notes(hint) if not isinstance(note, type)]
+    if Positional in notes:
+        return next(
+            (str(note.metavar) for note in notes if _has_text(note, "metavar")), name.upper()
+        )
+    name = next((str(note.name) for note in notes if _has_text(note, "name")), name)
+    return f"--{name.replace('_', '-')}"
+
+
+def _has_text(note: Any, attribute: str) -> bool:
+    return isinstance(getattr(note, attribute, None), str)
+
+
+def list_notes(hint: Any) -> Iterator[Any]:
+    """Yield what stands beside a type in `Annotated`, and beside the types within."""
+    for part in get_args(hint):
+        yield part
+        yield from list_notes(part)
 
 
 def _find_problem(value: Any, hint: Any) -> str | None:
@@ -82,17 +112,31 @@ def _find_problem(value: Any, hint: Any) -> str | None:
     if value is None:
         return None
     if (items := find_items(kinds)) and isinstance(value, str):
-        return f"'{value}', expected {_describe_items(items)} with commas between them"
+        return f"is '{value}', expected {_describe_items(items)} with commas between them"
     if choices := list_choices(kinds):
-        return None if value in choices else f"{value!r}, expected {name_choices(choices)}"
+        return None if value in choices else f"is {value!r}, expected {name_choices(choices)}"
     if kinds not in ({int}, {float}):
         return None
     if not isinstance(value, int | float):
         number = "a whole number" if kinds == {int} else "a number"
-        return f"{value!r}, expected {number}" + (f", {limits}" if limits else "")
+        return f"is {value!r}, expected {number}" + (f", {limits}" if limits else "")
     if limits is None or value in limits:
         return None
-    return f"{limits.format(value)}, expected {limits}"
+    return f"is {limits.format(value)}, expected {limits}"
+
+
+def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
+    """Return what is wrong with a list of any length; ``None`` if nothing is."""
+    items = find_items(split_hint(hint)[0])
+    if not items or items[-1] is not ... or not isinstance(value, tuple):
+        return None
+    accepted = next((note for note in list_notes(hint) if isinstance(note, Items)), Items())
+    if not value and default not in ((), MISSING) and not accepted.none:
+        return "is empty, expected a name or more"
+    twice = next((item for item in value if value.count(item) > 1), None)
+    if twice is None or accepted.twice:
+        return None
+    return f"has '{twice}' twice, expected each once"
 
 
 def split_hint(hint: Any) -> tuple[set[Any], Range | None]:

@@ -138,6 +138,11 @@ class PlanCache:
         entries.sort(key=lambda entry: -entry.rise.made)
         return CacheContent(tuple(entries), tuple(problems))
 
+    def list_robots(self) -> list[str]:
+        """List the robots that have a subfolder."""
+        folders = self.folder.iterdir() if self.folder.is_dir() else ()
+        return sorted(folder.name for folder in folders if folder.is_dir())
+
     def find_problems(self, robot: str | None = None) -> list[str]:
         """Report every damaged entry, and every damaged motion.
 

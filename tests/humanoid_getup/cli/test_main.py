@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 from subprocess import PIPE
 from typing import Any
@@ -31,10 +32,38 @@ def getup(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_an_option_that_cannot_be_read_leaves_with_2():
+def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as left:
-        main(["rise", "--from", "supine", "--torque", "2"])
-    assert left.value.code == 2
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out == f"getup {version('humanoid-getup')}\n"
+
+
+@pytest.mark.parametrize("columns", ["30", "200"])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("rise --from", "--from has no value, expected one: see getup rise --help"),
+        ("rise --form supine", "unknown option '--form', expected --from: see getup rise --help"),
+        ("rise --balance yes", "unknown argument 'yes': see getup rise --help"),
+        (
+            "run robust --body arms=2",
+            "unknown option '--body', which getup rise, getup play, getup sit or getup hold has: "
+            "see getup run --help",
+        ),
+        ("motions retarget", "--robot STR is missing: see getup motions retarget --help"),
+        ("run", "NAME|FILE is missing: see getup run --help"),
+        (
+            "robots import a.xml --feet 2",
+            "--out DIR is missing; unknown option '--feet': see getup robots import --help",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_named_in_a_line(
+    run: Run, monkeypatch: pytest.MonkeyPatch, arguments: str, message: str, columns: str
+):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert run(*arguments.split()) == (2, "", f"getup: {message}\n")
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,12 @@ import shlex
 import pytest
 
 from humanoid_getup.cli.commands import parse
+from humanoid_getup.jobs.errors import BadInputError
 
 TABLE = [
     ("motions play squat_to_stand", "play squat_to_stand"),
     ("motions retarget --robot mine --from op3", "motions retarget --robot mine --source op3"),
-    ("motions retarget --from=human", "motions retarget --source=human"),
+    ("motions retarget --robot a --from=human", "motions retarget --robot a --source=human"),
     ("motions show squat_to_stand --out a.png", "motions show squat_to_stand --picture a.png"),
     ("motions preview key --out a.png", "motions preview key --picture a.png"),
     ("robots check op3 --out a.png", "robots check op3 --picture a.png"),
@@ -56,6 +57,6 @@ def test_an_old_spelling_is_read_and_answered_with_the_new_one(
 def test_an_option_that_a_command_never_had_is_answered_with_no_new_spelling(
     capsys: pytest.CaptureFixture[str],
 ):
-    with pytest.raises(SystemExit):
+    with pytest.raises(BadInputError, match="unknown option '--scenes', expected --scene:"):
         parse(["eval", "robust", "--scenes", "flat", "ice"])
     assert "an old spelling" not in capsys.readouterr().err

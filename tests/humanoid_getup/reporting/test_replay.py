@@ -269,7 +269,7 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_pa
         (("LOG", "--robot", TINY, "--scene", "moon"), "unknown scene 'moon'"),
         (
             ("LOG", "--threshold", "0", "--voltage", "nan"),
-            "--voltage is nan V, expected above 0 V; --threshold is 0 rad, expected above 0 rad",
+            "--voltage is nan V, expected 1 to 100 V; --threshold is 0 rad, expected 1e-09 to 10",
         ),
         (("LOG", "--json", "LOG/x"), "is not a folder"),
     ],

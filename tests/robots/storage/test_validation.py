@@ -80,6 +80,7 @@ WRONG = [
     ("title", "a\nb", r"title is 'a\nb', expected a text"),
     ("sign", 0, "sign is 0, expected -1 or 1"),
     ("color", "pink", "color is 'pink', expected red, green, blue"),
+    ("length", 1e-320, "length is 1e-320 m, expected at least 1e-09 m, at most 2 m"),
     ("length", 3, "length is 3 m, expected above 0 m, at most 2 m"),
     ("length", float("nan"), "length is nan, expected above 0 m, at most 2 m"),
     ("length", True, "length is True, expected above 0 m, at most 2 m"),

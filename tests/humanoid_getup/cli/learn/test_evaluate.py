@@ -57,7 +57,7 @@ def test_all_that_is_wrong_is_reported_at_once(policy: str, capsys: pytest.Captu
     assert main(("eval", policy, "--n", "5", "--delay", "90", "--voltage", "0.1")) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line == (
-        "getup: --n is 5, expected a multiple of 4, 4 or more; "
+        "getup: --n is 5, expected a multiple of 4, 4 to 1000000; "
         "--delay is 90 ms, expected 0 to 60 ms; --voltage is 0.1 V, expected 1 to 30 V"
     )
 

@@ -73,7 +73,7 @@ def test_plans_go_to_the_folder_that_is_named_and_are_cleared_from_it(
     text = capsys.readouterr().out
     assert "prone" in text
     assert "1 solved rise, 0.1 MB" in text
-    assert main(["plan-cache", "--cache-folder", str(folder), "--robot", "op4", "--clear"]) == 0
+    assert main(["plan-cache", "--cache-folder", str(folder), "--robot", "human", "--clear"]) == 0
     assert capsys.readouterr().out.startswith("0 rises removed")
     assert main(["plan-cache", "--cache-folder", str(folder), "--clear"]) == 0
     assert capsys.readouterr().out.startswith("1 rise removed")

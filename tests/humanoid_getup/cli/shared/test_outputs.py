@@ -9,10 +9,10 @@ from run_getup import Run
 
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.cli.shared.console import format_figure
-from humanoid_getup.cli.shared.output import find_json_problems, write_json
+from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.output_files import find_folder_problems, staging
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, staging
 
 NAMES = ("report.json", "strip.png")
 
@@ -66,7 +66,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path):
     (tmp_path / "elsewhere").mkdir()
     link = tmp_path / "figures.json"
     link.symlink_to(tmp_path / "elsewhere" / "real.json")
-    assert find_json_problems(str(link)) == []
+    assert find_file_problems(link) == []
     write_json({}, JsonOption(json=str(link)))
     assert link.is_symlink()
     assert (tmp_path / "elsewhere" / "real.json").read_text() == "{}\n"
@@ -75,7 +75,7 @@ def test_a_link_is_followed_and_stays(tmp_path: Path):
 def test_a_fifo_is_written_through(tmp_path: Path):
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    assert find_json_problems(str(fifo)) == []
+    assert find_file_problems(fifo) == []
     with ThreadPoolExecutor(1) as pool:
         read = pool.submit(fifo.read_text)
         write_json({}, JsonOption(json=str(fifo)))
@@ -84,7 +84,7 @@ def test_a_fifo_is_written_through(tmp_path: Path):
 
 
 def test_devices_are_written_through():
-    assert find_json_problems("/dev/null") == []
+    assert find_file_problems(Path("/dev/null")) == []
     write_json({}, JsonOption(json="/dev/null"))
     assert Path("/dev/null").is_char_device()
     with pytest.raises(BadInputError, match="output file /dev/full: No space left on device"):

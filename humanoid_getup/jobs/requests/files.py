@@ -1,0 +1,105 @@
+"""Which fields of a request are files that are read or written: none may be both."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.jobs.requests.values import list_notes, name_option
+
+STANDARD_OUTPUT = "-"
+ROBOT_FILES = ("robot.toml", "servos.toml", "keyframes.toml", "calibration.toml")
+ROBOT_SUFFIXES = (".xml", ".stl", ".obj", ".msh")
+
+
+@dataclass(frozen=True)
+class Read:
+    """Marks a field in `Annotated`: a file that is read, several, or what may name one."""
+
+    robot: bool = False
+    """It names a robot, or its folder."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """Marks a field in `Annotated`: a file that is written, or a folder."""
+
+    names: tuple[str, ...] | None = None
+    """Files that are written into the folder; ``None`` for a field that is a file."""
+
+
+READ, ROBOT, WRITTEN, FOLDER = Read(), Read(robot=True), Written(), Written(())
+
+
+def find_output_problems(request: Any) -> list[str]:
+    """Report outputs that cannot be written, or that are read, or the same, by their options."""
+    problems, owners = [], dict[Path, str]()
+    for option, value, mark in _list_marked(request, Written):
+        path = Path(value)
+        if mark.names is None:
+            problems += find_file_problems(path)
+        else:
+            problems += find_folder_problems(path, mark.names)
+        for file in [path] if mark.names is None else [path / name for name in mark.names]:
+            place = Path(os.path.abspath(file))  # noqa: PTH100  (resolve would follow links)
+            if place in owners:
+                problems.append(f"{owners[place]} and {option} are both {file}, expected two files")
+            owners[place] = option
+    return problems or _find_overwritten(request, owners)
+
+
+def _find_overwritten(request: Any, outputs: dict[Path, str]) -> list[str]:
+    """Report outputs that would replace a file that is read."""
+    existing = {path: option for path, option in outputs.items() if path.is_file()}
+    inputs = list(_list_inputs(request)) if existing else []
+    return [
+        f"{option}: {_shorten(path)} is read, too, expected another file"
+        for path, option in existing.items()
+        if any(path.samefile(file) for file in inputs)
+    ]
+
+
+def _list_inputs(request: Any) -> Iterator[Path]:
+    """List the files that a request names and that exist."""
+    for _, value, mark in _list_marked(request, Read):
+        if mark.robot:
+            yield from _list_robot_files(str(value))
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        words = [word for each in values for word in (str(each), *str(each).split(","))]
+        yield from (path for path in map(Path, words) if _is_file(path))
+
+
+def _list_robot_files(name: str) -> Iterator[Path]:
+    from robots.robot import ROBOTS_FOLDER, list_robots  # loads numpy: not for --help
+
+    folder = ROBOTS_FOLDER / name if name in list_robots() else Path(name)
+    for path in folder.rglob("*") if name else ():
+        if path.name in ROBOT_FILES or path.suffix.lower() in ROBOT_SUFFIXES:
+            yield path
+
+
+def _list_marked(request: Any, kind: type) -> Iterator[tuple[str, Any, Any]]:
+    """Yield option, value and mark of each field that has one of a kind and a value."""
+    hints = get_type_hints(type(request), include_extras=True)
+    for field in fields(request):
+        mark = next((each for each in list_notes(hints[field.name]) if type(each) is kind), None)
+        value = getattr(request, field.name)
+        is_file = value is not None and not (kind is Written and value == STANDARD_OUTPUT)
+        if mark is not None and is_file:
+            yield name_option(field.name, hints[field.name]), value, mark
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, or with a null byte
+        return False
+
+
+def _shorten(path: Path) -> Path:
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path

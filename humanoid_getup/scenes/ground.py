@@ -62,6 +62,7 @@ class Slope:
 
     angle: float = 0.0
     """[rad]"""
+    is_plane = True
 
     def __post_init__(self) -> None:
         if not abs(self.angle) <= STEEPEST:
@@ -69,11 +70,6 @@ class Slope:
                 f"slope is {math.degrees(self.angle):g}°, "
                 f"expected at most {math.degrees(STEEPEST):g}°"
             )
-
-    @property
-    def is_plane(self) -> bool:
-        """Return True."""
-        return True
 
     @property
     def is_level(self) -> bool:
@@ -109,6 +105,7 @@ class HeightField:
     """[m], rows along +y and columns along +x, (R, C)."""
     cell: float
     """Distance between two crossings [m]."""
+    is_plane = is_level = False
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -121,16 +118,6 @@ class HeightField:
             raise ValueError("heights are all the same, expected different ones: use a plane")
         if not self.cell > 0.0:
             raise ValueError(f"cell is {self.cell:g} m, expected above 0 m")
-
-    @property
-    def is_plane(self) -> bool:
-        """Return False."""
-        return False
-
-    @property
-    def is_level(self) -> bool:
-        """Return False."""
-        return False
 
     def normal(self, x: Array, y: Array, reach: float, /) -> Array:
         """Compute the upward normals (..., 3) at places x, y [m], averaged over a reach [m]."""

@@ -166,9 +166,9 @@ class Count:
     survivors: list[Survivor] = field(default_factory=list)
 
 
-def list_mutants(module: str) -> list[Mutant]:
-    """List every mutant of a module except those of type annotations and decorators."""
-    path = REPOSITORY / module
+def list_mutants(module: str, folder: Path) -> list[Mutant]:
+    """List every mutant of a module in a copy, without those of annotations and decorators."""
+    path = folder / module
     lines = path.read_text("utf-8").splitlines()
     skipped = set(_annotation_lines(ast.parse(path.read_text("utf-8"))))
     tree, mutants = get_ast_from_path(path), []
@@ -281,7 +281,7 @@ def measure(options: Options, console: Console) -> dict[str, Count]:
         for job in range(options.jobs):
             copies.put(Copy(Path(folder) / str(job)))
         for module in options.only or TARGETS:
-            mutants = list_mutants(module)
+            mutants = list_mutants(module, Path(folder) / "0")
             rng = random.Random(f"{options.seed} {module}")
             sample = rng.sample(mutants, min(options.n, len(mutants)))
             timeout = _time_tests(copies, module)

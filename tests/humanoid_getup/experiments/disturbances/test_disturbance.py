@@ -22,6 +22,7 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import lowest_point, place
 from robots.quaternion import Array
+from robots.servo import LIMIT_MODES, PWM
 
 COUNT = 200
 
@@ -75,6 +76,15 @@ def test_a_share_of_robots_has_a_weak_servo(world: World, share: float):
     assert weak.mean() == pytest.approx(share, abs=0.05)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_a_share_of_robots_limits_its_torque_by_pwm(world: World, share: float):
+    drawn = Disturbance(by_pwm=share).draw(world, 5 * COUNT, np.random.default_rng(0))
+    own = LIMIT_MODES.index(world.robot.limit_by)
+    assert set(drawn.limit_by.tolist()) <= {own, PWM}
+    assert own != PWM
+    assert np.mean(drawn.limit_by == PWM) == pytest.approx(share, abs=0.05)
+
+
 def test_distributions_have_their_range_size_and_probability():
     rng = np.random.default_rng(0)
     for shape in ((3,), (COUNT, 3), (4, 5, 3)):
@@ -117,6 +127,14 @@ def test_a_turn_turns_every_robot_but_the_first_by_its_angle(lying: tuple[World,
     angle = quaternion.angle_between(turned, start[layout.root_orientation])
     assert angle == pytest.approx([0.0, *[0.2] * 11], abs=1e-6)
     np.testing.assert_array_equal(starts[:, layout.qpos], np.tile(start[layout.qpos], (12, 1)))
+
+
+def test_a_constant_offset_is_added_to_every_joint(lying: tuple[World, Array]):
+    world, start = lying
+    layout, robot = world.robot.layout(world.model), world.robot
+    moved = sample_starts(world, start, 2, joints=0.05)[1, layout.qpos]
+    expected = np.clip(start[layout.qpos] + 0.05, robot.lower, robot.upper)
+    np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
 def test_offsets_move_every_joint_within_its_range(lying: tuple[World, Array]):

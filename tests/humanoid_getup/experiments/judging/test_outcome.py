@@ -254,6 +254,11 @@ def test_an_overlap_is_a_collision_from_a_tenth_of_a_millimeter_on(tiny: Robot):
     assert np.asarray(outcome.self_collisions).tolist() == [4, 0, 1]
 
 
+def test_limbs_that_never_meet_have_no_depth(tiny: Robot):
+    outcome = judge(tiny, 9, overlap=np.full(9, -0.03))
+    assert (outcome.overlap, outcome.collides, outcome.self_collisions) == (0.0, False, 0)
+
+
 def test_what_follows_the_end_of_a_run_is_no_collision(tiny: Robot):
     depth = np.full(60, -1.0)
     depth[[20, 40]] = 0.01

@@ -37,9 +37,9 @@ StyleOption = Annotated[
     READ,
     arg(
         metavar="STYLE|planned",
-        help="What a policy that follows style curves follows: a style, see `getup style list`, a "
-        "style file, or the curves of a motion that is planned; default: of the styles that begin "
-        "nearest to the robot, the one that turns it least.",
+        help="Style that a policy with style curves follows: a name, see `getup style list`, a "
+        "style file, or planned for the curves of a planned motion; default: of the styles that "
+        "begin nearest to the robot, the one that turns it least.",
     ),
 ]
 A_REAL_ROBOT = "a real robot has the body that it has"

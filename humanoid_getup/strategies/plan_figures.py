@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import msgspec
 
 from humanoid_getup.motions.preference import PreferenceName
-from humanoid_getup.strategies.key_postures.key_record import KeyFigures
+from humanoid_getup.strategies.key_record import KeyFigures
 from humanoid_getup.style.style_errors import StyleFigures
 
 

@@ -21,7 +21,7 @@ from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.crawl import Crawl
 from humanoid_getup.strategies.search.free_rise import FreeRise
 from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
-from humanoid_getup.strategies.search.search_record import SearchRecord
+from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.torque_limit import check_torque_limit
 

@@ -8,7 +8,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import fit
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.search.search_record import SearchRecord
+from humanoid_getup.strategies.search_record import SearchRecord
 from robots import Posture
 from robots.kinematics import read_posture
 

@@ -35,7 +35,7 @@ from humanoid_getup.reporting.report import (
 )
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_postures.key_record import KeyFigures, find_passes
+from humanoid_getup.strategies.key_record import KeyFigures, find_passes
 from robots.storage.encoding import to_json
 
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"

@@ -26,7 +26,7 @@ from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.plan_figures import CacheFigures, PlanFigures
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.search.search_record import SearchRecord
+from humanoid_getup.strategies.search_record import SearchRecord
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step

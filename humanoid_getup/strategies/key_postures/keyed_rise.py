@@ -12,14 +12,14 @@ import numpy as np
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.key_posture import KeyPosture
-from humanoid_getup.strategies.key_postures.key_record import (
+from humanoid_getup.strategies.key_postures.key_routes import RESTS, KeyRoutes
+from humanoid_getup.strategies.key_record import (
     CLOSE_TILT,
     KeyFigures,
     KeyPass,
     KeyRecord,
     find_passes,
 )
-from humanoid_getup.strategies.key_postures.key_routes import RESTS, KeyRoutes
 from humanoid_getup.strategies.search.free_rise import SLOWDOWN
 from humanoid_getup.strategies.search.rise_search import FoundRise, RiseSearch, SearchTools
 from robots import Posture

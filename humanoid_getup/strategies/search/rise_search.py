@@ -11,7 +11,7 @@ from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_postures.key_record import KeyRecord
+from humanoid_getup.strategies.key_record import KeyRecord
 from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.crawl import Crawl, Move
 from robots import Posture

@@ -15,7 +15,7 @@ from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.cache.plan_cache import PlanCache
-from humanoid_getup.strategies.key_postures.key_record import CLOSE_JOINT, find_passes
+from humanoid_getup.strategies.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Posture, Robot, quaternion

@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.scenes.ground import Slope
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.scenes.start_region import lay_at
 from humanoid_getup.scenes.surface import Surface
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
@@ -118,13 +119,7 @@ def disturb_start(
 
 def turn_head(posture: Posture) -> Posture:
     """Turn and move a lying posture: its head points along +x, its root is above the origin."""
-    up = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
-    turn = quaternion.from_yaw(-math.atan2(up[1], up[0]))
-    return replace(
-        posture,
-        position=np.array([0.0, 0.0, posture.position[2]]),
-        orientation=quaternion.normalize(quaternion.multiply(turn, posture.orientation)),
-    )
+    return lay_at(posture, np.zeros(2), 0.0)
 
 
 def _disturb_posture(

@@ -14,15 +14,15 @@ from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
-ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step size: rad, and share of a duration
+ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step sizes: rad, and share of a duration
 SEARCH_HOLD = 1.0  # s of stand or of lying still that a candidate must show; 3.0 when judged
-TRAVEL_COST = 0.02  # of a radian that the targets of a joint travel, on average
+TRAVEL_COST = 0.02  # per radian that targets travel, mean of all joints
 SWAY_TIME = 0.2  # s between the last target and the stand that counts
 SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
-OVERLAP_COST = 1.0  # of pressing into itself all the time
-FAILURE = 6.0  # cost that no success can reach
+OVERLAP_COST = 1.0  # of a rollout that overlaps itself from start to end
+FAILURE = 6.0  # least cost of a failure; every success costs less
 PREFERENCE_SHARE = 0.3  # of a preference's cost, so that no success costs as much as a failure
-DESCENT_COST = 6.0  # of a meter per second at which the neck of a robot that lies down descends
+DESCENT_COST = 6.0  # per m/s of the neck's fastest descent, of a robot that lies down
 
 
 def score(

@@ -58,11 +58,8 @@ class StartRegion:
 
     def move(self, posture: Posture, rng: np.random.Generator) -> Posture:
         """Move a lying robot to a place in the region, with a heading of the region."""
-        head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
-        turn = quaternion.from_yaw(rng.uniform(*self.heading) - math.atan2(head[1], head[0]))
-        at = np.array([rng.uniform(*self.x), rng.uniform(*self.y), posture.position[2]])
-        orientation = quaternion.normalize(quaternion.multiply(turn, posture.orientation))
-        return replace(posture, position=at, orientation=orientation)
+        heading = rng.uniform(*self.heading)
+        return lay_at(posture, self._draw_place(rng), heading)
 
     def spans(self, position: Array) -> bool:
         """Return whether a torso's position [m], (3,), is in the region or its margin."""
@@ -76,14 +73,29 @@ class StartRegion:
         """Return whether a settled robot lies in the class and the region."""
         if self.start_class is None:
             return True
-        head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
         low, high = self.heading
-        off = math.remainder(math.atan2(head[1], head[0]) - 0.5 * (low + high), 2.0 * math.pi)
+        off = math.remainder(_find_heading(posture) - 0.5 * (low + high), 2.0 * math.pi)
         is_there = start_class == self.start_class and self.spans(posture.position)
         return is_there and abs(off) <= 0.5 * (high - low) + DRIFT
 
 
 ANYWHERE = StartRegion()
+
+
+def lay_at(posture: Posture, place: Array, heading: float) -> Posture:
+    """Move a lying robot to a place (2,) [m], and turn its head to a heading [rad]."""
+    turn = quaternion.from_yaw(heading - _find_heading(posture))
+    return replace(
+        posture,
+        position=np.array([*place, posture.position[2]]),
+        orientation=quaternion.normalize(quaternion.multiply(turn, posture.orientation)),
+    )
+
+
+def _find_heading(posture: Posture) -> float:
+    """Find the horizontal direction in which the head of a lying robot points [rad]."""
+    head = quaternion.rotate(posture.orientation, np.array([0.0, 0.0, 1.0]))
+    return math.atan2(head[1], head[0])
 
 
 def lying(start_class: str) -> Array:

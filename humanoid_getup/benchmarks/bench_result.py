@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABCMeta, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct, StructMeta, UnsetType
 
 from humanoid_getup.execution.result import RiseFigures, RiseResult
 from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, SummarizedRise
@@ -44,7 +45,11 @@ class BenchRise(RiseFigures, KeptRise):
         return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
 
 
-class BenchHead(Struct, frozen=True, kw_only=True):
+class AbstractStructMeta(StructMeta, ABCMeta):
+    """Metaclass of structs that lack a method."""
+
+
+class BenchHead(Struct, metaclass=AbstractStructMeta, frozen=True, kw_only=True):
     """Head of a result: benchmark, robot and conditions; JSON omits unset fields."""
 
     name: str
@@ -59,9 +64,9 @@ class BenchHead(Struct, frozen=True, kw_only=True):
     limit_by: LimitMode | UnsetType | None = UNSET
 
     @property
+    @abstractmethod
     def table(self) -> Mapping[str, Any]:
         """Return the rows of its table."""
-        raise NotImplementedError
 
 
 class CaseBench(BenchHead, Generic[Case], frozen=True, kw_only=True):

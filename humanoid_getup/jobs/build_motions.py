@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import queue
 import time
@@ -71,6 +72,13 @@ def build_motions(
     )
 
 
+def is_begun(request: BuildRequest) -> bool:
+    """Return whether a search of some motion of a request was kept."""
+    folder = load_robot(request).folder / UNFINISHED
+    kept = [path.stem for path in folder.glob(f"*{LOG}")]
+    return bool(set(kept) & set(request.names or kept))
+
+
 def check_folders(robot: Robot) -> None:
     """Refuse a robot in whose folder nothing can be written.
 
@@ -92,12 +100,16 @@ def build_all(
     work = rounds * count_work(request.generations, min(done.values()))
     watch = _Watch(reports, monitor, request.generations, work=work, done=done)
     failures: dict[str, str] = {}
-    with worker_pool(request.jobs, _start_worker, reports) as pool:
-        waiting = {pool.submit(_build, robot, each, request): each.name for each in chosen}
-        while waiting:
-            watch.show_next()
-            failures |= _collect(waiting, lambda b: keep(b, robot, keep_keys=request.keep_keys))
-            monitor.check()
+    try:
+        with worker_pool(request.jobs, _start_worker, reports) as pool:
+            waiting = {pool.submit(_build, robot, each, request): each.name for each in chosen}
+            while waiting:
+                watch.show_next()
+                failures |= _collect(waiting, lambda b: keep(b, robot, keep_keys=request.keep_keys))
+                monitor.check()
+    finally:
+        with contextlib.suppress(OSError):  # it is not empty, or not there
+            (robot.folder / UNFINISHED).rmdir()
     return BuiltMotions(
         folder=robot.folder / MOTION_FOLDER,
         built=tuple(each.name for each in chosen if each.name not in failures),

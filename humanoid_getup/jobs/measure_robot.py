@@ -57,6 +57,11 @@ RESULT = "result"
 Results = dict[str, PartResult]
 
 
+def is_begun(request: BenchAll) -> bool:
+    """Return whether some part of a benchmark was kept."""
+    return any((request.out / PARTS).glob("*.json"))
+
+
 def measure_robot(
     request: BenchAll, report: Report | None = None, cancel: Cancel | None = None
 ) -> WholeBench:

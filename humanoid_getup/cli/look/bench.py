@@ -10,6 +10,7 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.benchmark import benchmark
+from humanoid_getup.jobs.measure_robot import is_begun
 from humanoid_getup.jobs.requests.bench import PAGE, BenchAll
 from humanoid_getup.jobs.requests.shared import JobRequest
 
@@ -77,7 +78,7 @@ def bench(command: JobRequest) -> int:
 
 def bench_all(command: BenchAll) -> int:
     """Run or resume the whole benchmark; print the place of its page."""
-    with hinting_resume("bench all", command):
+    with hinting_resume("bench all", command, is_begun):
         code = bench(command)
     console_for(command).print(f"written to {command.out / PAGE}", markup=False)
     return code

@@ -13,7 +13,7 @@ from humanoid_getup.cli.shared.console import console_for, phase, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume, write_command
-from humanoid_getup.jobs.build_motions import BuiltMotions
+from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
 from humanoid_getup.jobs.discover_motions import discover as search_all
 from humanoid_getup.jobs.errors import BadInputError
@@ -63,13 +63,13 @@ def preview(command: PreviewMotion) -> int:
 
 def build(command: BuildRequest) -> int:
     """Build the motions; report those that fail."""
-    with hinting_resume("motions build", command), showing() as report:
+    with hinting_resume("motions build", command, is_begun), showing() as report:
         return _print_built(build_all(command, report))
 
 
 def retarget(command: RetargetRequest) -> int:
     """Transfer another robot's keys; return 0 if every motion stands."""
-    with hinting_resume("motions retarget", command), showing() as report:
+    with hinting_resume("motions retarget", command, is_begun), showing() as report:
         found = transfer_all(command, report)
     if found.improved is not None:
         _print_built(found.improved)

@@ -48,7 +48,7 @@ def phase(text: str) -> Iterator[Callable[[str], None]]:
 @contextmanager
 def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """Show a progress bar on standard error; yield what advances it."""
-    with _make_bars() as bars:
+    with make_bars() as bars:
         bar = bars.add_task(what, total=total, note="")
         yield lambda done: bars.advance(bar, done)
 
@@ -101,7 +101,7 @@ class ProgressDisplay:
     def _show_bar(self, progress: Progress) -> None:
         if self._bars is None:
             self.stop()
-            self._bars, self._tasks = _make_bars(), {}
+            self._bars, self._tasks = make_bars(), {}
             self._bars.start()
         bars, name = self._bars, progress.phase
         if name not in self._tasks:
@@ -109,7 +109,8 @@ class ProgressDisplay:
         bars.update(self._tasks[name], completed=progress.done, note=progress.note)
 
 
-def _make_bars() -> Bars:
+def make_bars(console: Console | None = None) -> Bars:
+    """Make bars of one line each; what does not fit into the terminal is cut off its note."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -117,12 +118,20 @@ def _make_bars() -> Bars:
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.table import Column
 
-    name = TextColumn("{task.description}", markup=False)  # it may hold the name of a file
-    times = (TimeElapsedColumn(), TimeRemainingColumn())
-    note = TextColumn("{task.fields[note]}", style="dim", markup=False)
-    columns = (name, BarColumn(), MofNCompleteColumn(), *times, note)
-    return Bars(*columns, console=Console(stderr=True))
+    console = console or Console(stderr=True)
+    line, cut = Column(no_wrap=True), Column(no_wrap=True, overflow="ellipsis", ratio=1)
+    return Bars(
+        TextColumn("{task.description}", markup=False, table_column=line),  # may name a file
+        BarColumn(bar_width=min(40, console.width // 8)),
+        MofNCompleteColumn(table_column=line.copy()),
+        TimeElapsedColumn(table_column=line.copy()),
+        TimeRemainingColumn(table_column=line.copy()),
+        TextColumn("{task.fields[note]}", style="dim", markup=False, table_column=cut),
+        console=console,
+        expand=True,
+    )
 
 
 def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:

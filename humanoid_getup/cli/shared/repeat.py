@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields, replace
 from typing import Any, get_type_hints
@@ -29,11 +29,16 @@ def write_command(name: str, request: JobRequest) -> str:
 
 
 @contextmanager
-def hinting_resume(name: str, request: Any) -> Iterator[None]:
-    """Add the command that resumes the work to an interrupt (`KeyboardInterrupt`)."""
+def hinting_resume(name: str, request: Any, is_begun: Callable[[Any], bool]) -> Iterator[None]:
+    """Add the command that resumes the work to an interrupt (`KeyboardInterrupt`).
+
+    ``is_begun`` tells whether anything of the request was kept.
+    """
     try:
         yield
     except KeyboardInterrupt as interrupt:
+        if not is_begun(request):
+            raise
         again = write_command(name, replace(request, resume=True))
         raise KeyboardInterrupt(f"{again} continues") from interrupt
 

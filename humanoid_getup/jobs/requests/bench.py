@@ -55,11 +55,17 @@ class BenchAll(BodyOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
-    """Rise from many settled falls: success rates, times and faults."""
+class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
+    """From how many falls a benchmark rises."""
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRise(PreferenceOptions, FallsOptions):
+    """Rise from many settled falls: success rates, times and faults."""
+
     planning: bool = True
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True
@@ -69,21 +75,17 @@ class BenchRise(PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMethods(TorqueOptions, BodyOption, SceneOptions):
+class BenchMethods(FallsOptions):
     """Get up from the same falls by plans and by policies: success, time, load, impact, heat."""
 
-    n: Count = 20
-    """Falls of each class: supine, prone, lateral."""
     ways: Annotated[tuple[str, ...], READ, arg(metavar="WAY,...")] = ("plan", "robust")
     """Strategies to compare: plan, and policies by name or file."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchDisturbed(TorqueOptions, BodyOption, SceneOptions):
+class BenchDisturbed(FallsOptions):
     """Get up in worlds that no plan knows of: loads, slopes, a step, weak servos."""
 
-    n: Count = 20
-    """Falls of each class: supine, prone, lateral."""
     policies: Annotated[tuple[str, ...], READ, Items(none=True), arg(metavar="POLICY,...")] = (
         "robust",
     )

@@ -3,6 +3,7 @@
 import mujoco
 import pytest
 
+from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.benchmarks.conditions import describe_conditions
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
@@ -15,3 +16,8 @@ def test_conditions_are_those_of_robot_and_world(op3: Robot, world: World):
     assert about.stall_torque_nm == pytest.approx(4.1)
     assert (about.joints, about.scene, about.limit_by) == (20, "flat", "current")
     assert about.mujoco == mujoco.__version__
+
+
+def test_a_result_without_a_table_cannot_be_made():
+    with pytest.raises(TypeError, match="abstract method 'table'"):
+        BenchHead(name="rise", seed=0, n=1)  # type: ignore[abstract]

@@ -1,14 +1,17 @@
 """Files appear complete and together, or not at all; devices and links stay what they are."""
 
+import io
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+from rich.text import Text
 from run_getup import Run
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.cli.shared.console import format_figure
+from humanoid_getup.cli.shared.console import format_figure, make_bars
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
@@ -116,3 +119,19 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
     assert code == 2
     assert error == "getup: output file /dev/full: No space left on device\n"
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_a_progress_bar_is_one_line_of_the_terminal(width: int):
+    console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None)
+    with make_bars(console) as bars:
+        note = "cost 12.34, 100% stood; all take about 12 min"
+        task = bars.add_task("lateral_asymmetric_squat", total=20, note=note)
+        bars.update(task, completed=12)
+    last = Text.from_ansi(console.file.getvalue()).plain.splitlines()[-1]
+    assert len(last) <= width
+    assert last.startswith("lateral_asymmetric_squat ")
+    assert " 12/20 " in last
+    assert "0:00:0" in last
+    assert (note in last) == (width == 200)
+    assert ("cost 12" in last) == (width > 60)

@@ -33,9 +33,15 @@ def _is_command(name: str) -> bool:
     return name in COMMANDS and bool(COMMANDS[name].options)
 
 
-def test_an_interrupted_build_prints_the_command_that_continues_it(
-    run: Run, copied_op3: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_an_interrupted_build_prints_the_command_that_continues_it_if_anything_was_kept(
+    run: Run, copied_op3: Path, monkeypatch: pytest.MonkeyPatch, is_kept: bool
 ):
+    unfinished = copied_op3 / "unfinished"
+    unfinished.mkdir()
+    if is_kept:
+        (unfinished / "squat_to_stand.json").touch()
+
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -44,4 +50,6 @@ def test_an_interrupted_build_prints_the_command_that_continues_it(
     code, _, error = run("motions", "build", *wanted)
     assert code == 130
     again = f"getup motions build squat_to_stand --robot {copied_op3} --seed 3 --resume continues"
-    assert error.splitlines()[-1] == f"getup: interrupted: {again}"
+    hint = f": {again}" if is_kept else ""
+    assert error.splitlines()[-1] == f"getup: interrupted{hint}"
+    assert unfinished.exists() == is_kept

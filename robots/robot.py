@@ -74,12 +74,12 @@ class Layout:
 
 
 class JointArrays:
-    """What follows from the joints of a robot and their servos, in arrays."""
+    """Arrays derived from the joints of a robot and their servos."""
 
     n: int
     """Number of joints."""
     joint_names: tuple[str, ...]
-    """In canonical order."""
+    """Joint names in canonical order."""
     transmission: Transmission
     """Gears and couplings between the servos and the joints."""
     lower: Array
@@ -112,7 +112,7 @@ class JointArrays:
     """Lowest and highest supply that all servos accept [V]."""
 
     def _derive(self, joints: Sequence[Joint], couplings: tuple[Coupling, ...]) -> None:
-        """Compute all of it; an instance may be frozen."""
+        """Compute the arrays; an instance may be frozen."""
         servos = [joint.servo for joint in joints]
         models = [servo.model for servo in servos]
         lowest, highest = max(m.min_voltage for m in models), min(m.max_voltage for m in models)

@@ -1,4 +1,4 @@
-"""The ports of a robot: on each a bus with some of its servos, on one its board."""
+"""The ports of a robot: each has a bus with some of its servos, one also its board."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robots.imu import IMU_PORT
 
 @dataclass(frozen=True)
 class RobotPort:
-    """One port of a robot, and what is on its bus."""
+    """One port of a robot, and the devices on its bus."""
 
     name: str
     """The port's name in the robot's description."""

@@ -82,7 +82,7 @@ class FlightLog:
         """Number of logged cycles."""
         self._saved = 0  # of them on disk
         self.fault: str | None = None
-        """Why recording stopped early, and what is on disk; None if it did not."""
+        """Reason why recording stopped early, with the recorded part; None if it did not."""
         self._time_ns = self._pending = 0
         self._time = self._flushed_at = 0.0
 

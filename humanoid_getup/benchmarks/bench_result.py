@@ -18,10 +18,10 @@ Case = TypeVar("Case")
 
 @dataclass(frozen=True, kw_only=True)
 class KeptRise(SummarizedRise):
-    """What a benchmark keeps of each of very many rises."""
+    """Stored figures of a rise in a benchmark with many rises."""
 
     bench_class: str | UnsetType = UNSET
-    """Class of the fall; unset where rises are told apart by other things."""
+    """Class of the fall; unset where rises are identified by other fields."""
     start_class: str | None
     reason: str
     attempts: int
@@ -29,7 +29,7 @@ class KeptRise(SummarizedRise):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchRise(RiseFigures, KeptRise):
-    """One of a benchmark's rises; what is unset does not tell its rises apart."""
+    """One rise of a benchmark; unset fields are not needed to identify it."""
 
     way: str | UnsetType = UNSET
     case: str | UnsetType = UNSET

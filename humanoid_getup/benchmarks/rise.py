@@ -121,7 +121,7 @@ def rise_all(
     preflight: bool = True,
     way: str | UnsetType = UNSET,
 ) -> list[BenchRise]:
-    """Rise from every fall on a fresh twin, by a way that may have a name.
+    """Rise from every fall on a fresh twin, by a method that may have a name.
 
     The falls are in the order of the classes, as many of each.
     """

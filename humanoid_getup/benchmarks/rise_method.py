@@ -19,7 +19,7 @@ class RiseMethod:
     name: str
     make: Callable[[World, TorqueLimit], Strategy]
     fingerprint: str = ""
-    """Checksum of what it depends on, besides the world; "" if no result of it is kept."""
+    """Checksum of its inputs besides the world; "" if no result of it is stored."""
     preflight: bool = True
     """Whether the preflight may refuse it; False for baselines, to see whether they stand."""
 

@@ -20,7 +20,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.values import find_items, list_choices, name_choices, split_hint
 
 UNKNOWN, MISSING, NEAREST = "Unrecognized options:", "Missing from", "Perhaps you meant"
-"""What blocks of tyro's box begin with."""
+"""First words of the blocks in tyro's box."""
 registry = ConstructorRegistry()
 """Makes tyro accept invalid values, so that all problems are reported at once."""
 
@@ -79,7 +79,7 @@ def _accept_any_text(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] |
 
 @contextmanager
 def in_one_line(program: str, list_others: Callable[[str], Sequence[str]]) -> Iterator[None]:
-    """Turn the box in which tyro says what it cannot read into a `BadInputError`.
+    """Convert the box in which tyro reports errors to a `BadInputError`.
 
     ``list_others`` names the commands that have an option which this one has not.
     """
@@ -94,7 +94,7 @@ def in_one_line(program: str, list_others: Callable[[str], Sequence[str]]) -> It
 
 
 def describe_box(box: str, list_others: Callable[[str], Sequence[str]]) -> str:
-    """Write what tyro says in a box, with rules between its blocks, in one line."""
+    """Convert a box of tyro, with rules between its blocks, to one line."""
     lines = [line[1:].rstrip(" │") for line in box.splitlines()[1:-1]]
     text = "\n".join("" if not line.strip(" ─-") else line for line in lines)
     blocks = {block.split("\n")[0].strip(): block for block in text.strip("\n").split("\n\n")}

@@ -17,7 +17,7 @@ from robots.servo import LimitMode
 
 
 class HeldJoint(msgspec.Struct, frozen=True, kw_only=True):
-    """What the servo of a joint is left with."""
+    """State in which the servo of a joint is handed over."""
 
     target_rad: float
     torque_limit_nm: float
@@ -26,7 +26,7 @@ class HeldJoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandOverFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """What the servos are left with, under report.json's keys."""
+    """State in which servos are handed over, under report.json's keys."""
 
     summary: str
     watchdog: Literal["off"] = "off"
@@ -36,7 +36,7 @@ class HandOverFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class AfterFigures:
-    """What followed a stand, under report.json's keys; None for what it did not get to."""
+    """Results after a stand, under report.json's keys; None for steps that did not begin."""
 
     succeeded: bool
     reason: str

@@ -133,7 +133,7 @@ class RiseFigures(PlanFigures, SummarizedRise):
     peak_velocity_rad_s: float | None = None
     neck_delta_v_m_s: float | None = None
     played: bool | UnsetType = UNSET
-    """Only of a robot without an IMU, as those below: whether it was played to its end."""
+    """Whether it was played to its end; this and the fields below only without an IMU."""
     without_imu: bool | UnsetType = UNSET
     held_s: float | UnsetType = UNSET
 

@@ -131,7 +131,7 @@ class TargetSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class _Generation:
-    """Variations of a generation, and how they ended."""
+    """Variations of a generation, and their outcomes."""
 
     motions: list[Array]
     """Their targets [rad], each (T, n)."""
@@ -144,7 +144,7 @@ class _Generation:
 
 
 class _Tries:
-    """Rolls variations of targets out, and counts what that takes."""
+    """Rolls out variations of targets, and counts the effort."""
 
     def __init__(
         self,

@@ -19,7 +19,7 @@ def open_plan_cache(folder: Path | None = None) -> PlanCache:
 
 
 def check_robot_name(cache: PlanCache, robot: str | None) -> None:
-    """Refuse the name of a robot that neither comes with the program nor has solved rises.
+    """Refuse a robot that neither comes with the program nor has stored plans.
 
     Raises:
         BadInputError: naming those that are known.

@@ -1,4 +1,4 @@
-"""Courses: paths, rests and stored motions, one after the other, with targets for the servos."""
+"""Courses: sequences of paths, rests and stored motions, with targets for the servos."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Course:
 
     @property
     def end(self) -> Posture:
-        """Return the posture that it comes to."""
+        """Return the posture at its end."""
         return Posture(
             position=self.position[-1],
             orientation=quaternion.normalize(self.orientation[-1]),
@@ -109,11 +109,11 @@ class Course:
 
     @property
     def load(self) -> Array:
-        """Return by how much the targets lead the angles for the load at its end [rad], (n,)."""
+        """Return the lead of targets over angles by the load at its end [rad], (n,)."""
         return self.joint_target[-1] - self.joint_pos[-1]
 
     def then(self, further: Course) -> Course:
-        """Go on with further rows."""
+        """Append further rows."""
         pairs = zip(self._arrays(), further._arrays(), strict=True)
         return Course(**{name: np.concatenate([a, b]) for (name, a), (_, b) in pairs})
 

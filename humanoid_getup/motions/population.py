@@ -1,4 +1,4 @@
-"""Populations: genes that are sampled, and move from one generation to the next to lower costs."""
+"""Populations: sampled genes that evolve towards lower costs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PARENTS = 5  # best of a generation, about which the next one is sampled
 
 
 class Population(ABC):
-    """Samples genes about a mean: ask for a generation, then tell what it costs."""
+    """Samples genes about a mean: `ask` for a generation, then `tell` its costs."""
 
     def __init__(
         self, mean: Array, spread: Array | float, size: int, rng: np.random.Generator
@@ -41,7 +41,7 @@ class Population(ABC):
 
 
 class EvolutionStrategy(Population):
-    """Samples about the weighted mean of the parents, with one standard deviation throughout.
+    """Samples about the weighted mean of the parents, with a constant standard deviation.
 
     (μ/μ_w, λ) of Hansen, "The CMA evolution strategy", 2016. The covariance is fixed, for searches
     that end within a few generations, before CMA-ES would have learned one.
@@ -53,7 +53,7 @@ class EvolutionStrategy(Population):
 
 
 class CrossEntropy(Population):
-    """Samples about the mean of the parents, spread as they are; the cross-entropy method."""
+    """The cross-entropy method: samples with mean and spread of the parents."""
 
     def __init__(
         self,

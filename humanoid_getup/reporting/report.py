@@ -27,13 +27,13 @@ TRADED = (
 
 @dataclass(frozen=True, kw_only=True)
 class ReportHead:
-    """Which robot did it, and where, by report.json's keys."""
+    """Robot, scene and backend of a report, by report.json's keys."""
 
     robot: str
     body: str
     seed: int
     start: str | UnsetType = UNSET
-    """Where it lay; unset for a stand."""
+    """Start of the robot; unset for a stand."""
     scene: str
     backend: str
     torque_limit_nm: float | None
@@ -43,7 +43,7 @@ class ReportHead:
 
 @dataclass(frozen=True, kw_only=True)
 class RiseSettings:
-    """What was chosen for a rise, by report.json's keys; unset where there is no such choice."""
+    """Settings of a rise, by report.json's keys; unset where there is no such setting."""
 
     method: str | UnsetType = UNSET
     planning: bool | UnsetType = UNSET
@@ -55,9 +55,9 @@ class RiseReport(RiseFigures, RiseSettings, ReportHead):
     """The content of report.json after a rise."""
 
     motion: str | UnsetType = UNSET
-    """That was chosen to be played; unset if none was."""
+    """Name of the motion to play; unset if none was chosen."""
     strip_reason: str | UnsetType | None = UNSET
-    """Why there is no film strip; unset where no files are written."""
+    """Reason why there is no film strip; unset if no files are written."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,9 +43,9 @@ class Scene:
     starts: tuple[StartRegion, ...] = ()
     """Start regions; without any, robots lie at the origin in any direction."""
     is_flat: bool = field(init=False, repr=False)
-    """Whether it is the same in every place and direction."""
+    """Whether it is the same at every place and in every direction."""
     deepest_sink: float = field(init=False, repr=False)
-    """How deep a part of a robot may sink into what is softest [m]."""
+    """How deep a part of a robot may sink into the softest surface [m]."""
 
     def __post_init__(self) -> None:
         names = Counter([GROUND, *(obstacle.name for obstacle in self.obstacles)])

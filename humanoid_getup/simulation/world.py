@@ -37,7 +37,7 @@ class World:
         self.scene = load_scene(scene, robot) if isinstance(scene, str) else scene
         self.model = model = _compile(robot, self.scene) if model is None else model
         self.is_world_geom = model.body_weldid[model.geom_bodyid] == 0
-        """Which geoms are the scene's, (ngeom,)."""
+        """Whether each geom belongs to the scene, (ngeom,)."""
         roots = np.flatnonzero(model.body_parentid == model.body(robot.torso).id)
         self.limbs = tuple(model.body(int(body)).name for body in roots)
         """Bodies at the root of each limb."""

@@ -1,4 +1,4 @@
-"""From names to strategies, made for a world; of several, the best by their track record."""
+"""Choice of a strategy by name for a world, or of the best one by track record."""
 
 from __future__ import annotations
 

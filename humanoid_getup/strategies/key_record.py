@@ -51,13 +51,13 @@ class KeyFigures(msgspec.Struct, frozen=True, kw_only=True):
     time_s: float | None = None
     """Time at which the motion passes it; ``None`` if it does not."""
     largest_joint_error_rad: float | None = None
-    """At that instant of the undisturbed rollout."""
+    """Largest joint error at that instant of the undisturbed rollout."""
     tilt_error_rad: float | None = None
-    """Of the torso, at that instant."""
+    """Tilt error of the torso at that instant."""
     reason: str = ""
     """Reason why it was dropped; empty if it was kept."""
     played_joint_error_rad: float | UnsetType | None = UNSET
-    """In the rise itself; unset where only the plan is known."""
+    """Largest joint error in the rise itself; unset if only the plan is known."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,7 +23,7 @@ class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CacheFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """The entry of the cache that a plan came from, and how near its start was."""
+    """The cache entry of a plan, and the distance of its start."""
 
     entry: str
     age_s: float
@@ -35,7 +35,7 @@ class CacheFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class PlanFigures(StyleFigures):
-    """The figures of a plan; None where there is nothing of the kind."""
+    """The figures of a plan; None for those that it does not have."""
 
     planned: bool
     plan_s: float

@@ -73,7 +73,7 @@ class StyleErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class StyleFigures:
-    """How a style was followed, under report.json's keys; unset without one."""
+    """Figures of a followed style, under report.json's keys; unset without a style."""
 
     style_followed: bool | UnsetType = UNSET
     style_height_error: float | UnsetType = UNSET

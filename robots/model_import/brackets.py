@@ -50,7 +50,7 @@ def exclude_brackets(spec: mujoco.MjSpec, model: mujoco.MjModel, stance: Array) 
 
 
 def _is_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
-    """Tell whether a few hinges in one place join two bodies."""
+    """Tell whether only a few hinges at one place join two bodies."""
     hinges = list_hinges_between(model, first, second)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -73,7 +73,7 @@ def parse_xml(content: bytes) -> ET.Element:
 
 
 def is_pointer(path: Path) -> bool:
-    """Tell whether a file only says which file Git LFS would put into its place."""
+    """Tell whether a file is a pointer of Git LFS instead of the file itself."""
     if not path.is_file():  # a FIFO would keep a reader waiting
         return False
     with path.open("rb") as file:

@@ -26,7 +26,7 @@ class Plan(JsonOption, PlanRequest):
     """Folder for path.npz and strip.png."""
 
     def find_problems(self) -> list[str]:
-        """Report a path without a folder as well."""
+        """Report --keep-partial without a folder as well."""
         problems = super().find_problems()
         if self.keep_partial and self.out is None:
             problems.append("--keep-partial: expected --out DIR with it, to save the path in")

@@ -22,7 +22,7 @@ class Quantiles(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class SummarizedRise:
-    """What is summarized of a rise, by report.json's keys; None if it did not get that far."""
+    """Figures of a rise to summarize, by report.json's keys; None if it did not get that far."""
 
     planned: bool = False
     stood: bool | None = False

@@ -293,5 +293,5 @@ def settle_posture(world: World, posture: Posture) -> Array:
 
 
 def find_rest(world: World, posture: Posture) -> Posture:
-    """Let a posture with held joints settle on the ground; return the one in which it rests."""
+    """Let a posture with held joints settle on the ground; return the posture at rest."""
     return read_posture(world.robot, world.model, settle_posture(world, posture))

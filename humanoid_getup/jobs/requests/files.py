@@ -1,4 +1,4 @@
-"""Which fields of a request are files that are read or written: none may be both."""
+"""Files that a request reads and writes: none may be both."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ ROBOT_SUFFIXES = (".xml", ".stl", ".obj", ".msh")
 
 @dataclass(frozen=True)
 class Read:
-    """Marks a field in `Annotated`: a file that is read, several, or what may name one."""
+    """Marks a field in `Annotated` that names one or several files to read."""
 
     robot: bool = False
-    """It names a robot, or its folder."""
+    """Whether it names a robot, or its folder."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """Marks a field in `Annotated`: a file that is written, or a folder."""
+    """Marks a field in `Annotated` that names a file or folder to write."""
 
     names: tuple[str, ...] | None = None
-    """Files that are written into the folder; ``None`` for a field that is a file."""
+    """Names of the files in the folder; ``None`` for a field that is a file."""
 
 
 READ, ROBOT, WRITTEN, FOLDER = Read(), Read(robot=True), Written(), Written(())
 
 
 def find_output_problems(request: Any) -> list[str]:
-    """Report outputs that cannot be written, or that are read, or the same, by their options."""
+    """Report outputs that cannot be written, are inputs as well, or are the same file."""
     problems, owners = [], dict[Path, str]()
     for option, value, mark in _list_marked(request, Written):
         path = Path(value)

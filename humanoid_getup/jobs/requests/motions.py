@@ -57,7 +57,7 @@ class RetargetRequest(BuildRequest):
     that stand, and improve the others as `getup motions build` does."""
 
     robot: Annotated[str, ROBOT] = field()
-    """Name of a robot, or a folder with a robot.toml: where the motions go."""
+    """Robot to which the motions are added: a name, or a folder with a robot.toml."""
     source: Annotated[str, ROBOT, arg(metavar="NAME|DIR")] = "op3"
     """Robot whose keyframes are transferred."""
     improve: bool = True

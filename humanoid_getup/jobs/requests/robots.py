@@ -41,7 +41,7 @@ class ImportRequest(JobRequest):
         return self.name or self.out.resolve().name
 
     def find_problems(self) -> list[str]:
-        """Report a name that is none of a folder or a file, too."""
+        """Report a name that no folder or file can have as well."""
         problems = super().find_problems()
         if ROBOT_NAME.fullmatch(self.robot_name):
             return problems

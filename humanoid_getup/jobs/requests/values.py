@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from tyro.conf import Positional
 
 MOST = 1_000_000
-"""Of what is counted."""
+"""Largest count."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,12 @@ class Range:
 
 @dataclass(frozen=True)
 class Items:
-    """What else a list of any length accepts; stands beside the type, in `Annotated`."""
+    """Further rules for a list of any length; used in `Annotated`."""
 
     twice: bool = False
-    """An item may come twice."""
+    """Whether an item may occur twice."""
     none: bool = False
-    """It may be empty, though its default is not."""
+    """Whether it may be empty although its default is not."""
 
 
 def at_least(lower: int, *, at_most: int = MOST, step: int = 1) -> Range:
@@ -100,7 +100,7 @@ def _has_text(note: Any, attribute: str) -> bool:
 
 
 def list_notes(hint: Any) -> Iterator[Any]:
-    """Yield what stands beside a type in `Annotated`, and beside the types within."""
+    """Yield the annotations of a type in `Annotated`, and of the types within it."""
     for part in get_args(hint):
         yield part
         yield from list_notes(part)
@@ -126,7 +126,7 @@ def _find_problem(value: Any, hint: Any) -> str | None:
 
 
 def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
-    """Return what is wrong with a list of any length; ``None`` if nothing is."""
+    """Return the problem of a list of any length; ``None`` if there is none."""
     items = find_items(split_hint(hint)[0])
     if not items or items[-1] is not ... or not isinstance(value, tuple):
         return None

@@ -147,7 +147,7 @@ class KeyRoutes:
         return path, course.follow(leg, self._world.robot)
 
     def _go(self, course: Course, goal: Posture) -> Trajectory | None:
-        """Plan a path from where a course has come to; ``None`` without one."""
+        """Plan a path from the end of a course; ``None`` without one."""
         (stop,) = place_stops(self._world, [goal], course.end)
         if stop is None:
             self.reason = "there is no place for it at the robot or beside it"

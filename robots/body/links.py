@@ -80,6 +80,15 @@ def gather_links(model: mujoco.MjModel, body: int) -> Link:
     return link
 
 
+def list_way_up(model: mujoco.MjModel, body: int) -> list[int]:
+    """List the bodies from one up to the world, which is left out."""
+    way = []
+    while body > 0:
+        way.append(body)
+        body = int(model.body_parentid[body])
+    return way
+
+
 @dataclass(eq=False)
 class LinkFrames:
     """Frames of links, those of their first bodies, where `data` has them."""

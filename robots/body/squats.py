@@ -9,6 +9,7 @@ import numpy as np
 from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
 from robots.body.limb import ARMS, LEGS
 from robots.body.limbs import Limbs
+from robots.body.links import list_way_up
 from robots.body.overlap import find_overlaps
 from robots.body.statics import Statics
 from robots.quaternion import Array
@@ -71,14 +72,8 @@ def _find_overlaps(limbs: Limbs, joint_pos: Array) -> set[tuple[int, int]]:
     return {
         pair
         for pair in find_overlaps(limbs.model, limbs.data.qpos)
-        if not any(_is_below(limbs, body, arms) for body in pair)
+        if not any(arms & {*list_way_up(limbs.model, body)} for body in pair)
     }
-
-
-def _is_below(limbs: Limbs, body: int, tops: set[int]) -> bool:
-    while body > 0 and body not in tops:
-        body = int(limbs.model.body_parentid[body])
-    return body in tops
 
 
 class _SquatSearch:

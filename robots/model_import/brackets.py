@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from robots.body.links import list_way_up
 from robots.body.overlap import Pair, find_overlaps
 from robots.quaternion import Array
 
@@ -60,13 +61,5 @@ def _is_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
 
 def list_hinges_between(model: mujoco.MjModel, first: int, second: int) -> list[int]:
     """List the hinges on the way from one body to another."""
-    ways = [_way_up(model, body) for body in (first, second)]
-    moved = set(ways[0]) ^ set(ways[1])
+    moved = {*list_way_up(model, first)} ^ {*list_way_up(model, second)}
     return np.flatnonzero(np.isin(model.jnt_bodyid, [*moved])).tolist()
-
-
-def _way_up(model: mujoco.MjModel, body: int) -> list[int]:
-    way = [body]
-    while way[-1] > 0:
-        way.append(int(model.body_parentid[way[-1]]))
-    return way

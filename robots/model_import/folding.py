@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from robots.body.links import list_way_up
 from robots.model_import.ties import NOTHING, Tie, group_ties
 from robots.quaternion import Array
 
@@ -118,11 +119,7 @@ def _read_rows(model: mujoco.MjModel, ties: Sequence[Tie]) -> tuple[list[int], A
 def _is_light(model: mujoco.MjModel, fixed: list[int], outputs: list[int]) -> bool:
     """Tell whether hinges carry little mass and no output."""
     bodies = {int(model.jnt_bodyid[joint]) for joint in fixed}
-    for output in outputs:
-        body = int(model.jnt_bodyid[output])
-        while body > 0:
-            if body in bodies:
-                return False
-            body = int(model.body_parentid[body])
+    if any(bodies & {*list_way_up(model, int(model.jnt_bodyid[each]))} for each in outputs):
+        return False
     carried = sum(float(model.body_subtreemass[body]) for body in bodies)
     return carried <= LIGHT * float(model.body_subtreemass[0])

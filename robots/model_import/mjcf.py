@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.description.model_checks import find_number_problems
+from robots.description.model_checks import HINGE, find_number_problems
 from robots.model_import.folding import Fold, find_folds, fold
 from robots.model_import.source import (
     ActuatorFigures,
@@ -21,7 +21,6 @@ from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
 
-HINGE = mujoco.mjtJoint.mjJNT_HINGE
 FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 

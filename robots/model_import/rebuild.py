@@ -9,6 +9,7 @@ import numpy as np
 
 from robots import quaternion
 from robots.body.shapes import read_shapes
+from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
@@ -19,7 +20,6 @@ STIFF_CONTACT = (0.004, 1.0)  # solref of hard plastic: s, damping ratio
 LEAST_MASS = 1e-4  # kg; lighter moving bodies make a simulation unstable
 LEAST_INERTIA = 1e-7  # kg·m²
 LEAST_TURN = 1e-4  # rad
-HINGE = mujoco.mjtJoint.mjJNT_HINGE
 FULL_TURN = np.pi  # rad either way, of a joint without range
 
 

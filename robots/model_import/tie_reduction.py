@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from robots.body.links import list_way_up
 from robots.model_import.source import ActuatorFigures, ModelSource
 from robots.model_import.ties import Tie, describe_separate
 from robots.model_import.tree import KinematicTree
@@ -46,19 +47,11 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
 
 def _open_loop(tree: KinematicTree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:
     """Open a closed loop; its hinges are assumed to be those of a parallelogram."""
-    ways = [set(_hinges_above(tree, body)) for body in bodies]
-    loop = ways[0] ^ ways[1]
+    moved = {*list_way_up(tree.model, bodies[0])} ^ {*list_way_up(tree.model, bodies[1])}
+    loop = [hinge.name for hinge in tree.hinges if hinge.body in moved]
     names = [tree.model.body(body).name for body in bodies]
     notes.append(f"the closed loop that joins {names[0]} and {names[1]} is open, its gear 1 to 1")
     return Tie(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
-
-
-def _hinges_above(tree: KinematicTree, body: int) -> list[str]:
-    found = []
-    while body != tree.root and body > 0:
-        found += [hinge.name for hinge in tree.hinges if hinge.body == body]
-        body = int(tree.model.body_parentid[body])
-    return found
 
 
 def _describe(tie: Tie, output: int, drives: Sequence[int], notes: list[str]) -> None:

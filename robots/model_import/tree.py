@@ -10,12 +10,11 @@ import mujoco
 import numpy as np
 
 from robots.body.links import gather_links
+from robots.description.model_checks import HINGE, JOINT_KINDS
 from robots.model_import.source import ModelImportError, ModelSource
 from robots.quaternion import Array
 from robots.storage.validation import shown
 
-HINGE = mujoco.mjtJoint.mjJNT_HINGE
-KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 SPANS = (0.1, 3.0)  # m from the lowest to the highest joint; others are of another unit
 MASSES = (0.1, 500.0)  # kg
 FREEDOMS_IN_SPACE = 6
@@ -52,9 +51,12 @@ class KinematicTree:
 
     @cached_property
     def hinges(self) -> list[Hinge]:
-        """Return the hinges, parents before children."""
+        """Return the hinges below the root, parents before children."""
         model, data = self.model, self.data
-        ids = [j for link in self.torso.walk() for j in link.joints if model.jnt_type[j] == HINGE]
+        below = [
+            joint for link in self.torso.walk() for joint in link.joints if link.root != self.root
+        ]
+        ids = [joint for joint in below if model.jnt_type[joint] == HINGE]
         places = {joint: k for k, joint in enumerate(sorted(ids))}
         return [
             Hinge(
@@ -154,7 +156,7 @@ def _is_frame(model: mujoco.MjModel, body: int) -> bool:
 def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> Iterator[str]:
     model = source.model
     own = [j for j in range(model.njnt) if model.jnt_bodyid[j] == root]
-    kinds = [KINDS[int(model.jnt_type[j])] for j in own]
+    kinds = [JOINT_KINDS[int(model.jnt_type[j])] for j in own]
     is_floating = kinds == ["free"]
     is_replaced = len(kinds) == FREEDOMS_IN_SPACE and kinds.count("slide") == 3
     if is_replaced:
@@ -163,7 +165,7 @@ def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> It
         notes.append(f"body {shown(model.body(root).name)} was fixed to the world: it floats now")
     elif not is_floating:
         held = ", ".join(
-            f"{KINDS[int(model.jnt_type[j])]} {shown(name_joint(model, j))}" for j in own
+            f"{JOINT_KINDS[int(model.jnt_type[j])]} {shown(name_joint(model, j))}" for j in own
         )
         yield (
             f"{source.path}: torso {shown(model.body(root).name)} hangs on the world by {held}, "
@@ -172,10 +174,11 @@ def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> It
     for body in gather_links(model, root).list_bodies()[1:]:
         for joint in range(model.njnt):
             if model.jnt_bodyid[joint] == body and model.jnt_type[joint] != HINGE:
+                kind = JOINT_KINDS[int(model.jnt_type[joint])]
                 yield (
                     f"{source.path}: joint {shown(name_joint(model, joint))} of body "
-                    f"{shown(model.body(body).name)} is a {KINDS[int(model.jnt_type[joint])]} "
-                    "joint, expected hinges: model it as hinges, or fix it"
+                    f"{shown(model.body(body).name)} is a {kind} joint, "
+                    "expected hinges: model it as hinges, or fix it"
                 )
 
 

@@ -174,6 +174,23 @@ def test_a_torso_fixed_to_the_world_floats(tmp_path: Path):
     assert set(robot.servos.types) == {"XM430-W350"}  # 4.1 N·m at 12 V, as its URDF says
 
 
+def test_a_root_of_three_slides_and_three_hinges_floats(tmp_path: Path):
+    kinds = {"slide": mujoco.mjtJoint.mjJNT_SLIDE, "turn": mujoco.mjtJoint.mjJNT_HINGE}
+
+    def hold(spec: mujoco.MjSpec) -> None:
+        torso = spec.body("torso")
+        spec.delete(torso.joints[0])
+        for name, kind in kinds.items():
+            for axis, letter in zip(np.eye(3), "xyz", strict=True):
+                torso.add_joint(name=f"{name}_{letter}", type=kind, axis=axis.tolist())
+
+    (tmp_path / "model.xml").write_text(small_humanoid(change=hold))
+    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    assert "three slides and three hinges are replaced by a free joint" in robot.notes[0]
+    assert len(robot.joints) == 19
+    assert not [name for name in robot.joints if name.startswith(tuple(kinds))]
+
+
 def test_ranges_that_contradict_their_mirror_images_are_reported(tmp_path: Path):
     def turn(spec: mujoco.MjSpec) -> None:
         spec.joint("left_shank_joint").range = np.radians([-140.0, 0.0]) * 180.0 / np.pi

@@ -21,6 +21,7 @@ from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
 
+STANCES = ("home", "stand", "ready", "init")
 FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 
@@ -42,16 +43,10 @@ def read_mjcf(path: Path) -> ModelSource:
     if problems := find_number_problems(model):
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
     check_size(path, bodies=model.nbody - 1, joints=model.njnt)
-    stance, qpos = {}, model.qpos0
-    if model.nkey:
-        names = [model.key(k).name for k in range(model.nkey)]
-        key = next((k for k, name in enumerate(names) if _names_a_stance(name)), 0)
-        qpos = model.key_qpos[key]
-        stance = {
-            model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]])
-            for j in range(model.njnt)
-            if model.jnt_type[j] == HINGE
-        }
+    key = _find_stance_key(model)
+    qpos = model.qpos0 if key is None else model.key_qpos[key]
+    hinges = [] if key is None else np.flatnonzero(model.jnt_type == HINGE)
+    stance = {model.joint(j).name: float(qpos[model.jnt_qposadr[j]]) for j in hinges}
     actuators, ranges = _list_actuators(model), _list_ranges(model)
     ties = list_ties(model, qpos)
     if folds := find_folds(model, ties):
@@ -105,8 +100,11 @@ def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
             yield int(model.site_bodyid[objects[0]]), int(model.site_bodyid[objects[1]])
 
 
-def _names_a_stance(name: str) -> bool:
-    return any(word in name.lower() for word in ("home", "stand", "ready", "init"))
+def _find_stance_key(model: mujoco.MjModel) -> int | None:
+    """Find the keyframe whose name says that it is a stance, or the first; None without any."""
+    names = [model.key(k).name.lower() for k in range(model.nkey)]
+    named = (k for k, name in enumerate(names) if any(word in name for word in STANCES))
+    return next(named, 0 if names else None)
 
 
 def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:

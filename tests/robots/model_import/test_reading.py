@@ -1,5 +1,6 @@
 """Model files are distinguished by their root; MJCF keeps its keyframe, motors and loops."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -116,8 +117,26 @@ def test_warnings_of_mujoco_are_counted_in_one_note(tmp_path: Path, recwarn):
     path = tmp_path / "model.xml"
     path.write_text(LEGS.format(more="", knee="").replace("<mujoco>", old))
     (note,) = read_model(path).notes
-    assert note.startswith("MuJoCo warns 1 times, first: compiler attribute 'settotalmass' is")
+    assert note.startswith("MuJoCo warns once: compiler attribute 'settotalmass' is")
     assert not recwarn
+
+
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.xacro", XACRO, "it is a xacro source, expected the URDF made of it: xacro a.xacro > "),
+        ("a.XML", "<mujoco/>", "an MJCF file that ends in '.XML', expected .xml: rename it"),
+        ("a.mjcf", "<mujoco/>", "an MJCF file that ends in '.mjcf', expected .xml: rename it"),
+        ("a.sdf", "<sdf/>", "its root is <sdf>, expected <mujoco> (MJCF) or <robot> (URDF)"),
+    ],
+)
+def test_files_of_other_kinds_are_refused(tmp_path: Path, name: str, content: str, message: str):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ModelImportError, match=re.escape(f"{name}: {message}")):
+        read_model(tmp_path / name)
 
 
 def test_a_model_of_more_joints_than_robots_have_is_refused(tmp_path: Path):

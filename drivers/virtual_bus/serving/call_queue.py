@@ -8,23 +8,11 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
+
+from drivers.virtual_bus.serving.imu_line import ImuLine
 
 T = TypeVar("T")
-
-
-class Line(Protocol):
-    """A second line that the serving thread looks after while it waits for the first."""
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on, -1 for none."""
-        ...
-
-    def serve(self) -> None:
-        """Handle bytes that have come."""
-
-    def idle(self) -> None:
-        """Note that nothing happened for a whole wait."""
 
 
 class CallQueue:
@@ -39,7 +27,7 @@ class CallQueue:
         self._server: int | None = None
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._bell: int | None = None  # an eventfd
-        self.lines: list[Line] = []
+        self.lines: list[ImuLine] = []
         """Further lines; what comes on them is handled before what came on the waiting one's."""
 
     def open(self) -> None:

@@ -135,12 +135,11 @@ class SafetyGuard(Backend):
         state = self.read() if self._state is None else self._state
         if self._stop_reason is not None:  # before any other fault: only a person ends it
             self.fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
-        is_limp = command.is_limp
         if self.fault is None:
             self.fault = self._find_fault(command, state)
         if self.fault:
             limited = Command.limp(self.robot.n)
-        elif not is_limp and not state.joint_age.max() <= self._hold_age:
+        elif not command.is_limp and not state.joint_age.max() <= self._hold_age:
             self.holds += 1
             limited = self._limited
         else:
@@ -152,15 +151,14 @@ class SafetyGuard(Backend):
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
         self._judged_time = state.time
         names, limits = self.robot.joint_names, self.limits
-        is_valid, problems = state.is_valid, find_command_problems(command, names)
-        if not is_valid:
+        if not state.is_valid:
             return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)
         if self._stale_writes >= limits.stale_writes:
             detail = f"{self._stale_writes} commands since {state.time:.3f} s"
             return Fault(FaultKind.STALE_DATA, detail, state.time)
         if fault := self._find_body_fault(state):
             return fault
-        if problems:
+        if problems := find_command_problems(command, names):
             return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
         return None
 

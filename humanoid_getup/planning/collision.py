@@ -73,6 +73,8 @@ class CollisionChecker:
         """Postures checked so far."""
         self._model = scene.compile(robot)
         self._data = mujoco.MjData(self._model)
+        names = [self._model.geom(geom).name for geom in range(self._model.ngeom)]
+        self._names = [f"'{name}'" if name else f"geom {i}" for i, name in enumerate(names)]
         layout = robot.layout(self._model)
         root = layout.root_qpos + np.arange(7)
         self._address = np.concatenate([root, layout.qpos])
@@ -233,7 +235,7 @@ class CollisionChecker:
         for capsule, box in self._crossings.find(self._data).tolist():
             depths[capsule, box] = self._crossings.depth(capsule)
         return [
-            Collision(part=self._name(a), into=self._name(b), depth=depth, geoms=(a, b))
+            Collision(part=self._names[a], into=self._names[b], depth=depth, geoms=(a, b))
             for (a, b), depth in depths.items()
         ]
 
@@ -263,10 +265,6 @@ class CollisionChecker:
             for joint, angle in zip(self.robot.joints, posture.joint_pos, strict=True)
             if not joint.lower - slack <= angle <= joint.upper + slack
         ]
-
-    def _name(self, geom: int) -> str:
-        name = self._model.geom(geom).name
-        return f"'{name}'" if name else f"geom {geom}"
 
 
 def to_configuration(posture: Posture) -> Array:

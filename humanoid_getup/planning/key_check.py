@@ -21,6 +21,8 @@ def check_keys(robot: Robot, keys: Sequence[KeyPosture]) -> None:
     Raises:
         ValueError: naming what is wrong with each posture that is not.
     """
+    if not keys:
+        return
     checker, problems = CollisionChecker(robot, FLAT_SCENE), list[str]()
     for key in keys:
         checker.reset()

@@ -36,6 +36,18 @@ def test_the_speed_decides_among_types_of_about_one_torque(speed: float, kind: s
 
 
 @pytest.mark.parametrize(
+    ("torque", "kind", "supply"),
+    [(10.6, "XM540-W270", 12.0), (13.07, "XM540-W270", 14.8), (1.4, "XL430-W250", 11.1)],
+)
+def test_the_supply_is_that_at_which_a_type_has_the_stated_torque(
+    torque: float, kind: str, supply: float
+):
+    """At 14.8 V a motor for 12 V has 14.8 / 12 of its torque."""
+    choice = choose(dict.fromkeys(JOINTS, torque))
+    assert (set(choice.types), choice.supply) == ({kind}, supply)
+
+
+@pytest.mark.parametrize(
     ("count", "told"), [(4, "a, b, c, d: the model"), (5, "a, b, c and 2 more: the model")]
 )
 def test_a_guess_names_its_joints_or_says_how_many_they_are(count: int, told: str):
@@ -53,6 +65,7 @@ def test_without_limits_the_weakest_type_that_lifts_the_robot_is_taken():
     choice = choose()
     # By hand: twice a quarter of 3 kg x 9.81 m/s² x 0.25 m are 3.7 N·m.
     (kind,) = set(choice.types)
+    assert choice.supply == 12.0
     model = servo_models()[kind]
     torque = model.stall_torque * choice.supply / model.nominal_voltage
     assert torque >= 3.68
@@ -114,5 +127,7 @@ def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
 @given(effort=TORQUES)
 def test_a_motor_bears_its_supply(effort: float):
     motor = describe_motor(effort, 6.0, 24.0)
-    assert motor["min_voltage"] < 24.0 < motor["max_voltage"]
+    assert (motor["min_voltage"], motor["max_voltage"]) == (18.0, 30.0)
+    low = describe_motor(effort, 6.0, 11.1)
+    assert (low["min_voltage"], low["max_voltage"]) == (8.3, 13.9)  # 8.325 and 13.875 V
     assert np.isfinite(list(motor.values())).all()

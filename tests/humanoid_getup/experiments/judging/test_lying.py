@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from records import make_record
 
 from humanoid_getup.experiments.judging.lying import (
     LYING_TIME,
@@ -10,9 +11,10 @@ from humanoid_getup.experiments.judging.lying import (
     MAX_LEAN,
     MAX_SWAY,
     judge_lying,
+    measure_lying,
 )
 from humanoid_getup.experiments.starts.falls import classify
-from robots import quaternion
+from robots import Robot, quaternion
 
 PERIOD = 0.01
 SAMPLES = 400
@@ -60,6 +62,23 @@ def test_each_bound_decides(changes, lies):
 def test_bounds_are_the_shared_definition():
     assert pytest.approx(np.pi / 6) == MAX_LEAN
     assert (LYING_TIME, MAX_DESCENT, MAX_HEAD_IMPACT) == (1.0, 0.5, 0.3)
+    assert MAX_SWAY == 0.03
+
+
+@pytest.mark.parametrize("off", [0.0, 0.2, 1.2])
+@pytest.mark.parametrize("side", SIDES)
+def test_the_lean_is_the_angle_off_the_side(side, off: float):
+    assert judge_lying(*record(side, off), side).lean == pytest.approx(off, abs=1e-6)
+
+
+def test_the_descent_in_a_record_is_that_of_its_height(tiny: Robot):
+    """Robots that lie on their backs for 2 s; one is dragged sideways, one sinks by as much."""
+    neck = np.zeros((2, 200, 3))
+    neck[0, :, 1] = neck[1, :, 2] = -0.01 * np.arange(200)  # 1 m/s
+    qpos = np.tile([*np.zeros(3), *record("supine")[0][-1], 0.0, 0.0], (2, 200, 1))
+    lying = measure_lying(make_record(tiny, (2, 200), PERIOD, neck=neck, qpos=qpos), "supine")
+    assert lying.descent == pytest.approx([0.0, 1.0])
+    assert lying.lies.tolist() == [True, False]
 
 
 def test_a_short_drop_is_as_fast_as_it_was():
@@ -91,3 +110,5 @@ def test_a_batch_is_judged_as_each_of_its_records():
 def test_a_record_of_no_more_than_a_second_tells_nothing(count: int, lies: bool):
     orientation, joint_pos, neck, period = (r[-count:] if np.ndim(r) else r for r in record())
     assert judge_lying(orientation, joint_pos, neck, period, "supine").lies == lies
+    batch = [np.stack([row] * 3) for row in (orientation, joint_pos, neck)]
+    assert judge_lying(*batch, period, "supine").lies.tolist() == [lies] * 3

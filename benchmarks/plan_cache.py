@@ -1,10 +1,10 @@
-"""Compare rises by a plan from the cache with rises that are planned afresh, on the same falls.
+"""Compare rises by a plan from the cache with rises that are newly planned, on the same falls.
 
 Falls settle, and each is planned once, into a cache. Then every fall is perturbed by an angle: a
 normal error of that standard deviation in every joint, and in the root's rotation about a random
 axis; and settles again with torque off. The twin is placed there twice, and gets up by a fresh
 plan and by the cache, both through preflight and supervisor, in one attempt. An angle of 0 leaves
-the fall as it is. A rise from the cache for which no plan was near enough is planned afresh; these
+the fall as it is. A rise from the cache for which no plan was near enough is newly planned; these
 are counted, and their times are not among those of the cache.
 
     python benchmarks/plan_cache.py --n 24 --seed 31 --json plan_cache.json

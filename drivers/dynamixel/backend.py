@@ -254,7 +254,7 @@ class DynamixelBackend(Backend):
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period
         if self.imu is not None:
-            self.imu.request(now)  # what takes time on its own line
+            self.imu.request(now)  # early, because its own line takes time
         for chain in chains:
             chain.begin_cyclic()
         for chain in chains:
@@ -262,7 +262,7 @@ class DynamixelBackend(Backend):
         for chain in chains:
             chain.collect_cyclic(limit)
         for chain in chains:
-            if chain.has_alert:  # it decides what is read next
+            if chain.has_alert:  # it determines the next background read
                 chain.apply_cyclic(states, now)
                 chain.prepare_background(states)
             chain.begin_background(limit)

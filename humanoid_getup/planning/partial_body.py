@@ -12,7 +12,7 @@ from humanoid_getup.planning.blossom import blossom
 from humanoid_getup.planning.posture_space import STEP_JOINTS, PostureProblem
 from robots.quaternion import Array
 
-LEAST_LENGTH = 0.5  # of the path in the metric, for one along which hardly anything else moves
+LEAST_LENGTH = 0.5  # of a path in the metric, if hardly anything else moves along it
 
 
 class PartialProblem:

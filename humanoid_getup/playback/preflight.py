@@ -29,8 +29,8 @@ FAR_TILT = math.radians(45.0)  # another side is 90 deg away
 # servo's overload protection trips within a few seconds near stall.
 ALL_SATURATION = 1.0  # s
 REFUSED_OVERLAP, TOUCHING_OVERLAP = 0.006, 0.002  # m; those motions touch by up to 1.6 mm
-# A robot that lies with its limbs folded overlaps itself by what its shapes are thicker than its
-# links: by up to 17 mm in 384 falls that settled on the meshes of OP3's links.
+# A robot that lies with folded limbs overlaps itself where its shapes are thicker than its links:
+# by up to 17 mm in 384 falls that settled on the meshes of OP3's links.
 IMPOSSIBLE_OVERLAP = 0.025  # m
 
 

@@ -122,7 +122,7 @@ def _roll_out(
         world,
         voltage=voltage,
         limit_by=torque_limit.by,
-        without_imu=robot.imu_site is None,  # nothing but balance asks for it
+        without_imu=robot.imu_site is None,  # only balance needs one
     )
     twin.place(start)
     limits = replace(

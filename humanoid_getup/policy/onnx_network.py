@@ -136,7 +136,7 @@ def _find_faults(model: bytes) -> list[str]:
         entry = session.get_inputs()[0]
         blank = np.zeros((1, entry.shape[1]), dtype=np.float32)
         outputs = session.run(None, {entry.name: blank}, options)
-    except Exception as error:  # what forbids a session is reported when the file is loaded
+    except Exception as error:  # errors of the session are reported when the file is loaded
         return [f"the network cannot be run: {' '.join(str(error).split())}"]
     # A weight that is not finite makes every action not finite.
     finite = all(np.isfinite(np.asarray(values, dtype=float)).all() for values in outputs)

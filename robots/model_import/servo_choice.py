@@ -13,17 +13,17 @@ from robots.model_import.source import ActuatorFigures, ModelImportError
 from robots.servo import ServoModel
 from robots.storage.validation import shown
 
-SUPPLIES = (12.0, 14.8, 11.1)  # V, of the batteries with three and four cells
-CLOSE = np.log(1.25)  # ratio of torques up to which a known type is taken for what a model states
+SUPPLIES = (12.0, 14.8, 11.1)  # V, of batteries with three and four cells
+CLOSE = np.log(1.25)  # ratio of torques up to which a known type matches the stated limit
 SPEED_WEIGHT = 0.5
 SQUAT_SHARE = 0.25  # of weight times leg length: about the knee's torque in a deep squat
 RESERVE = 2.0  # times that torque a servo should have at standstill
 HEAVY = 0.75  # share of the robot's mass that its servos may weigh; OP3's are 0.53 of it
 WILD = 20.0  # times that torque: a limit of a simulation, not of a motor
-ENDLESS = 1000.0  # N·m, which models state of motors that they know nothing of
+ENDLESS = 1000.0  # N·m; models state it for unknown motors
 GRAVITY = 9.81
 OWN_P_GAIN = 1600  # twice a Dynamixel's: the stiffness that keeps a robot up grows with its height
-OWN_SPEED = 8.0  # rad/s of a motor whose speed no one states
+OWN_SPEED = 8.0  # rad/s, of a motor without a stated speed
 OWN_VOLTAGE, HIGH_VOLTAGE = 24.0, 48.0  # V
 HIGH_TORQUE = 100.0  # N·m from which the currents of a motor require the higher one
 MOST_TORQUE = 200.0  # N·m that a servo type may have

@@ -22,7 +22,7 @@ from robots.model_import.urdf_values import INERTIA, find_value_problems, read_n
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS
 
-LEAST_MOMENT = 1e-12  # kg·m², of what MuJoCo takes for positive
+LEAST_MOMENT = 1e-12  # kg·m²; MuJoCo accepts it as positive
 WATER = 1000.0  # kg/m³
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -109,7 +109,7 @@ def _give_mass(root: ET.Element, notes: list[str]) -> None:
 
 def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
     """Replace physically impossible inertias by that of a ball with the link's mass."""
-    mended: dict[str, list[str]] = {}  # names by what was given
+    mended: dict[str, list[str]] = {}  # names of links by the given inertia
     for link in root.findall("link"):
         inertia, weight = (
             link.find("inertial/inertia"),

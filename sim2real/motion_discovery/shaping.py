@@ -13,8 +13,8 @@ from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 from sim2real.motion_discovery.policy_rise import PolicyRise
 
-BALANCING = 1.0  # s of a policy's balancing that belong to a rise: it catches what it has not held
-HOMING = 0.5  # s in which the targets go on to the standing posture at least
+BALANCING = 1.0  # s of balancing by the policy that belong to a rise, until the robot is steady
+HOMING = 0.5  # s, shortest time in which the targets move on to the standing posture
 PEAK = 1.5  # highest speed of a smooth step over its mean
 SMOOTHINGS = (0.08, 0.05, 0.025, 0.0)
 """Standard deviations of the low-pass filter that are tried, the strongest first [s].

@@ -205,7 +205,7 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
         "class_name": "GaussianDistribution",
         "init_std": recipe.first_std,
         "std_type": "log",
-        "std_range": (0.1, recipe.most_std),  # at least 0.1, so that exploration goes on
+        "std_range": (0.1, recipe.most_std),  # at least 0.1, so that exploration continues
     }
     network = {
         "class_name": "MLPModel",

@@ -130,7 +130,7 @@ class VirtualDevice:
     ) -> Status | None:
         """Execute an instruction; return the reply, None for none."""
         self.note_traffic()
-        # The instruction may change what the reply is made of: the old values count.
+        # The instruction may change these values: the reply uses the old ones.
         device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
         if instruction == Instruction.PING:
             data = self._identity()

@@ -49,7 +49,7 @@ def record(command: RecordMotion) -> int:
         report = _run(recorder, command, world)
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
-    is_fault = report.ending is Ending.FAULT  # what was taken until then is as good as ever
+    is_fault = report.ending is Ending.FAULT  # keys recorded until then are still valid
     if is_fault:
         console.print(f"[red]{escape(report.reason)}")
     if not recorder.keys or not (is_fault or (recorder.done and recorder.is_kept)):

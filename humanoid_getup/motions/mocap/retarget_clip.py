@@ -222,7 +222,7 @@ class ClipRetargeter:
             time,
             PchipInterpolator(knots, poses.position, axis=0)(at),
             turns(at).as_quat(scalar_first=True),
-            np.clip(joint_pos, robot.lower, robot.upper),  # what rounding leaves beyond
+            np.clip(joint_pos, robot.lower, robot.upper),  # rounding may exceed the limits
         )
         return self._ground(paced, robot), float(knots[-1] / poses.time[-1])
 

@@ -98,7 +98,7 @@ class KeyRoutes:
             before = key.posture
         near = self._database.select(keys[-1].posture, CONNECTIONS)
         combined = itertools.product(near, itertools.product(*ways))
-        if rest == 0.0:  # first, what swings on as the motion does that led to the last key
+        if rest == 0.0:  # first, continuations of the motion that led to the last key
             swings = [
                 (Connection(way[-1].motion, way[-1].last, 0.0), way)
                 for way in itertools.product(*ways)

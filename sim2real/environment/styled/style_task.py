@@ -20,7 +20,7 @@ from sim2real.environment.styled.curve_library import CurveLibrary
 from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.environment.styled.style_reward import StyleReward, reward_style
 
-STAND_TIME = 3.0  # s that an episode goes on after its curve has ended
+STAND_TIME = 3.0  # s that an episode continues after its curve has ended
 TERMINATION_REWARD = 0.1  # of the task, below which a robot deviates too much from its curves
 TERMINATION_TIME = 0.3  # s for which that, or the head on the ground, ends an episode
 GRACE = 0.5  # s at the beginning of an episode in which it does not end

@@ -62,7 +62,7 @@ def test_the_joint_with_the_largest_share_of_its_torque_is_named(world: World, c
     assert (cool.level, f"'{KNEE}'" in cool.text) == ("ok", True)
 
 
-def test_a_fall_is_told_with_height_and_tilt_and_nothing_of_heat(world: World, check):
+def test_a_fall_is_reported_with_height_and_tilt_and_nothing_of_heat(world: World, check):
     shape = (1, CYCLES)
     stance = Stance(
         neck_height=np.full(shape, 0.4 * world.robot.standing_neck_height),
@@ -77,7 +77,7 @@ def test_a_fall_is_told_with_height_and_tilt_and_nothing_of_heat(world: World, c
     )
 
 
-def test_a_hot_servo_is_told_and_when_it_switches_itself_off(world: World, check):
+def test_a_hot_servo_is_reported_and_when_it_switches_itself_off(world: World, check):
     """The time is that after which the servo model, stepped second by second, is at its limit."""
     robot, torque = world.robot, strain(world.robot, 2.5)
     _, found = check(hold(world, torque))
@@ -92,7 +92,7 @@ def test_a_hot_servo_is_told_and_when_it_switches_itself_off(world: World, check
     assert int(minutes[1]) == pytest.approx(seconds / 60.0, abs=0.6)
 
 
-def test_a_warm_servo_is_told_without_a_time(world: World, check):
+def test_a_warm_servo_is_reported_without_a_time(world: World, check):
     """Between 15 °C below its limit and the limit itself it goes on."""
     robot = world.robot
     knee = robot.joint_names.index(KNEE)
@@ -106,7 +106,7 @@ def test_a_warm_servo_is_told_without_a_time(world: World, check):
     assert "straighten the legs" in found.remedy
 
 
-def test_every_hot_servo_is_told(world: World, check):
+def test_every_hot_servo_is_reported(world: World, check):
     torque = strain(world.robot, 2.5)
     both = torque + torque[world.robot.mirror_index]
     assert [found.level for found in check(hold(world, both))] == ["ok", "warning", "warning"]

@@ -36,7 +36,7 @@ def test_op3_rises_from_every_side_and_has_policies(op3: Robot):
     assert policies.text.split(", ") == sorted(f.stem for f in op3.folder.glob("policies/*.onnx"))
 
 
-def test_a_robot_without_motions_is_told_how_to_come_by_them(copy: Path):
+def test_a_robot_without_motions_gets_advice(copy: Path):
     motions, policies = check(copy)
     assert motions.level == "warning"
     assert motions.text == "there are none, so no rise can be planned"

@@ -1,4 +1,4 @@
-"""A robot.toml as tables: defaults are filled in, and every contradiction is told once."""
+"""A robot.toml as tables: defaults are filled in, and every contradiction is reported once."""
 
 import copy
 import math
@@ -80,7 +80,7 @@ def test_a_board_is_on_the_first_of_several_ports():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (set_joint(1, id=1), "joints 'l_hip', 'r_hip' have one servo id, 1"),
         (set_joint(1, id=200), "bus.board.id is 200, that of joint 'r_hip'"),
@@ -95,9 +95,9 @@ def test_a_board_is_on_the_first_of_several_ports():
         (couple([1.0, 0.0], [0.0, 1.0], joints=("l_hip", "tail")), "unknown joint 'tail'"),
     ],
 )
-def test_a_contradiction_is_told(change: Change, told: str):
+def test_a_contradiction_is_reported(change: Change, message: str):
     _, problems = read(change)
-    assert told in "\n".join(problems)
+    assert message in "\n".join(problems)
 
 
 def test_a_joint_is_in_one_coupling_and_has_no_gear_there():
@@ -122,7 +122,7 @@ def test_servos_that_turn_joints_in_one_ratio_are_no_coupling(row: tuple[float, 
 
 @given(angle=st.floats(0.1, 3.0), turned=st.floats(0.1, 1.4), size=st.floats(0.1, 3.0))
 def test_servos_that_turn_joints_in_ratios_of_their_own_are_one(angle, turned, size):
-    """Rows of any size that are some degrees apart; a servo that turns its joint by 0 is told."""
+    """Rows of any size that are some degrees apart; a servo that turns its joint by 0 is reported."""
     rows = [[math.cos(each), math.sin(each)] for each in (turned, turned + angle)]
     assume(min(abs(rows[0][0]), abs(rows[1][1])) > 1e-3)
     assert read(couple(rows[0], [size * each for each in rows[1]]))[1] == []

@@ -48,11 +48,11 @@ def test_the_supply_is_that_at_which_a_type_has_the_stated_torque(
 
 
 @pytest.mark.parametrize(
-    ("count", "told"), [(4, "a, b, c, d: the model"), (5, "a, b, c and 2 more: the model")]
+    ("count", "message"), [(4, "a, b, c, d: the model"), (5, "a, b, c and 2 more: the model")]
 )
-def test_a_guess_names_its_joints_or_says_how_many_they_are(count: int, told: str):
+def test_a_guess_names_its_joints_or_says_how_many_they_are(count: int, message: str):
     choice = choose_servos("abcdef"[:count], {}, (), **SMALL)
-    assert told in choice.guesses[0]
+    assert message in choice.guesses[0]
 
 
 def test_what_the_user_says_counts_more_and_the_last_pattern_most():

@@ -79,7 +79,7 @@ def test_without_any_that_can_be_read_all_are_named(model: Path):
     assert "mesh 'none.stl' of link 'a' is not found" in problems[0]
 
 
-def test_pointers_of_git_lfs_are_told_in_one_line(model: Path):
+def test_pointers_of_git_lfs_are_reported_in_one_line(model: Path):
     for name in ("one.stl", "two.dae"):
         (model.parent / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")
     shapes = [shape("collision", f'<mesh filename="{name}"/>') for name in ("one.stl", "two.dae")]

@@ -19,11 +19,11 @@ def problems_of(folder: Path, content: str) -> str:
     return "\n".join(find_file_problems(path))
 
 
-def test_pointers_of_git_lfs_are_told_in_one_line(tmp_path: Path):
+def test_pointers_of_git_lfs_are_reported_in_one_line(tmp_path: Path):
     for name in ("a.stl", "b.stl"):
         (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")
-    told = problems_of(tmp_path, '<asset><mesh file="a.stl"/><mesh file="b.stl"/></asset>')
-    assert told == "'a.stl' is a Git LFS pointer, expected the file itself: run `git lfs pull`"
+    refusal = problems_of(tmp_path, '<asset><mesh file="a.stl"/><mesh file="b.stl"/></asset>')
+    assert refusal == "'a.stl' is a Git LFS pointer, expected the file itself: run `git lfs pull`"
 
 
 @pytest.mark.parametrize("robot", ["human", "op3", "toddlerbot", "wolfgang"])

@@ -86,7 +86,7 @@ def test_later_updates_count_by_their_share(monkeypatch: pytest.MonkeyPatch):
     assert SHARE == 0.02
 
 
-def test_a_saved_training_goes_on_with_its_average():
+def test_a_saved_training_continues_with_its_average():
     made, other = make_ppo(), make_ppo(seed=1)
     learn(made, 0)
     learn(made, 10)

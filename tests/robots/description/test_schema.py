@@ -122,7 +122,7 @@ def test_servos_that_turn_joints_in_one_ratio_are_no_coupling(row: tuple[float, 
 
 @given(angle=st.floats(0.1, 3.0), turned=st.floats(0.1, 1.4), size=st.floats(0.1, 3.0))
 def test_servos_that_turn_joints_in_ratios_of_their_own_are_one(angle, turned, size):
-    """Rows of any size that are some degrees apart; a servo that turns its joint by 0 is reported."""
+    """Rows of any size that are some degrees apart; a servo that does not turn its joint counts."""
     rows = [[math.cos(each), math.sin(each)] for each in (turned, turned + angle)]
     assume(min(abs(rows[0][0]), abs(rows[1][1])) > 1e-3)
     assert read(couple(rows[0], [size * each for each in rows[1]]))[1] == []

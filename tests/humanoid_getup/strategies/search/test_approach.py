@@ -22,7 +22,7 @@ def connections(world: World):
 
 
 class Blocked(Approach):
-    """Finds paths to given goals only."""
+    """Finds paths as a list of answers says."""
 
     def __init__(self, world: World, found: list[bool]) -> None:
         super().__init__(world, planning=False)

@@ -20,6 +20,7 @@ from typing import Annotated, Any
 import mujoco
 import numpy as np
 import tyro
+from msgspec import structs
 from rich.console import Console
 
 from humanoid_getup.experiments.judging.summary import wilson_interval
@@ -128,7 +129,7 @@ def main(options: Options) -> None:
             threads=options.threads,
         ).run(starts)
 
-    def measure(key: str, compute: Callable[[], dict[str, Any]]) -> None:
+    def measure(key: str, compute: Callable[[], object]) -> None:
         begun = time.monotonic()
         if key not in kept:
             kept[key] = to_plain(compute())
@@ -171,11 +172,12 @@ def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) 
     held = [Fall(posture=posture, start_class="held") for posture in stands]
     figures = summarize_rollouts(held, rises, ("held",))
     stayed = np.concatenate([r.outcome.upright.all(axis=1) for r in rises])
-    low, high = wilson_interval(int(stayed.sum()), len(stayed))
-    for row in (figures["all"], figures["classes"]["held"]):
-        row |= {"stood": int(stayed.sum()), "stood_interval_95": [low, high]}
+    stood = int(stayed.sum())
+    interval = wilson_interval(stood, len(stayed))
+    held_up = structs.replace(figures.all, stood=stood, stood_interval_95=interval)
     ends = np.concatenate([r.qpos[:, -1] for r in rises])[stayed]
-    return figures | {"own_contact_depths_m": _find_own_contacts(robot, ends)}
+    depths = _find_own_contacts(robot, ends)
+    return {"classes": {"held": held_up}, "all": held_up, "own_contact_depths_m": depths}
 
 
 def _find_own_contacts(robot: Robot, ends: Array) -> list[float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,12 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances.distributions import RandomAxis
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance
 from humanoid_getup.experiments.judging.running_outcome import RunFigures
-from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
+from humanoid_getup.experiments.judging.summary import (
+    PolicyClasses,
+    PolicySummary,
+    summarize,
+    wilson_interval,
+)
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.domain_parameters import DomainParameters
@@ -161,7 +165,7 @@ class PolicyTrial:
 
 def summarize_rollouts(
     starts: Sequence[Fall], records: Sequence[PolicyRollouts], classes: Sequence[str]
-) -> dict[str, Any]:
+) -> PolicyClasses:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
     outcomes = [each.outcome for each in records]
@@ -169,7 +173,6 @@ def summarize_rollouts(
     stood = np.concatenate([outcome.stood for outcome in outcomes])
     rms = np.concatenate([outcome.rms_torque for outcome in outcomes])
     columns = {
-        "stood": stood,
         "stand_time_s": np.concatenate([outcome.stand_time for outcome in outcomes]),
         "rms_torque_nm": np.where(stood, rms, np.nan),
         "peak_torque_nm": np.concatenate([outcome.peak_torque for outcome in outcomes]),
@@ -181,10 +184,10 @@ def summarize_rollouts(
         "standing_joint_speed_rad_s": np.concatenate([one.standing_speed for one in outcomes]),
     }
     everyone = np.ones(len(kinds), dtype=bool)
-    return {
-        "classes": {name: _summarize_rows(columns, kinds == name) for name in classes},
-        "all": _summarize_rows(columns, everyone),
-    }
+    return PolicyClasses(
+        classes={name: _summarize_rows(stood, columns, kinds == name) for name in classes},
+        all=_summarize_rows(stood, columns, everyone),
+    )
 
 
 def _fill_head_impact(outcome: RunFigures) -> Array:
@@ -193,14 +196,16 @@ def _fill_head_impact(outcome: RunFigures) -> Array:
     return np.full(len(outcome.stood), np.nan) if impact is None else impact
 
 
-def _summarize_rows(columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Any]:
-    stood = columns["stood"][rows]
-    figures: dict[str, Any] = {"n": int(rows.sum()), "stood": int(stood.sum())}
-    figures["stood_interval_95"] = list(wilson_interval(int(stood.sum()), int(rows.sum())))
-    for name, values in columns.items():
-        if name != "stood":
-            figures[name] = summarize(values[rows])
-    return figures
+def _summarize_rows(
+    stood: NDArray[np.bool_], columns: dict[str, Array], rows: NDArray[np.bool_]
+) -> PolicySummary:
+    n, successes = int(rows.sum()), int(stood[rows].sum())
+    return PolicySummary(
+        n=n,
+        stood=successes,
+        stood_interval_95=wilson_interval(successes, n),
+        **{name: summarize(values[rows]) for name, values in columns.items()},
+    )
 
 
 def make_parameters(

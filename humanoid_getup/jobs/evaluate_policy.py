@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
+from humanoid_getup.experiments.judging.summary import PolicyClasses, PolicySummary
 from humanoid_getup.experiments.starts.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
@@ -40,6 +42,20 @@ Grounds = list[tuple[World, FallSet]]
 """Each with the falls on it."""
 
 
+class EvaluatedCase(msgspec.Struct, frozen=True, kw_only=True):
+    """How a policy gets up in a scene, in a style."""
+
+    scene: str
+    style: str | None
+    falls_seed: int
+    grounds: int
+    """Number of grounds that the falls are on."""
+    planned: int | UnsetType = UNSET
+    """Number of rises that follow the curves of a plan."""
+    classes: dict[str, PolicySummary]
+    all: PolicySummary
+
+
 class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
     """Figures of a policy, by scene and style."""
 
@@ -53,8 +69,8 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
     trial: str
     """What differs from nominal."""
     height_map: bool
-    cases: dict[str, dict[str, Any]]
-    """Figures by scene and style."""
+    cases: dict[str, EvaluatedCase]
+    """By scene and style."""
 
 
 def evaluate(
@@ -78,20 +94,22 @@ def evaluate(
     styles = _load_styles(request, policy)
     _check_height_map(request, policy)
     perturbation = _make_perturbation(request, limit.value)
-    cases: dict[str, dict[str, Any]] = {}
+    cases: dict[str, EvaluatedCase] = {}
     for first in worlds:
         grounds = _list_grounds(request, first, monitor)
         for name, given in styles.items():
             label = ", ".join([first.scene.name, *([name] if name else [])])
             choices, planned = _choose_curves(grounds, name, given, request.seed, monitor)
-            cases[label] = {
-                "scene": first.scene.name,
-                "style": name,
-                "falls_seed": grounds[0][1].seed,
-                "grounds": len(grounds),
-                **planned,
-                **_roll_out(request, policy, perturbation, grounds, choices, label, monitor),
-            }
+            found = _roll_out(request, policy, perturbation, grounds, choices, label, monitor)
+            cases[label] = EvaluatedCase(
+                scene=first.scene.name,
+                style=name,
+                falls_seed=grounds[0][1].seed,
+                grounds=len(grounds),
+                planned=planned,
+                classes=found.classes,
+                all=found.all,
+            )
     return Evaluation(
         policy=find_policy(robot, request.policy).stem,
         seed=request.seed,
@@ -150,7 +168,7 @@ def _roll_out(
     choices: list[StyleChoice | None],
     label: str,
     monitor: ProgressMonitor,
-) -> dict[str, Any]:
+) -> PolicyClasses:
     """Let the policy get up from all falls; return the figures."""
     from sim2real.perturbations import PolicyTrial, summarize_rollouts
     from sim2real.policy_evaluation import PolicyDriver
@@ -198,10 +216,10 @@ def _load_style(name: str, robot: Robot) -> Style | None:
 
 def _choose_curves(
     grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: ProgressMonitor
-) -> tuple[list[StyleChoice | None], dict[str, int]]:
+) -> tuple[list[StyleChoice | None], int | UnsetType]:
     """Make the choice of curves for each ground; count rises that follow a plan's curves."""
     if name is None:
-        return [None] * len(grounds), {}
+        return [None] * len(grounds), UNSET
     if style is None:
         plans: list[list[StyleCurves | None]] = []
         count = monitor.count("plans", sum(len(falls.falls) for _, falls in grounds))
@@ -213,8 +231,8 @@ def _choose_curves(
             return lambda row, features: curves[row] or nearest.choose(features)
 
         found = sum(curves is not None for ground in plans for curves in ground)
-        return [follow_plans(curves) for curves in plans], {"planned": found}
-    return [lambda _row, features: style.choose(features)] * len(grounds), {}
+        return [follow_plans(curves) for curves in plans], found
+    return [lambda _row, features: style.choose(features)] * len(grounds), UNSET
 
 
 def _plan_curves(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from drivers import State, Twin
@@ -32,6 +32,32 @@ class Divergence:
     def part(self) -> str:
         """Return the name of the part that differed."""
         return f"joint '{self.joint}'" if self.joint else "torso's tilt"
+
+
+class JointDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """Difference of a joint between a log and its replay."""
+
+    rms_rad: float
+    max_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayFigures:
+    """The figures of a replay, under replay.json's keys; None where nothing diverged."""
+
+    robot: str
+    cycles: int
+    duration_s: float
+    exact: bool
+    rms_rad: float
+    max_rad: float
+    max_joint: str
+    tilt_rms_rad: float
+    tilt_max_rad: float
+    threshold_rad: float
+    divergence_s: float | None
+    divergence_part: str | None
+    joints: dict[str, JointDifference]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,29 +110,25 @@ class ReplayReport:
             difference=float(values[row, column]),
         )
 
-    def record(self) -> dict[str, Any]:
-        """Return the figures under replay.json's keys."""
-        first = self.divergence
-        return {
-            "robot": self.robot,
-            "cycles": len(self.time),
-            "duration_s": float(self.time[-1]),
-            "exact": self.is_exact,
-            "rms_rad": float(_rms(self.difference.ravel())),
-            "max_rad": float(self.maximum.max()),
-            "max_joint": self.worst,
-            "tilt_rms_rad": float(_rms(self.tilt_difference)),
-            "tilt_max_rad": float(np.nan_to_num(self.tilt_difference).max()),
-            "threshold_rad": self.threshold,
-            "divergence_s": first.time if first else None,
-            "divergence_part": first.part if first else None,
-            "joints": {
-                name: {"rms_rad": rms, "max_rad": maximum}
-                for name, rms, maximum in zip(
-                    self.joint_names, self.rms.tolist(), self.maximum.tolist(), strict=True
-                )
-            },
-        }
+    def figures(self) -> ReplayFigures:
+        """Return the figures of the replay."""
+        first, largest = self.divergence, self.maximum
+        rows = zip(self.joint_names, self.rms.tolist(), largest.tolist(), strict=True)
+        return ReplayFigures(
+            robot=self.robot,
+            cycles=len(self.time),
+            duration_s=float(self.time[-1]),
+            exact=self.is_exact,
+            rms_rad=float(_rms(self.difference.ravel())),
+            max_rad=float(largest.max()),
+            max_joint=self.worst,
+            tilt_rms_rad=float(_rms(self.tilt_difference)),
+            tilt_max_rad=float(np.nan_to_num(self.tilt_difference).max()),
+            threshold_rad=self.threshold,
+            divergence_s=first and first.time,
+            divergence_part=first and first.part,
+            joints={name: JointDifference(rms_rad=rms, max_rad=most) for name, rms, most in rows},
+        )
 
 
 def replay(

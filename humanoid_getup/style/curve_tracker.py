@@ -6,14 +6,13 @@ Training, evaluation and robot call the same code, on a thousand robots or on on
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.style.curves import LOOKAHEAD, CurveTargets, StyleCurves, is_stand
 from humanoid_getup.style.features import COUNT, FeatureSense, angle_distance
-from humanoid_getup.style.saved_arrays import SavedArrays
+from humanoid_getup.style.saved_arrays import SavedArrays, SavedState
 from robots import Robot
 from robots.quaternion import Array
 
@@ -115,11 +114,11 @@ class CurveTracker(SavedArrays):
     def _update_targets(self) -> None:
         self.targets = self._curves.at(self.time[:, np.newaxis] + LOOKAHEAD)
 
-    def save_state(self) -> dict[str, Any]:
+    def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""
         return {"curves": self._curves.save_state(), **super().save_state()}
 
-    def restore_state(self, state: dict[str, Any]) -> None:
+    def restore_state(self, state: SavedState) -> None:
         """Restore a state of :meth:`save_state`."""
         self._curves.restore_state(state["curves"])
         super().restore_state(state)

@@ -22,6 +22,7 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.style.saved_arrays import SavedState
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead
@@ -284,7 +285,7 @@ class GetUpEnv(VectorEnv):
         seen = self.mirror_of_observation()
         return Mirror.join((seen, *(term.mirror for term in self._critic_terms), SAME))
 
-    def save_state(self) -> dict[str, Any]:
+    def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""
         return {
             "sim": self.sim.save_state(),
@@ -299,7 +300,7 @@ class GetUpEnv(VectorEnv):
             "style": self.style.save_state() if self.style else None,
         }
 
-    def restore_state(self, state: dict[str, Any]) -> None:
+    def restore_state(self, state: SavedState) -> None:
         """Restore a state of :meth:`save_state`."""
         self.sim.restore_state(state["sim"])
         self._rng.bit_generator.state = state["rng"]

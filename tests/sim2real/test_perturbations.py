@@ -160,13 +160,13 @@ def test_figures_count_by_class(op3: Robot):
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
     figures = summarize_rollouts(falls, [record], ("prone", "left"))
-    assert [figures["classes"][kind]["stood"] for kind in ("prone", "left")] == [1, 0]
-    assert figures["all"]["n"] == 3
-    assert figures["all"]["stand_time_s"].median == 1.0  # end of the first good sample
-    assert figures["all"]["head_impact_m_s"].median == 0.5
-    assert figures["all"]["rms_torque_nm"].median == pytest.approx(2.0)
-    assert figures["classes"]["left"]["rms_torque_nm"].median is None  # it did not get up
-    assert figures["all"]["standing_joint_speed_rad_s"].median == pytest.approx(1.0)
+    assert [figures.classes[kind].stood for kind in ("prone", "left")] == [1, 0]
+    assert figures.all.n == 3
+    assert figures.all.stand_time_s.median == 1.0  # end of the first good sample
+    assert figures.all.head_impact_m_s.median == 0.5
+    assert figures.all.rms_torque_nm.median == pytest.approx(2.0)
+    assert figures.classes["left"].rms_torque_nm.median is None  # it did not get up
+    assert figures.all.standing_joint_speed_rad_s.median == pytest.approx(1.0)
 
 
 def test_a_robot_without_a_head_has_no_impact_of_it(op3: Robot):
@@ -183,7 +183,7 @@ def test_a_robot_without_a_head_has_no_impact_of_it(op3: Robot):
         restarts=np.zeros(2, dtype=int),
     )
     falls = [Fall(posture=op3.standing, start_class="prone")] * 2
-    assert summarize_rollouts(falls, [record], ())["all"]["head_impact_m_s"].median is None
+    assert summarize_rollouts(falls, [record], ()).all.head_impact_m_s.median is None
 
 
 def test_a_trial_tells_what_differs():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,10 +68,9 @@ def run_session(
                 settle=own_start is None,
                 balance=command.balance,
                 then=command.ending,
-                **hooks.fields(),
-                **_locate(command),
                 **options,
             )
+            chosen = _locate(command, hooks.join(chosen))
             session = Session.on(choice.backend, world, strategy.torque_limit, chosen)
             result = hooks.work(session.guard, lambda: prepare(session, rng))
         report("drawing")
@@ -78,13 +78,13 @@ def run_session(
         return finish(result, origin)
 
 
-def _locate(command: RunOptions) -> dict[str, Any]:
-    """Return the locator of a session for a real robot; a simulated one needs none."""
+def _locate(command: RunOptions, options: SessionOptions) -> SessionOptions:
+    """Add the locator of a session for a real robot; a simulated one needs none."""
     if command.at is None:
-        return {}
+        return options
     x, y, heading = command.at
     reckoning = DeadReckoning(Placement(x=x, y=y, heading=math.radians(heading)))
-    return {"locate": reckoning.locate, "moved": reckoning.move}
+    return replace(options, locate=reckoning.locate, moved=reckoning.move)
 
 
 def _choose_start(

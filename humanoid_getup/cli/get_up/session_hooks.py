@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import TypeVar
 
 from drivers import SafetyGuard
 from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.get_up.operator_key import OperatorKey
 from humanoid_getup.cli.get_up.recording import FlightRecorder
 from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.jobs.errors import refusing
 
 Result = TypeVar("Result")
@@ -32,15 +34,16 @@ class SessionHooks:
         self._choice, self._recorder, self._report = choice, recorder, report
         self._key = OperatorKey(realtime=choice.realtime, terminal=terminal)
 
-    def fields(self) -> dict[str, Any]:
-        """Return the fields of a session that its backend and its hooks decide."""
-        return {
-            "is_released": self._key.is_released,
-            "realtime": self._choice.realtime,
-            "simulation": self._choice.simulation,
-            "on_phase": self._note,
-            "on_cycle": self._recorder.log,
-        }
+    def join(self, options: SessionOptions) -> SessionOptions:
+        """Add to the options of a session what its backend and its hooks decide."""
+        return replace(
+            options,
+            is_released=self._key.is_released,
+            realtime=self._choice.realtime,
+            simulation=self._choice.simulation,
+            on_phase=self._note,
+            on_cycle=self._recorder.log,
+        )
 
     def work(self, guard: SafetyGuard, prepare: Callable[[], Callable[[], Result]]) -> Result:
         """Prepare the work, which may refuse it, and do it while the terminal is watched."""

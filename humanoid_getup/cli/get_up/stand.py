@@ -32,8 +32,8 @@ def _keep_stand(command: Sit | Hold) -> int:
     with phase("opening the backend") as report, opened as choice:
         with recording(make_log(command, world.robot)) as recorder:
             hooks, place = SessionHooks(choice, recorder, report), choice.place
-            options = SessionOptions(
-                then=command.ending, place=place and (lambda: place(at_rest)), **hooks.fields()
+            options = hooks.join(
+                SessionOptions(then=command.ending, place=place and (lambda: place(at_rest)))
             )
             session = Session.on(choice.backend, world, limit, options)
             result = hooks.work(session.guard, lambda: StandKeeper(session).start)

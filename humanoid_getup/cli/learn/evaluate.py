@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
+from humanoid_getup.jobs.evaluate_policy import EvaluatedCase
 from humanoid_getup.jobs.evaluate_policy import evaluate as judge
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 
@@ -40,17 +39,17 @@ def evaluate(command: EvaluateRequest) -> int:
     return DID_IT
 
 
-def _tabulate(figures: dict[str, Any]) -> str:
+def _tabulate(case: EvaluatedCase) -> str:
     """Write the figures of a case as a Markdown table, by class and over all."""
     columns = {
-        heading: key for heading, key in COLUMNS.items() if figures["style"] or key not in FOLLOWED
+        heading: key for heading, key in COLUMNS.items() if case.style or key not in FOLLOWED
     }
     rows = [["", "stood", "95 %", *columns]]
-    for name, row in (*figures["classes"].items(), ("all", figures["all"])):
-        low, high = row["stood_interval_95"]
+    for name, row in (*case.classes.items(), ("all", case.all)):
+        low, high = row.stood_interval_95
         interval = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-        cells = [_format_spread(row[key]) for key in columns.values()]
-        rows.append([name, f"{row['stood']} of {row['n']}", interval, *cells])
+        cells = [_format_spread(getattr(row, key)) for key in columns.values()]
+        rows.append([name, f"{row.stood} of {row.n}", interval, *cells])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     rule = ["-" * width for width in widths]
     lines = [rows[0], rule, *rows[1:]]

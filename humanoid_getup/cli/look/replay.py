@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
 
 from drivers import Twin
+from drivers.flight_log.content import Event
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.options.motions import REPLAY_FILES, ReplayOptions
 from humanoid_getup.cli.shared.console import console_for, phase
@@ -17,7 +21,13 @@ from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.reporting import plots, style_plot
-from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
+from humanoid_getup.reporting.replay import (
+    THRESHOLD,
+    ReplayFigures,
+    ReplayReport,
+    choose_supply,
+    replay,
+)
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
@@ -27,6 +37,19 @@ from robots.storage.encoding import to_json
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReplayResult(ReplayFigures):
+    """The content of replay.json."""
+
+    log: Path
+    started: str
+    about: Mapping[str, object]
+    start: Literal["logged", "estimated"]
+    truncated: bool
+    lost_bytes: int
+    events: Sequence[Event]
+
+
 def replay_log(command: ReplayOptions) -> int:
     """Load, replay, report."""
     with phase("reading") as report_phase, refusing():
@@ -34,7 +57,16 @@ def replay_log(command: ReplayOptions) -> int:
         world = _load_world(command, record)
         report_phase("replaying")
         report = _replay(command, record, world)
-        figures = _describe(record) | report.record()
+        figures = ReplayResult(
+            log=record.path,
+            started=record.started,
+            about=dict(record.about),
+            start="logged" if record.start else "estimated",
+            truncated=record.truncated,
+            lost_bytes=record.lost_bytes,
+            events=record.events,
+            **vars(report.figures()),
+        )
         if command.out is not None:
             report_phase("drawing")
             title = f"{record.robot}, {command.log.name}"
@@ -73,26 +105,17 @@ def _find_limit_mode(record: FlightRecord) -> LimitMode | None:
     return next((mode for mode in LIMIT_MODES if mode == record.about.get("limit_by")), None)
 
 
-def _describe(record: FlightRecord) -> dict[str, Any]:
-    return {
-        "log": str(record.path),
-        "started": record.started,
-        "about": dict(record.about),
-        "start": "logged" if record.start else "estimated",
-        "truncated": record.truncated,
-        "lost_bytes": record.lost_bytes,
-        "events": [vars(event) for event in record.events],
-    }
-
-
 def _print(record: FlightRecord, report: ReplayReport, console: Console) -> None:
-    figures = report.record()
+    figures = report.figures()
+    rows = (
+        ("joints", figures.rms_rad, figures.max_rad),
+        ("tilt", figures.tilt_rms_rad, figures.tilt_max_rad),
+    )
     console.print(f"[bold {'red' if report.divergence else 'green'}]{_headline(report)}")
     table = Table.grid(padding=(0, 2))
     table.add_row("[dim]log", record.describe())
     if not report.is_exact:
-        for label, key in (("joints", ""), ("tilt", "tilt_")):
-            rms, largest = figures[f"{key}rms_rad"], figures[f"{key}max_rad"]
+        for label, rms, largest in rows:
             table.add_row(f"[dim]{label}", f"RMS {rms:.4f} rad, at most {largest:.4f} rad")
     for event in record.events:
         table.add_row(f"[dim]{event.kind}", f"{event.time:.2f} s: {event.text}")

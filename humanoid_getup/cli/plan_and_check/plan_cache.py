@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+import msgspec
 from rich.markup import escape
 
 from humanoid_getup.cli.options.motions import ListPlanCache
@@ -13,8 +12,26 @@ from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.plan_cache import check_robot_name, open_plan_cache, refuse_damage
 from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache, now
+from robots.servo import LimitMode
 
 AGES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
+
+
+class CacheRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What the list says about a stored rise."""
+
+    name: str
+    robot: str
+    scene: str
+    torque_limit_nm: float | None
+    limit_by: LimitMode
+    prefer: str
+    start_class: str
+    connection: str
+    stand_time_s: float
+    robust: float
+    age_s: float
+    bytes: int
 
 
 def list_or_clear(command: ListPlanCache) -> int:
@@ -40,47 +57,47 @@ def _clear(cache: PlanCache, command: ListPlanCache) -> int:
     return DID_IT
 
 
-def _describe(entry: CacheEntry) -> dict[str, Any]:
-    rise = entry.rise
-    return {
-        "name": entry.name,
-        "robot": rise.context.robot,
-        "scene": rise.context.scene,
-        "torque_limit_nm": rise.context.torque_limit,
-        "limit_by": rise.context.limit_by,
-        "prefer": rise.context.prefer,
-        "start_class": rise.start_class,
-        "connection": rise.connection,
-        "stand_time_s": rise.stand_time,
-        "robust": rise.robust,
-        "age_s": max(now() - rise.made, 0.0),
-        "bytes": entry.size,
-    }
+def _describe(entry: CacheEntry) -> CacheRow:
+    rise, context = entry.rise, entry.rise.context
+    return CacheRow(
+        name=entry.name,
+        robot=context.robot,
+        scene=context.scene,
+        torque_limit_nm=context.torque_limit,
+        limit_by=context.limit_by,
+        prefer=context.prefer,
+        start_class=rise.start_class,
+        connection=rise.connection,
+        stand_time_s=rise.stand_time,
+        robust=rise.robust,
+        age_s=max(now() - rise.made, 0.0),
+        bytes=entry.size,
+    )
 
 
-def _print(rows: list[dict[str, Any]], cache: PlanCache, robot: str | None) -> None:
+def _print(rows: list[CacheRow], cache: PlanCache, robot: str | None) -> None:
     texts = ("rise", "robot", "scene", "start", "joins", "prefers")
     numbers = ("limit [N·m]", "stands [s]", "robust", "age", "size [kB]")
     table = make_table((*texts, *numbers), left=texts)
     for row in rows:
-        limit = row["torque_limit_nm"]
+        limit = row.torque_limit_nm
         table.add_row(
-            row["name"],
-            row["robot"],
-            row["scene"],
-            row["start_class"],
-            row["connection"],
-            row["prefer"],
-            "full" if limit is None else f"{limit:g} by {row['limit_by']}",
-            f"{row['stand_time_s']:.2f}",
-            f"{row['robust']:.0%}",
-            _format_age(row["age_s"]),
-            f"{row['bytes'] / 1000.0:.0f}",
+            row.name,
+            row.robot,
+            row.scene,
+            row.start_class,
+            row.connection,
+            row.prefer,
+            "full" if limit is None else f"{limit:g} by {row.limit_by}",
+            f"{row.stand_time_s:.2f}",
+            f"{row.robust:.0%}",
+            _format_age(row.age_s),
+            f"{row.bytes / 1000.0:.0f}",
         )
     if rows:
         console_for().print(table)
     of = f" of robot '{robot}'" if robot else ""
-    size = sum(row["bytes"] for row in rows) / 1e6
+    size = sum(row.bytes for row in rows) / 1e6
     what = "solved rise" if len(rows) == 1 else "solved rises"
     console_for().print(escape(f"{len(rows)} {what}{of}, {size:.1f} MB, in {cache.folder}"))
 

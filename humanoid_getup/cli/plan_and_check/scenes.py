@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from humanoid_getup.cli.options.motions import ListScenes
@@ -27,6 +27,16 @@ VIEW = 3.2  # height of a picture over the robot's standing neck height
 AZIMUTH = 130.0  # deg
 
 
+class SceneRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What the list says about a scene."""
+
+    name: str
+    about: str
+    starts: list[str]
+    obstacles: int
+    friction: float
+
+
 def list_scenes(command: ListScenes) -> int:
     """Print a table or JSON of the scenes, and draw one or all if a picture is asked for."""
     with refusing():
@@ -46,24 +56,23 @@ def list_scenes(command: ListScenes) -> int:
     return DID_IT
 
 
-def _describe(scene: Scene, about: str) -> dict[str, Any]:
-    starts = list(dict.fromkeys(start.start_class for start in scene.starts))
-    return {
-        "name": scene.name,
-        "about": about,
-        "starts": starts or list(CLASSES),
-        "obstacles": len(scene.obstacles),
-        "friction": scene.surface.friction,
-    }
+def _describe(scene: Scene, about: str) -> SceneRow:
+    starts = list(dict.fromkeys(str(start.start_class) for start in scene.starts))
+    return SceneRow(
+        name=scene.name,
+        about=about,
+        starts=starts or list(CLASSES),
+        obstacles=len(scene.obstacles),
+        friction=scene.surface.friction,
+    )
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
+def _print(rows: list[SceneRow]) -> None:
     texts = ("scene", "starts", "about")
     table = make_table((*texts, "obstacles", "friction"), left=texts)
     for row in rows:
-        starts = "any" if row["starts"] == list(CLASSES) else ", ".join(row["starts"])
-        figures = (str(row["obstacles"]), f"{row['friction']:g}")
-        table.add_row(row["name"], starts, row["about"], *figures)
+        starts = "any" if row.starts == list(CLASSES) else ", ".join(row.starts)
+        table.add_row(row.name, starts, row.about, str(row.obstacles), f"{row.friction:g}")
     console_for().print(table)
 
 

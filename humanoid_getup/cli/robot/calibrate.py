@@ -7,8 +7,8 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
@@ -73,7 +73,7 @@ def calibrate(command: Calibrate) -> int:
     saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
     if saved:
         _save(robot, measured, path)
-    write_json(_record(robot, measured, path if saved else None), command)
+    write_json(_describe(robot, measured, path if saved else None), command)
     if not saved:
         return _leave(console)
     console.print(f"[bold green]saved {escape(str(path))}[/]; check the angles: getup doctor")
@@ -237,21 +237,37 @@ def _print_warnings(
         console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
 
 
-def _record(
+class JointRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What was measured of a joint, and what was known before."""
+
+    old_zero_ticks: int
+    zero_ticks: int
+    difference_deg: float
+    old_sign: int
+    sign: int
+    warnings: Sequence[str]
+
+
+class CalibrationResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What was measured, and the file that it was saved in; None if it was not."""
+
+    robot: str
+    saved: Path | None
+    joints: dict[str, JointRow]
+
+
+def _describe(
     robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
-) -> dict[str, Any]:
-    return {
-        "robot": robot.name,
-        "saved": None if path is None else str(path),
-        "joints": {
-            row.joint.name: {
-                "old_zero_ticks": row.joint.servo.zero_ticks,
-                "zero_ticks": row.zero_ticks,
-                "difference_deg": row.shift,
-                "old_sign": row.joint.servo.sign,
-                "sign": row.sign,
-                "warnings": row.warnings,
-            }
-            for row in measured
-        },
+) -> CalibrationResult:
+    joints = {
+        row.joint.name: JointRow(
+            old_zero_ticks=row.joint.servo.zero_ticks,
+            zero_ticks=row.zero_ticks,
+            difference_deg=row.shift,
+            old_sign=row.joint.servo.sign,
+            sign=row.sign,
+            warnings=row.warnings,
+        )
+        for row in measured
     }
+    return CalibrationResult(robot=robot.name, saved=path, joints=joints)

@@ -70,6 +70,30 @@ class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
         return cls(n=n, stood_interval_95=wilson_interval(others["stood"], n), **others)
 
 
+class PolicySummary(msgspec.Struct, frozen=True, kw_only=True):
+    """How many rises by a policy stood, how fast and hard, and how they followed a style."""
+
+    n: int
+    stood: int
+    stood_interval_95: tuple[float, float]
+    stand_time_s: Quantiles
+    rms_torque_nm: Quantiles
+    peak_torque_nm: Quantiles
+    peak_braking_torque_nm: Quantiles
+    head_impact_m_s: Quantiles
+    height_error: Quantiles
+    angle_error_deg: Quantiles
+    restarts: Quantiles
+    standing_joint_speed_rad_s: Quantiles
+
+
+class PolicyClasses(msgspec.Struct, frozen=True, kw_only=True):
+    """Rises by a policy, by class and over all."""
+
+    classes: dict[str, PolicySummary]
+    all: PolicySummary
+
+
 def wilson_interval(successes: int, n: int) -> tuple[float, float]:
     """Compute the 95 % interval of a success rate, by Wilson's score."""
     if n == 0:

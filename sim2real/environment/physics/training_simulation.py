@@ -17,6 +17,7 @@ from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from humanoid_getup.style.extraction import compute_features
 from humanoid_getup.style.height_map import measure_height_map
+from humanoid_getup.style.saved_arrays import SavedState
 from robots import quaternion
 from robots.quaternion import Array
 from sim2real.environment.physics.randomization import ObservationNoise
@@ -187,7 +188,7 @@ class TrainingSim(VecSim):
         position, orientation = qpos[:, layout.root_position], qpos[:, layout.root_orientation]
         return measure_height_map(self.robot, self.world.scene.ground, position, orientation)
 
-    def save_state(self) -> dict[str, Any]:
+    def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""
         parameters = {f.name: getattr(self.parameters, f.name) for f in fields(self.parameters)}
         return {
@@ -197,7 +198,7 @@ class TrainingSim(VecSim):
             "torque": self._torque.copy(),
         }
 
-    def restore_state(self, state: dict[str, Any]) -> None:
+    def restore_state(self, state: SavedState) -> None:
         """Restore a state of :meth:`save_state`."""
         self.set_parameters(self.everyone, DomainParameters(**state["parameters"]))
         self.batch.state[:] = state["state"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
 from humanoid_getup.style.height_map import UNKNOWN
-from humanoid_getup.style.saved_arrays import SavedArrays
+from humanoid_getup.style.saved_arrays import SavedArrays, SavedState
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -117,11 +116,11 @@ class StyleTask(SavedArrays):
         too_long = np.maximum(self._deviating, self._head_down) > TERMINATION_TIME
         return too_long & (self._age > GRACE)
 
-    def save_state(self) -> dict[str, Any]:
+    def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""
         return {"tracker": self.tracker.save_state(), **super().save_state()}
 
-    def restore_state(self, state: dict[str, Any]) -> None:
+    def restore_state(self, state: SavedState) -> None:
         """Restore a state of :meth:`save_state`."""
         self.tracker.restore_state(state["tracker"])
         super().restore_state(state)

@@ -19,6 +19,7 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, load_robot
 from robots.quaternion import multiply
 from robots.servo import LimitMode
+from robots.storage.encoding import to_plain
 
 SECOND = 1.0
 
@@ -125,10 +126,10 @@ def test_differences_are_worked_out_by_joint(tiny):
     np.testing.assert_allclose(report.maximum, [0.2, 0.4])
     assert report.divergence is not None
     assert (report.divergence.time, report.divergence.difference) == (0.1, 0.3)
-    figures = report.record()
-    assert (figures["max_joint"], figures["tilt_rms_rad"]) == (tiny.joint_names[1], 0.1)
-    assert figures["divergence_part"] == "joint 'r_hip'"
-    json.dumps(figures, allow_nan=False)
+    figures = report.figures()
+    assert (figures.max_joint, figures.tilt_rms_rad) == (tiny.joint_names[1], 0.1)
+    assert figures.divergence_part == "joint 'r_hip'"
+    json.dumps(to_plain(figures), allow_nan=False)
 
 
 def test_a_torso_that_leans_differs_in_tilt_alone_and_its_heading_is_free(swing, tiny):

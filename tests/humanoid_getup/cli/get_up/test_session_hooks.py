@@ -15,6 +15,7 @@ from humanoid_getup.cli.backends import BackendChoice
 from humanoid_getup.cli.get_up.recording import recording
 from humanoid_getup.cli.get_up.session_hooks import SessionHooks
 from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.jobs.errors import BadInputError
 from robots import Robot
 
@@ -46,13 +47,13 @@ def test_a_phase_reaches_terminal_log_and_key(op3: Robot, tmp_path: Path):
     choice = BackendChoice(backend=guard, realtime=True)
     with recording(FlightLog(path, op3)) as recorder:
         hooks = SessionHooks(choice, recorder, shown.append, terminal=slave)
-        fields = hooks.fields()
+        options = hooks.join(SessionOptions())
 
         def hold():
-            fields["on_phase"](PhaseChange(Phase.HOLDING, 1, "until a key is pressed"))
-            assert not fields["is_released"]()
-            patience = Patience(op3, master, fields["is_released"])
-            return run(patience, guard, max_time=5.0, realtime=True, on_cycle=fields["on_cycle"])
+            options.on_phase(PhaseChange(Phase.HOLDING, 1, "until a key is pressed"))
+            assert not options.is_released()
+            patience = Patience(op3, master, options.is_released)
+            return run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
 
         report = hooks.work(guard, lambda: hold)
     os.close(master)

@@ -120,7 +120,7 @@ def _describe_motion(report: RiseReport) -> str:
     if kept := report.plan_cache:
         apart = math.degrees(kept.joint_rad)
         took = report.plan_s + report.filter_s
-        return f"{text}, plan kept from a start within {apart:.1f}°, checked in {took:.2f} s"
+        return f"{text}, stored plan from a start within {apart:.1f}°, checked in {took:.2f} s"
     text += f", planned in {report.plan_s:.2f} s" if report.planning else ", not planned"
     if not report.filtering:
         return f"{text}, not filtered"
@@ -171,7 +171,7 @@ def _describe_preference(report: RiseReport) -> str:
         return ""
     spent = f"{report.searched_s:.0f} s simulated"
     if report.plan_cache:
-        return f"{report.prefer}, as when it was planned"
+        return f"{report.prefer}, as in the stored plan"
     before, after = report.rollout_before_improvement, report.rollout
     if before is None:
         return f"{report.prefer}: nothing better than the first rise found, {spent}"

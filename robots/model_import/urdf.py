@@ -102,7 +102,7 @@ def _give_mass(root: ET.Element, notes: list[str]) -> None:
         ET.SubElement(inertial, "inertia", _write_inertia(LEAST_INERTIA))
         bare.append(name)
     if inferred:
-        notes.append(f"mass as of water for links without mass: {', '.join(inferred)}")
+        notes.append(f"links without mass get the density of water: {', '.join(inferred)}")
     if bare:
         notes.append(f"links without mass are given {1e3 * LEAST_MASS:g} g: {', '.join(bare)}")
 
@@ -126,7 +126,7 @@ def _mend_inertia(root: ET.Element, notes: list[str]) -> None:
         inertia.attrib.update(_write_inertia(max(0.4 * weight * radius**2, LEAST_INERTIA)))
         mended.setdefault(given, []).append(link.get("name", ""))
     notes += [
-        f"inertia of a ball for links whose own no body can have ({given}): {', '.join(names)}"
+        f"impossible inertias ({given}) are replaced by those of a ball: {', '.join(names)}"
         for given, names in mended.items()
     ]
 

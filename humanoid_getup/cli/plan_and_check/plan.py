@@ -160,7 +160,7 @@ def _print(record: DescribedPath, files: list[str], command: Plan) -> None:
     effort = f"{record.checks} checks in {record.time:.1f} s"
     if not record.found:
         where = f"no path to {record.goal} after {effort}: {record.reason}"
-        saved = f"; how far it leads: {', '.join(files)}" if files else ""
+        saved = f"; its free beginning: {', '.join(files)}" if files else ""
         console.print(f"[bold red]{escape(where + saved)}", soft_wrap=True)
         return
     took = f"{record.duration:.2f} s, length {record.length:.1f}"

@@ -35,7 +35,7 @@ def check_robot(command: CheckRobot) -> int:
         color = COLORS[finding.level]
         console.print(f"[{color}]{finding.level:7}[/] {escape(str(finding))}", soft_wrap=True)
     if unchecked:
-        console.print(f"not checked before the faults are mended: {', '.join(unchecked)}")
+        console.print(f"not checked until the faults are corrected: {', '.join(unchecked)}")
     if command.picture is not None:
         _draw(found, command)
         console.print(f"picture in {command.picture}", markup=False, soft_wrap=True)

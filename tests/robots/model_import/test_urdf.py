@@ -76,7 +76,7 @@ def test_a_moving_link_without_mass_and_shape_gets_a_little(tmp_path: Path):
 def test_a_shape_without_mass_weighs_as_water_does(tmp_path: Path):
     source = read(tmp_path, link("a", BOX), hinge("hip", "a", inside="<limit/>"))
     assert source.model.body("a").mass == pytest.approx(1.0)  # 1 l
-    assert source.notes == ("mass as of water for links without mass: a",)
+    assert source.notes == ("links without mass get the density of water: a",)
 
 
 @pytest.mark.parametrize("moment", ["0", "-1e-3", "1e-15"])
@@ -86,7 +86,7 @@ def test_an_inertia_that_no_body_can_have_becomes_that_of_a_ball(tmp_path: Path,
     radius = (3.0 * 0.5 / (4.0 * np.pi * 1000.0)) ** (1.0 / 3.0)
     assert source.model.body("a").inertia == pytest.approx([0.4 * 0.5 * radius**2] * 3, rel=1e-4)
     given = f"ixx {moment} ixy 0 ixz 0 iyy 1e-3 iyz 0 izz 1e-3"
-    assert source.notes == (f"inertia of a ball for links whose own no body can have ({given}): a",)
+    assert source.notes == (f"impossible inertias ({given}) are replaced by those of a ball: a",)
 
 
 def test_products_of_inertia_are_not_mistaken_for_moments(tmp_path: Path):

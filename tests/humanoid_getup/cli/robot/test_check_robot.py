@@ -51,7 +51,7 @@ def test_a_fault_ends_with_1_and_tells_what_was_not_checked(run: Run, copied_op3
     code, out, _ = run("robots", "check", str(copied_op3))
     assert code == 1
     assert out.count("fault ") == 1
-    assert "not checked before the faults are mended: squats, strength, arms, holding" in out
+    assert "not checked until the faults are corrected: squats, strength, arms, holding" in out
 
 
 def test_json_on_standard_output_is_alone(run: Run):

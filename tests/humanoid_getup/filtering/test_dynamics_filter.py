@@ -232,6 +232,22 @@ def test_a_motion_that_slows_down_visits_the_same_targets(waiting):
         assert np.abs(quick - target).max(axis=1).min() < 0.06
 
 
+def test_at_half_speed_every_second_target_is_in_the_middle_of_two(world, fall, database):
+    candidate = replace(_candidates(world, fall, database)[0], assistance=0.0)
+    half = Slowdown(tolerance=-1.0, band=0.1, slowest=0.5)  # whatever the servos do
+    plain, slowed = DynamicsFilter(world).roll_out(
+        fall, [candidate, replace(candidate, slowdown=half)]
+    )
+    count = plain.moving
+    assert count > 100
+    assert slowed.moving == 2 * count
+    quick, slow = plain.target[:count], slowed.target[: 2 * count]
+    between = (quick[:-1] + quick[1:]) / 2.0
+    for found, expected in ((slow[::2], quick), (slow[1:-1:2], between)):
+        is_same = np.isclose(found, expected, atol=1e-9).all(axis=1)
+        assert is_same.mean() > 0.95  # elsewhere joints cannot follow a step at full speed
+
+
 def test_a_slowdown_leaves_a_motion_alone_that_its_servos_follow(world, fall, database):
     candidate = _candidates(world, fall, database)[0]
     endless = Slowdown(tolerance=10.0, band=0.1, slowest=0.1)

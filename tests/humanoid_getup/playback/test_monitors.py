@@ -136,6 +136,10 @@ def roll(angle: float) -> np.ndarray:
 @pytest.fixture(scope="module")
 def rolling(tiny: Robot) -> MotionMonitor:
     """Rolls over in four seconds and bends the left hip meanwhile; its clock begins at 3 s."""
+    return monitor_of(tiny, [roll(angle) for angle in ROLLED])
+
+
+def monitor_of(tiny: Robot, orientations: list[np.ndarray]) -> MotionMonitor:
     angles = np.stack([BENT, np.zeros(3)], axis=1)
     motion = Motion(
         name="roll",
@@ -145,7 +149,7 @@ def rolling(tiny: Robot) -> MotionMonitor:
         strategy="roll",
         time=np.array(TIMES) + 3.0,
         position=np.zeros((3, 3)),
-        orientation=np.array([roll(angle) for angle in ROLLED]),
+        orientation=np.array(orientations),
         joint_pos=angles,
         joint_target=angles,
     )
@@ -196,3 +200,19 @@ def test_a_joint_that_stays_behind_the_motion_for_a_second_is_stuck(rolling, tin
     assert time == pytest.approx(1.0, abs=0.03)
     assert kind is AbortKind.STUCK
     assert detail.startswith("joint 'l_hip' is 0.41 rad from where it should be, expected at most")
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_without_an_imu_a_joint_is_stuck_only_where_the_motion_does_not_stand(tiny, stands: bool):
+    orientations = [quaternion.IDENTITY] * 3 if stands else [roll(angle) for angle in ROLLED]
+    monitor = monitor_of(tiny, orientations)
+    monitor.reset(still_state(tiny, time=7.0))
+    found = [
+        monitor.check(
+            still_state(tiny, time=7.0 + time, orientation=np.zeros(0), joint_pos=np.full(2, -1.5)),
+            np.full(2, 1.5),
+        )
+        for time in np.arange(0.0, 2.0, 0.02)
+    ]
+    kinds = {each[0] for each in found if each is not None}
+    assert kinds == (set() if stands else {AbortKind.STUCK})

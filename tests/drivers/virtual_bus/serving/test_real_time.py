@@ -9,6 +9,7 @@ from drivers.dynamixel.protocol2 import Span, Status
 from drivers.virtual_bus.serving import real_time
 from drivers.virtual_bus.serving.lock_step import IDLE
 from drivers.virtual_bus.serving.real_time import MICROFRAME, SPIN, RealTime
+from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 BYTE = 1e-5  # s at 1 Mbit/s
@@ -105,11 +106,44 @@ def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
     assert served.times[1] == pytest.approx(end, abs=STEP)
 
 
+def test_a_reply_to_a_ping_that_has_begun_comes_whole_before_the_next_instruction(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
+    served.send(0.01, protocol2.ping())
+    begin = 0.01 + 10 * BYTE + 0.003
+    served.send(begin + 5 * BYTE, READ)
+    served.run(0.05)
+    end = begin + 14 * BYTE
+    expected = [end, end + (14 + 15) * BYTE + 0.003]
+    assert served.times == pytest.approx(expected, abs=STEP)
+
+
+def test_replies_to_other_instructions_come_although_the_client_goes_on(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
+    served.send(0.01, GROUP)
+    served.send(0.0145, READ)
+    served.run(0.05)
+    assert [data[4] for _, data in served.wire.received] == [1, 2, 3, 2]
+    assert served.exchange.statistics.talked_over == 1
+
+
+def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
+    served = Served(monkeypatch, FakeDevices(IDS))
+    served.faults.set_times(late_by=0.02)
+    served.faults.strike_next(LineFault.LATE, device=2)
+    served.send(0.01, GROUP)
+    served.run(0.05)
+    second = 0.01 + (17 + 2 * 15) * BYTE + 0.02  # what comes behind it waits, too
+    assert [data[4] for _, data in served.wire.received] == [1, 2]
+    assert served.times == pytest.approx([0.01 + (17 + 15) * BYTE, second], abs=STEP)
+    assert len(served.wire.data) == 45
+
+
 def test_without_another_instruction_every_slot_of_a_ping_is_used(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
     served.send(0.01, protocol2.ping())
     served.run(0.05)
     assert [data[4] for _, data in served.wire.received] == [1, 2, 3]
+    assert served.exchange.statistics.talked_over == 0
 
 
 def test_bytes_at_another_rate_than_the_clients_are_lost(monkeypatch):

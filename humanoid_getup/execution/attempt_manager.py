@@ -197,19 +197,17 @@ class AttemptManager:
         if not (session.balance and session.has_imu):
             plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, plan=plan)
-        controller = plan.controller(self._strategy)
-        if controller is None or not session.preflight:
-            return attempt, controller
+        if not plan.title or not session.preflight:
+            return attempt, plan.controller(self._strategy)
         self._report(Phase.PREFLIGHT, plan.title)
         plan, verdict = self._preflight(plan, state)
         attempt = replace(attempt, plan=plan, verdict=verdict)
-        controller = plan.controller(self._strategy)
-        if controller is None or not verdict.passed:
+        if not verdict.passed:
             return replace(attempt, refusal=str(verdict)), None
         down = self._keeper.preflight(state)
         if not down.passed:
             return replace(attempt, refusal=f"the way down after the stand: {down}"), None
-        return attempt, controller
+        return attempt, plan.controller(self._strategy)
 
     def _preflight(self, plan: RisePlan, state: State) -> tuple[RisePlan, Verdict]:
         """Judge a plan, and again without feedback if it falls; return the one to play."""

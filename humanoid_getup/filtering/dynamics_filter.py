@@ -116,9 +116,10 @@ class DynamicsFilter:
 
     def _check_in(self, scenarios: Scenarios, target: Array) -> tuple[float, float]:
         """Return the share that stood, as a check does, and the time that was simulated [s]."""
-        self.count += len(scenarios)
         outcome = self._experiment.compare(scenarios, [target], give_up=True)
-        return compute_share(outcome.stood[0]), outcome.record.duration
+        self.count += outcome.stood.size
+        simulated = outcome.record.duration
+        return compute_share(outcome.stood[0]), simulated
 
     def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator

@@ -99,10 +99,11 @@ class Experiment:
         self, scenarios: Scenarios, motions: Sequence[Array], *, give_up: bool = False
     ) -> Outcome:
         """Play the targets of S motions, (T, n) each, in K scenarios until known; (S, K)."""
-        sent = [motion for motion in motions for _ in range(len(scenarios))]
+        count = len(scenarios.starts)
+        sent = [motion for motion in motions for _ in range(count)]
         tiled = scenarios.tile(len(motions))
         record = self.play(tiled, sent, stop_early=True, give_up=give_up)
-        return Outcome(record.reshape(len(motions), len(scenarios)), self.world.robot)
+        return Outcome(record.reshape(len(motions), count), self.world.robot)
 
     def _begin(self, scenarios: Scenarios) -> Ids:
         """Place robots; return their rows."""

@@ -55,12 +55,11 @@ class Drops:
             Final MuJoCo positions (N, nq), and which robots settled, (N,).
         """
         sim, world = self._sim, self.world
-        robot, model = world.robot, world.model
+        robot, model, hold = world.robot, world.model, _count_sample_steps(sim)
         drops = DropSampler(world, regions or world.scene.starts or (ANYWHERE,))
         qpos = np.array([drops.sample(rng) for _ in sim.everyone])
         sim.set_parameters(sim.everyone, DomainParameters.nominal(world, sim.n, torque_limit=0.0))
         sim.place(sim.everyone, qpos)
-        hold = _count_sample_steps(sim)
         sample_time = hold * model.opt.timestep
         window = round(SETTLED_TIME / sample_time)
         moving, time, duration = sim.everyone, 0.0, FIRST_CHECK

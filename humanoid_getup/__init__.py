@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.make_prior import make_prior
     from humanoid_getup.jobs.measure_robot import measure_robot
     from humanoid_getup.jobs.plan_path import plan
+    from humanoid_getup.jobs.preflight_motion import preflight
+    from humanoid_getup.jobs.preview_motion import preview
     from humanoid_getup.jobs.requests.bench import (
         BenchAll,
         BenchDisturbed,
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
         ClipRequest,
         DiscoverRequest,
         ImportKeysRequest,
+        PreflightRequest,
+        PreviewRequest,
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
@@ -119,6 +123,8 @@ _HOMES = {
     "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
+    "PreflightRequest": "humanoid_getup.jobs.requests.motions",
+    "PreviewRequest": "humanoid_getup.jobs.requests.motions",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.progress.callback",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
@@ -149,6 +155,8 @@ _HOMES = {
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",
     "plan": "humanoid_getup.jobs.plan_path",
+    "preflight": "humanoid_getup.jobs.preflight_motion",
+    "preview": "humanoid_getup.jobs.preview_motion",
     "retarget": "humanoid_getup.jobs.retarget_motions",
     "sample_fall": "humanoid_getup.experiments.starts.falls",
     "train": "humanoid_getup.jobs.train_policy",
@@ -185,6 +193,8 @@ __all__ = [
     "PlanCache",
     "PlanRequest",
     "PlannedRise",
+    "PreflightRequest",
+    "PreviewRequest",
     "PriorRequest",
     "Progress",
     "RetargetRequest",
@@ -215,6 +225,8 @@ __all__ = [
     "make_prior",
     "measure_robot",
     "plan",
+    "preflight",
+    "preview",
     "retarget",
     "sample_fall",
     "train",

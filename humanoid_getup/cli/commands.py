@@ -102,7 +102,7 @@ COMMANDS = {
     ),
     "motions preview": TableEntry(
         "Draw the keys of a motion and play them once.",
-        "options.motions.PreviewMotion",
+        "requests.motions.PreviewRequest",
         "make_motions.preview",
     ),
     "motions retarget": TableEntry(
@@ -190,7 +190,10 @@ COMMANDS = {
         "plan_cache.list_or_clear",
     ),
     "preflight": TableEntry(
-        "Check whether a motion may be played.", "options.motions.Preflight", "preflight.preflight"
+        "Check whether a motion may be played.",
+        "requests.motions.PreflightRequest",
+        "preflight.preflight",
+        json=True,
     ),
     "replay": TableEntry(
         "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"

@@ -8,15 +8,14 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption, WorldOptions
+from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
-from humanoid_getup.jobs.requests.motions import KeyframesFile, NewKeysOptions
+from humanoid_getup.jobs.requests.motions import NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     MotionName,
     RobotOption,
     Seed,
-    TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import between
 
@@ -68,17 +67,6 @@ class ShowMotion(BodyOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Preflight(TorqueOptions, WorldOptions):
-    """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
-
-    motion: Positional[MotionName]
-    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
-    """Supply voltage at the servos [V]; default: the robot's nominal one."""
-    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
-    """Temperature of all servos before the rise [°C]."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class ReplayOptions(JsonOption):
     """Replay a flight log on the twin and report the differences."""
 
@@ -106,18 +94,3 @@ class RecordMotion(NewKeysOptions, BackendOptions):
 
     name: Positional[str]
     """Name of the new motion."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreviewMotion(RobotOption):
-    """Draw the keys of a motion, play them once as they are, and print the outcome.
-
-    Above, each key without physics; below, the rollout, undisturbed and at full torque.
-    """
-
-    name: Positional[str]
-    """Name of a motion in the keyframes."""
-    keyframes: KeyframesFile = None
-    """Keyframes file (.toml); default: the robot's keyframes.toml."""
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
-    """Picture to write; default: NAME.png."""

@@ -3,61 +3,44 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import msgspec
 from rich.markup import escape
 
-from humanoid_getup.cli.options.motions import PreviewMotion
-from humanoid_getup.cli.shared.console import console_for, phase, showing
+from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume, write_command
 from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
 from humanoid_getup.jobs.discover_motions import discover as search_all
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
-from humanoid_getup.jobs.inputs import find_keyframes, load_robot
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.jobs.preview_motion import preview as play_keys
 from humanoid_getup.jobs.requests.motions import (
     BuildRequest,
     ClipRequest,
     DiscoverRequest,
     ImportKeysRequest,
     NewKeysOptions,
+    PreviewRequest,
     RetargetRequest,
 )
 from humanoid_getup.jobs.requests.shared import RobotOption
 from humanoid_getup.jobs.retarget_motions import retarget as transfer_all
-from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.mocap.retarget_clip import RetargetedClip
-from humanoid_getup.reporting import film_strip
-from humanoid_getup.reporting.motion_strip import draw_trial
-from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.world import World
 
 SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
 
 
-def preview(command: PreviewMotion) -> int:
-    """Play the keys once and draw them; return 0 if they end as they should."""
-    robot = load_robot(command)
-    (keyframes,) = find_keyframes(robot, [command.name], command.keyframes)
-    path = command.picture or Path(f"{keyframes.name}.png")
-    if problems := find_file_problems(path):
-        raise BadInputError("; ".join(problems))
-    console = console_for()
-    with phase("playing the keys"):
-        trial = try_out(World(robot, FLAT_SCENE), keyframes)
-    console.print(f"{keyframes.name}, as it is: {escape(trial.describe())}")
-    try:
-        with phase("drawing"):
-            draw_trial(trial, path)
-        console.print(f"film strip in {path}", markup=False)
-    except film_strip.NoRendererError as error:
-        console.print(f"no film strip: {error}", markup=False)
+def preview(command: PreviewRequest) -> int:
+    """Play the keys once and draw them; 0 if that ends as it should."""
+    with showing() as report:
+        found = play_keys(command, report)
+    console, trial = console_for(), found.trial
+    console.print(f"{trial.keyframes.name}, as it is: {escape(trial.describe())}")
+    drawn = f"no film strip: {found.undrawn}" if found.undrawn else f"film strip in {found.picture}"
+    console.print(drawn, markup=False)
     return DID_IT if trial.succeeded else DID_NOT_STAND
 
 

@@ -13,13 +13,17 @@ from tyro.conf import Positional, arg
 from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
+    BodyOption,
     Count,
     JobRequest,
     Jobs,
+    MotionName,
     PolicyName,
     Prefer,
     RobotOption,
+    SceneOptions,
     Seed,
+    TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import at_least, between
 
@@ -183,3 +187,29 @@ class ClipRequest(RobotOption):
         if self.target.suffix != SUFFIX:
             problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
         return problems if self.out else problems + find_file_problems(self.target)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreflightRequest(TorqueOptions, BodyOption, SceneOptions):
+    """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
+
+    motion: Positional[MotionName]
+    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
+    """Supply voltage at the servos [V]; default: the robot's nominal one."""
+    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
+    """Temperature of all servos before the rise [°C]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewRequest(RobotOption):
+    """Draw the keys of a motion, play them once as they are, and print the outcome.
+
+    Above, each key without physics; below, the rollout, undisturbed and at full torque.
+    """
+
+    name: Positional[str]
+    """Name of a motion in the keyframes."""
+    keyframes: KeyframesFile = None
+    """Keyframes file (.toml); default: the robot's keyframes.toml."""
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    """Picture to write; default: NAME.png."""

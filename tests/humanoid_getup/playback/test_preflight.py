@@ -13,7 +13,7 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, Twin
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
-from humanoid_getup.cli.options.motions import Preflight
+from humanoid_getup.cli.commands import load_options
 from humanoid_getup.cli.plan_and_check import preflight as command
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
@@ -25,6 +25,7 @@ from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import overlaps_at
 from robots.kinematics import place
 
+Preflight = load_options("preflight")
 QUICK = "prone_wide_push_up"
 KNEE = "l_knee"
 
@@ -306,8 +307,8 @@ def test_the_command_passes_refuses_and_writes_its_figures(
     ("options", "message"),
     [
         ({"motion": "moonwalk"}, "unknown motion 'moonwalk'"),
-        ({"motion": QUICK, "voltage": -3.0}, "voltage is -3 V"),
-        ({"motion": QUICK, "torque_limit": 0.0}, "torque limit is 0 N·m"),
+        ({"motion": QUICK, "voltage": -3.0}, "--voltage is -3 V"),
+        ({"motion": QUICK, "torque_limit": 0.0}, "--torque-limit is 0 N·m"),
     ],
 )
 def test_the_command_names_bad_input(options: dict, message: str):

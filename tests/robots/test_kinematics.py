@@ -130,6 +130,7 @@ def test_gravity_is_sensed_in_the_torso_however_the_imu_is_mounted(
     imu = quaternion.multiply(torso, mounted)
     expected = quaternion.rotate(quaternion.inverse(torso), np.array([0.0, 0.0, -1.0]))
     assert GravitySense(mounted)(imu) == pytest.approx(expected)
+    assert GravitySense(mounted)(0.7 * imu) == pytest.approx(expected)  # of any length
     own = quaternion.multiply(torso, imu_in_torso(op3, world.model))
     assert quaternion.angle_between(
         torso_orientation(op3, world.model, own), torso

@@ -106,3 +106,13 @@ def test_masses_that_are_written_out_are_those_of_the_shapes():
     after = spec.compile()
     assert after.body("b").mass == pytest.approx(before.body("b").mass)
     assert after.body("b").inertia == pytest.approx(before.body("b").inertia)
+
+
+def test_a_model_of_a_given_mass_may_become_heavier():
+    spec = mujoco.MjSpec.from_string(ONE.format(kind="box", size="0.1 0.1 0.1"))
+    spec.compiler.settotalmass = 3.0
+    with pytest.warns(UserWarning, match="settotalmass"):
+        make_explicit(spec)
+    assert spec.body("b").mass == pytest.approx(3.0)
+    spec.body("b").mass = 6.0
+    assert spec.compile().body("b").mass == pytest.approx(6.0)

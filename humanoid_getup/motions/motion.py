@@ -24,7 +24,7 @@ EndClass = Literal["supine", "prone", "left", "right", "standing"]
 STANDING = "standing"
 NO_END = "other"
 END_CLASSES: tuple[str, ...] = (*get_args(EndClass), NO_END)
-MIRRORED_CLASS: dict[str, Any] = {"left": "right", "right": "left"}
+MIRRORED_CLASS: dict[str, Literal["left", "right"]] = {"left": "right", "right": "left"}
 NAME = re.compile(r"[\w-][\w.-]{0,99}")
 """Names of motions: they name files too."""
 MIRRORED_SUFFIX = "_mirrored"
@@ -157,7 +157,7 @@ class Motion(Trajectory):
 
     def save(self, path: Path) -> None:
         """Write the motion as .npz with the keys of `KEYS` and `OPTIONAL_KEYS`."""
-        record: dict[str, Any] = {key: getattr(self, key) for key in KEYS + OPTIONAL_KEYS}
+        record: dict[str, object] = {key: getattr(self, key) for key in KEYS + OPTIONAL_KEYS}
         save_arrays(path, record | {"provenance": json.dumps(self.provenance, sort_keys=True)})
 
     @classmethod

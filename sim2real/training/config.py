@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -216,7 +216,7 @@ def _as_fact(value: object) -> Fact:
 OTHER_FOLDER = "another folder begins another training"
 
 
-def check_recipe(file: Path, requested: dict[str, Any]) -> None:
+def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
     """Check that a recipe file holds the requested recipe.
 
     Raises:
@@ -236,9 +236,9 @@ def check_recipe(file: Path, requested: dict[str, Any]) -> None:
         raise TrainingFolderError(str(error)) from error
 
 
-def _flatten(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flatten(record: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     """Flatten nested tables; their keys are joined by dots."""
-    flat: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, value in record.items():
         name = f"{prefix}{key}"
         flat |= _flatten(value, f"{name}.") if isinstance(value, dict) else {name: value}

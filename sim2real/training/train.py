@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -219,7 +218,7 @@ def write_recipe(
         OSError: if the parent cannot be read.
         TrainingFolderError: if the file is of another training, or the parent of another robot.
     """
-    record: dict[str, Any] = {
+    record: dict[str, object] = {
         "robot": robot.name,
         "seed": seed,
         "actions": outputs or recipe.choose_actions(robot).names,
@@ -232,7 +231,7 @@ def write_recipe(
     write_atomically(file, to_json(record))
 
 
-def _describe_parent(robot: Robot, parent: Path) -> dict[str, Any]:
+def _describe_parent(robot: Robot, parent: Path) -> dict[str, str | int]:
     """Identify the parent of a training by its content."""
     if is_policy_file(parent):
         return {"policy": parent.stem, "sha256": hashlib.sha256(parent.read_bytes()).hexdigest()}

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Sequence
 
+import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -13,7 +13,7 @@ from rich.table import Table
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.control_table import OperatingMode
-from drivers.dynamixel.diagnostics import ServoFacts, Severity
+from drivers.dynamixel.diagnostics import Finding, ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError
@@ -22,10 +22,51 @@ from humanoid_getup.cli.shared.console import console_for, make_table, phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.inputs import load_robot, name_ports
+from robots.quaternion import Array
+from robots.servo import LimitMode
 
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
 HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
+
+
+class ServoRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What was read from a servo."""
+
+    id: int
+    model: str
+    firmware: int
+    temperature_c: float
+    voltage_v: float
+    angle_rad: float
+    ticks: int
+    lower_rad: float
+    upper_rad: float
+    return_delay_s: float
+    operating_mode: int
+    torque_on: bool
+    hardware_error: int
+
+
+class DoctorResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What the doctor found."""
+
+    robot: str
+    healthy: bool
+    findings: Sequence[Finding]
+    written: Sequence[str]
+    """What was written to the robot."""
+    calibrated: bool
+    torque_on: list[str]
+    limit_by: LimitMode
+    period_s: float
+    reading_allowed_s: float
+    ports: Sequence[PortReport]
+    accelerometer_m_s2: Array | None
+    gyro_rad_s: Array | None
+    imu: str
+    imu_rate_hz: float | None
+    joints: dict[str, ServoRow]
 
 
 def doctor(command: Doctor) -> int:
@@ -34,57 +75,50 @@ def doctor(command: Doctor) -> int:
     ports = name_ports(robot, command.port)
     with phase("checking"), open_robot_bus(robot, ports) as bus:
         health = examine(bus)
-    write_json(to_record(health), command)
+    write_json(to_result(health), command)
     print_health(health, console_for(command))
     return HARDWARE_FAULT if health.errors else DID_IT
 
 
-def to_record(health: HealthCheck) -> dict[str, Any]:
-    """Convert a health check to plain values, for JSON."""
-    return {
-        "robot": health.robot.name,
-        "healthy": not health.errors,
-        "findings": [
-            {
-                "severity": finding.severity.value,
-                "device": finding.device,
-                "text": finding.text,
-                "remedy": finding.remedy,
-            }
-            for finding in health.findings
-        ],
-        "written": health.written,
-        "calibrated": health.is_calibrated,
-        "torque_on": [joint.name for joint in health.torque],
-        "limit_by": health.robot.limit_by,
-        "period_s": health.robot.control_period,
-        "reading_allowed_s": READ_SHARE * health.robot.control_period,
-        "ports": [asdict(port) for port in health.ports],
-        "accelerometer_m_s2": health.imu and health.imu.accelerometer,
-        "gyro_rad_s": health.imu and health.imu.gyro,
-        "imu": health.imu_name,
-        "imu_rate_hz": health.imu_rate,
-        "joints": {servo.joint.name: _record_servo(servo) for servo in health.servos},
-    }
+def to_result(health: HealthCheck) -> DoctorResult:
+    """Return the content of the JSON about a health check."""
+    robot, imu = health.robot, health.imu
+    return DoctorResult(
+        robot=robot.name,
+        healthy=not health.errors,
+        findings=health.findings,
+        written=health.written,
+        calibrated=health.is_calibrated,
+        torque_on=[joint.name for joint in health.torque],
+        limit_by=robot.limit_by,
+        period_s=robot.control_period,
+        reading_allowed_s=READ_SHARE * robot.control_period,
+        ports=health.ports,
+        accelerometer_m_s2=imu and imu.accelerometer,
+        gyro_rad_s=imu and imu.gyro,
+        imu=health.imu_name,
+        imu_rate_hz=health.imu_rate,
+        joints={servo.joint.name: _describe_servo(servo) for servo in health.servos},
+    )
 
 
-def _record_servo(servo: ServoFacts) -> dict[str, Any]:
+def _describe_servo(servo: ServoFacts) -> ServoRow:
     registers = servo.registers
-    return {
-        "id": servo.id,
-        "model": servo.table.model,
-        "firmware": servo.firmware,
-        "temperature_c": servo.temperature,
-        "voltage_v": servo.voltage,
-        "angle_rad": servo.angle,
-        "ticks": registers["present_position"],
-        "lower_rad": servo.joint.lower,
-        "upper_rad": servo.joint.upper,
-        "return_delay_s": registers["return_delay_time"] * servo.table["return_delay_time"].scale,
-        "operating_mode": registers["operating_mode"],
-        "torque_on": bool(registers["torque_enable"]),
-        "hardware_error": registers["hardware_error_status"],
-    }
+    return ServoRow(
+        id=servo.id,
+        model=servo.table.model,
+        firmware=servo.firmware,
+        temperature_c=servo.temperature,
+        voltage_v=servo.voltage,
+        angle_rad=servo.angle,
+        ticks=registers["present_position"],
+        lower_rad=servo.joint.lower,
+        upper_rad=servo.joint.upper,
+        return_delay_s=registers["return_delay_time"] * servo.table["return_delay_time"].scale,
+        operating_mode=registers["operating_mode"],
+        torque_on=bool(registers["torque_enable"]),
+        hardware_error=registers["hardware_error_status"],
+    )
 
 
 def _count(number: int, what: str) -> str:

@@ -102,15 +102,14 @@ class Follower:
         """Roll out from each start, with the curves that are chosen for it."""
         driver = PolicyDriver.of(self.policy, curves)
         rollouts = PolicyTrial(robot=self.robot, policy=driver).run(starts)
-        height = np.concatenate([r.features[:, :, 0] for r in rollouts])
+        height, errors = rollouts.features[:, :, 0], rollouts.style_error
         step = self.robot.control_period * self.policy.action.cycles
         time = step * np.arange(1, height.shape[1] + 1)
-        errors = np.concatenate([r.style_error for r in rollouts])
         return Followed(
-            stood=np.concatenate([r.outcome.stood for r in rollouts]),
+            stood=rollouts.outcome.stood,
             height_error=errors[:, 0],
             angle_error=np.degrees(errors[:, 1:].mean(axis=1)),
-            restarts=np.concatenate([r.restarts for r in rollouts]),
+            restarts=rollouts.restarts,
             step=step,
             rise_time=np.array([find_rise(time, row) for row in height]),
         )

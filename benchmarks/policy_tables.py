@@ -118,7 +118,7 @@ def main(options: Options) -> None:
         raise SystemExit(f"{options.json} holds the figures of another policy, falls or seed")
     console = Console(width=160)
 
-    def put_through(trial: Perturbation, starts: Sequence[Posture]) -> list[PolicyRollouts]:
+    def put_through(trial: Perturbation, starts: Sequence[Posture]) -> PolicyRollouts:
         style = policy.style
         choose = (lambda _, features: style.choose(features)) if style else None
         return PolicyTrial(
@@ -158,25 +158,24 @@ def main(options: Options) -> None:
 
 def _find_stands(
     robot: Robot,
-    put_through: Callable[[Perturbation, Sequence[Posture]], list[PolicyRollouts]],
+    put_through: Callable[[Perturbation, Sequence[Posture]], PolicyRollouts],
     falls: FallSet,
 ) -> list[Posture]:
     """Let robots rise; return where those are that stand."""
     model = build_training_world(robot, load_scene(falls.scene, robot), 0.002).model
     risen = put_through(Perturbation(), [fall.posture for fall in falls.falls])
-    return [read_posture(robot, model, q[-1]) for r in risen for q in r.qpos[r.outcome.stood]]
+    return [read_posture(robot, model, q[-1]) for q in risen.qpos[risen.outcome.stood]]
 
 
-def _hold(robot: Robot, stands: Sequence[Posture], rises: list[PolicyRollouts]) -> dict[str, Any]:
+def _hold(robot: Robot, stands: Sequence[Posture], rises: PolicyRollouts) -> dict[str, Any]:
     """Summarize who stays up for all of the time: a robot that fell and rose again did not."""
     held = [Fall(posture=posture, start_class="held") for posture in stands]
     figures = summarize_rollouts(held, rises, ("held",))
-    stayed = np.concatenate([r.outcome.upright.all(axis=1) for r in rises])
+    stayed = np.asarray(rises.outcome.upright.all(axis=1))
     stood = int(stayed.sum())
     interval = wilson_interval(stood, len(stayed))
     held_up = structs.replace(figures.all, stood=stood, stood_interval_95=interval)
-    ends = np.concatenate([r.qpos[:, -1] for r in rises])[stayed]
-    depths = _find_own_contacts(robot, ends)
+    depths = _find_own_contacts(robot, rises.qpos[stayed, -1])
     return {"classes": {"held": held_up}, "all": held_up, "own_contact_depths_m": depths}
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import RandomAxis
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance
-from humanoid_getup.experiments.judging.running_outcome import RunFigures
 from humanoid_getup.experiments.judging.summary import (
     PolicyClasses,
     PolicySummary,
@@ -110,8 +109,8 @@ class PolicyTrial:
 
     def run(
         self, starts: Sequence[Posture], report: Callable[[int], None] = lambda _: None
-    ) -> list[PolicyRollouts]:
-        """Roll out the policy from each start; return rollouts in chunks.
+    ) -> PolicyRollouts:
+        """Roll out the policy from each start, in chunks.
 
         After each chunk its number of robots is reported.
         """
@@ -121,7 +120,7 @@ class PolicyTrial:
             some = starts[first : first + CHUNK]
             rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng))
             report(len(some))
-        return rollouts
+        return PolicyRollouts.join(rollouts)
 
     def _build_world(self) -> World:
         """Build the world with the perturbations of the model."""
@@ -164,36 +163,28 @@ class PolicyTrial:
 
 
 def summarize_rollouts(
-    starts: Sequence[Fall], records: Sequence[PolicyRollouts], classes: Sequence[str]
+    starts: Sequence[Fall], rollouts: PolicyRollouts, classes: Sequence[str]
 ) -> PolicyClasses:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])
-    outcomes = [each.outcome for each in records]
-    error = np.concatenate([each.style_error for each in records])
-    stood = np.concatenate([outcome.stood for outcome in outcomes])
-    rms = np.concatenate([outcome.rms_torque for outcome in outcomes])
+    outcome, error = rollouts.outcome, rollouts.style_error
+    unknown = np.full(len(kinds), np.nan)
     columns = {
-        "stand_time_s": np.concatenate([outcome.stand_time for outcome in outcomes]),
-        "rms_torque_nm": np.where(stood, rms, np.nan),
-        "peak_torque_nm": np.concatenate([outcome.peak_torque for outcome in outcomes]),
-        "peak_braking_torque_nm": np.concatenate([one.peak_braking_torque for one in outcomes]),
-        "head_impact_m_s": np.concatenate([_fill_head_impact(outcome) for outcome in outcomes]),
+        "stand_time_s": outcome.stand_time,
+        "rms_torque_nm": np.where(outcome.stood, outcome.rms_torque, np.nan),
+        "peak_torque_nm": outcome.peak_torque,
+        "peak_braking_torque_nm": outcome.peak_braking_torque,
+        "head_impact_m_s": unknown if outcome.head_impact is None else outcome.head_impact,
         "height_error": error[:, 0],
         "angle_error_deg": np.degrees(error[:, 1:].mean(axis=1)),
-        "restarts": np.concatenate([each.restarts for each in records]).astype(float),
-        "standing_joint_speed_rad_s": np.concatenate([one.standing_speed for one in outcomes]),
+        "restarts": rollouts.restarts.astype(float),
+        "standing_joint_speed_rad_s": outcome.standing_speed,
     }
     everyone = np.ones(len(kinds), dtype=bool)
     return PolicyClasses(
-        classes={name: _summarize_rows(stood, columns, kinds == name) for name in classes},
-        all=_summarize_rows(stood, columns, everyone),
+        classes={name: _summarize_rows(outcome.stood, columns, kinds == name) for name in classes},
+        all=_summarize_rows(outcome.stood, columns, everyone),
     )
-
-
-def _fill_head_impact(outcome: RunFigures) -> Array:
-    """Return the impacts of heads [m/s], (N,); NaN of robots without one."""
-    impact = outcome.head_impact
-    return np.full(len(outcome.stood), np.nan) if impact is None else impact
 
 
 def _summarize_rows(

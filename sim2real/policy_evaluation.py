@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,23 @@ class PolicyRollouts:
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
+
+    @staticmethod
+    def join(parts: Sequence[PolicyRollouts]) -> PolicyRollouts:
+        """Join rollouts of as many steps, of the robots of all parts."""
+        return _join(parts)
+
+
+def _join(parts: Sequence[Any]) -> Any:
+    """Join every array of some dataclasses by its first axis."""
+    joined = {}
+    for field in fields(parts[0]):
+        values = [getattr(part, field.name) for part in parts]
+        if is_dataclass(values[0]):
+            joined[field.name] = _join(values)
+        elif values[0] is not None:
+            joined[field.name] = np.concatenate(values)
+    return replace(parts[0], **joined)
 
 
 class PolicySource:

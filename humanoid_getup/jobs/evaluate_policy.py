@@ -34,7 +34,6 @@ from robots import Robot
 
 if TYPE_CHECKING:  # torch is slow to import
     from sim2real.perturbations import Perturbation
-    from sim2real.policy_evaluation import PolicyRollouts
 
 NEAREST = "nearest"
 """Style without a choice: the nearest of all named ones."""
@@ -171,7 +170,7 @@ def _roll_out(
 ) -> PolicyClasses:
     """Let the policy get up from all falls; return the figures."""
     from sim2real.perturbations import PolicyTrial, summarize_rollouts
-    from sim2real.policy_evaluation import PolicyDriver
+    from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
 
     falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
     rollouts: list[PolicyRollouts] = []
@@ -185,8 +184,8 @@ def _roll_out(
             seed=request.seed * len(grounds) + number,
             scene=world.scene,
         )
-        rollouts += trial.run([fall.posture for fall in fall_set.falls], count)
-    return summarize_rollouts(falls, rollouts, CLASSES)
+        rollouts.append(trial.run([fall.posture for fall in fall_set.falls], count))
+    return summarize_rollouts(falls, PolicyRollouts.join(rollouts), CLASSES)
 
 
 def _load_styles(request: EvaluateRequest, policy: OnnxPolicy) -> dict[str | None, Style | None]:

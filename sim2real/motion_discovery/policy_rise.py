@@ -48,8 +48,7 @@ def collect_rises(
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
     driver = PolicyDriver.of(policy)
     found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)
-    sent = [row for rollouts in found for row in rollouts.target]
-    times = [float(time) for rollouts in found for time in rollouts.outcome.stand_time]
+    times = found.outcome.stand_time.tolist()
     return [
         PolicyRise(
             start_class=start_class,
@@ -57,7 +56,7 @@ def collect_rises(
             target=_interpolate(posture.joint_pos, target, policy.action.cycles),
             stand_time=time,
         )
-        for start, posture, target, time in zip(starts, postures, sent, times, strict=True)
+        for start, posture, target, time in zip(starts, postures, found.target, times, strict=True)
         if not math.isnan(time)
     ]
 

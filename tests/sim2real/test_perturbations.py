@@ -13,6 +13,7 @@ from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Robot, load_robot
+from sim2real import perturbations
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS, backlash
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
@@ -44,8 +45,7 @@ def try_policy(
 ) -> PolicyRollouts:
     """Let a policy go on from a stand."""
     trial = PolicyTrial(robot=op3, policy=policy, perturbation=perturbation, threads=1, **options)
-    (rollouts,) = trial.run([op3.standing] * robots)
-    return rollouts
+    return trial.run([op3.standing] * robots)
 
 
 @pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
@@ -159,7 +159,7 @@ def test_figures_count_by_class(op3: Robot):
         restarts=np.zeros(3, dtype=int),
     )
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
-    figures = summarize_rollouts(falls, [record], ("prone", "left"))
+    figures = summarize_rollouts(falls, record, ("prone", "left"))
     assert [figures.classes[kind].stood for kind in ("prone", "left")] == [1, 0]
     assert figures.all.n == 3
     assert figures.all.stand_time_s.median == 1.0  # end of the first good sample
@@ -183,7 +183,24 @@ def test_a_robot_without_a_head_has_no_impact_of_it(op3: Robot):
         restarts=np.zeros(2, dtype=int),
     )
     falls = [Fall(posture=op3.standing, start_class="prone")] * 2
-    assert summarize_rollouts(falls, [record], ()).all.head_impact_m_s.median is None
+    assert summarize_rollouts(falls, record, ()).all.head_impact_m_s.median is None
+
+
+def test_robots_are_simulated_in_chunks_and_joined(
+    op3: Robot, action: ActionSpec, monkeypatch: pytest.MonkeyPatch
+):
+    reports = []
+    trial = PolicyTrial(
+        robot=op3, policy=PolicyDriver(action=action, act=idle), duration=0.2, threads=1
+    )
+    starts = [op3.standing] * 3
+    whole = trial.run(starts)
+    monkeypatch.setattr(perturbations, "CHUNK", 2)
+    joined = trial.run(starts, reports.append)
+    assert reports == [2, 1]
+    for name in ("qpos", "target", "features", "style_error", "restarts"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
+    np.testing.assert_array_equal(joined.outcome.head_impact, whole.outcome.head_impact)
 
 
 def test_a_trial_tells_what_differs():

@@ -1,0 +1,35 @@
+"""Stored motions as strategies: one for every start, or the nearest."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.motion_database import find_lying_down, load_database
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import RiseStatus
+from humanoid_getup.strategies.stored_motion import NearestMotion, StoredMotion
+
+RNG = np.random.default_rng(0)
+
+
+def test_one_motion_is_planned_for_every_start(world: World):
+    strategy = StoredMotion(world, "squat_to_stand")
+    plans = [
+        strategy.plan(motion.posture(0), RNG) for motion in load_database(world.robot).rising[:2]
+    ]
+    assert {plan.motion.name for plan in plans} == {"squat_to_stand"}
+    assert plans[0].status is RiseStatus.STORED
+
+
+def test_a_motion_that_does_not_rise_is_refused_by_its_end(world: World):
+    down = find_lying_down(world.robot)
+    with pytest.raises(ValueError, match=f"ends lying {down.end_class}, expected one that ends"):
+        StoredMotion(world, down)
+
+
+def test_a_motion_is_its_own_nearest_from_where_it_may_be_entered(world: World):
+    database = load_database(world.robot)
+    strategy = NearestMotion(world, database)
+    for motion in database.rising[:4]:
+        plan = strategy.plan(motion.posture(int(motion.entry_frames[0])), RNG)
+        assert plan.connection is not None and plan.connection.distance < 1e-6
+        assert plan.motion is plan.connection.motion

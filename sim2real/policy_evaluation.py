@@ -86,7 +86,7 @@ class PolicyRollouts:
 
     @staticmethod
     def join(parts: Sequence[PolicyRollouts]) -> PolicyRollouts:
-        """Join rollouts of as many steps, of the robots of all parts."""
+        """Join rollouts with equal numbers of steps, along the robots."""
         return _join(parts)
 
 

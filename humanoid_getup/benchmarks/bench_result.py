@@ -46,7 +46,7 @@ class BenchRise(RiseFigures, KeptRise):
 
 
 class AbstractStructMeta(StructMeta, ABCMeta):
-    """Metaclass of structs that lack a method."""
+    """Metaclass of structs with abstract methods."""
 
 
 class BenchHead(Struct, metaclass=AbstractStructMeta, frozen=True, kw_only=True):

@@ -73,7 +73,7 @@ def build_motions(
 
 
 def is_begun(request: BuildRequest) -> bool:
-    """Return whether a search of some motion of a request was kept."""
+    """Return whether there is a stored search of a motion of a request."""
     folder = load_robot(request).folder / UNFINISHED
     kept = [path.stem for path in folder.glob(f"*{LOG}")]
     return bool(set(kept) & set(request.names or kept))

@@ -42,13 +42,13 @@ Grounds = list[tuple[World, FallSet]]
 
 
 class EvaluatedCase(msgspec.Struct, frozen=True, kw_only=True):
-    """How a policy gets up in a scene, in a style."""
+    """Figures of a policy in a scene and a style."""
 
     scene: str
     style: str | None
     falls_seed: int
     grounds: int
-    """Number of grounds that the falls are on."""
+    """Number of grounds of the falls."""
     planned: int | UnsetType = UNSET
     """Number of rises that follow the curves of a plan."""
     classes: dict[str, PolicySummary]
@@ -69,7 +69,7 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
     """What differs from nominal."""
     height_map: bool
     cases: dict[str, EvaluatedCase]
-    """By scene and style."""
+    """Cases by scene and style."""
 
 
 def evaluate(

@@ -58,7 +58,7 @@ Results = dict[str, PartResult]
 
 
 def is_begun(request: BenchAll) -> bool:
-    """Return whether some part of a benchmark was kept."""
+    """Return whether there is a stored part of a benchmark."""
     return any((request.out / PARTS).glob("*.json"))
 
 

@@ -20,12 +20,12 @@ from humanoid_getup.simulation.world import World
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PreviewedMotion:
-    """How keys end when they are played as they are."""
+    """Outcome of keys that are played as they are."""
 
     trial: Trial
     picture: Path
     undrawn: str
-    """Why there is no picture; "" if there is one."""
+    """Reason why there is no picture; "" if there is one."""
 
 
 def preview(

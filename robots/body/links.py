@@ -81,7 +81,7 @@ def gather_links(model: mujoco.MjModel, body: int) -> Link:
 
 
 def list_way_up(model: mujoco.MjModel, body: int) -> list[int]:
-    """List the bodies from one up to the world, which is left out."""
+    """List the bodies from one up to the world, without the world."""
     way = []
     while body > 0:
         way.append(body)

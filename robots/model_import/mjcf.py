@@ -101,7 +101,7 @@ def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
 
 
 def _find_stance_key(model: mujoco.MjModel) -> int | None:
-    """Find the keyframe whose name says that it is a stance, or the first; None without any."""
+    """Find the keyframe that is named as a stance, or the first one; None without keyframes."""
     names = [model.key(k).name.lower() for k in range(model.nkey)]
     named = (k for k, name in enumerate(names) if any(word in name for word in STANCES))
     return next(named, 0 if names else None)

@@ -39,7 +39,7 @@ def read_model(path: Path) -> ModelSource:
 
 
 def _find_kind_problem(path: Path, root: ET.Element) -> str | None:
-    """Find why a file is of no kind that can be read; None if it is."""
+    """Describe why a file is of an unknown kind; None if its kind is known."""
     if root.tag not in ("robot", "mujoco"):
         return f"its root is <{root.tag}>, expected <mujoco> (MJCF) or <robot> (URDF)"
     if any("xacro" in str(element.tag).partition("}")[0] for element in root.iter()):

@@ -35,7 +35,7 @@ class SessionHooks:
         self._key = OperatorKey(realtime=choice.realtime, terminal=terminal)
 
     def join(self, options: SessionOptions) -> SessionOptions:
-        """Add to the options of a session what its backend and its hooks decide."""
+        """Add the fields of a session that its backend and its hooks determine to its options."""
         return replace(
             options,
             is_released=self._key.is_released,

@@ -18,7 +18,7 @@ AGES = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 
 
 class CacheRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What the list says about a stored rise."""
+    """A stored rise in the list."""
 
     name: str
     robot: str

@@ -28,7 +28,7 @@ AZIMUTH = 130.0  # deg
 
 
 class SceneRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What the list says about a scene."""
+    """A scene in the list."""
 
     name: str
     about: str

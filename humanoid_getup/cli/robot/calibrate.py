@@ -238,7 +238,7 @@ def _print_warnings(
 
 
 class JointRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What was measured of a joint, and what was known before."""
+    """Zero and direction of a joint, as measured and as known before."""
 
     old_zero_ticks: int
     zero_ticks: int
@@ -249,7 +249,7 @@ class JointRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CalibrationResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What was measured, and the file that it was saved in; None if it was not."""
+    """The measurements, and the file in which they were saved; None if they were not."""
 
     robot: str
     saved: Path | None

@@ -31,7 +31,7 @@ HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
 
 
 class ServoRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What was read from a servo."""
+    """Values read from a servo."""
 
     id: int
     model: str
@@ -49,13 +49,13 @@ class ServoRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DoctorResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What the doctor found."""
+    """Result of the health check."""
 
     robot: str
     healthy: bool
     findings: Sequence[Finding]
     written: Sequence[str]
-    """What was written to the robot."""
+    """Values that were written to the robot, in words."""
     calibrated: bool
     torque_on: list[str]
     limit_by: LimitMode

@@ -110,7 +110,7 @@ class ProgressDisplay:
 
 
 def make_bars(console: Console | None = None) -> Bars:
-    """Make bars of one line each; what does not fit into the terminal is cut off its note."""
+    """Make bars of one line each; notes are cut to fit into the terminal."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

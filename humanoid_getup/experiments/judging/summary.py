@@ -71,7 +71,7 @@ class RiseSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PolicySummary(msgspec.Struct, frozen=True, kw_only=True):
-    """How many rises by a policy stood, how fast and hard, and how they followed a style."""
+    """Success, time, load and style errors of rises by a policy."""
 
     n: int
     stood: int

@@ -56,7 +56,7 @@ class BenchAll(BodyOption, RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
-    """From how many falls a benchmark rises."""
+    """Option for the number of falls of a benchmark."""
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""

@@ -117,7 +117,7 @@ def test_a_reply_to_a_ping_that_has_begun_comes_whole_before_the_next_instructio
     assert served.times == pytest.approx(expected, abs=STEP)
 
 
-def test_replies_to_other_instructions_come_although_the_client_goes_on(monkeypatch):
+def test_replies_to_other_instructions_come_although_the_client_continues(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
     served.send(0.01, GROUP)
     served.send(0.0145, READ)

@@ -1,5 +1,6 @@
 """Every figure of an outcome, worked out by hand on records of runs that never were."""
 
+from dataclasses import make_dataclass
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from records import make_record
 
 from humanoid_getup.experiments.judging.outcome import (
     DEEP_OVERLAP,
+    FIGURES,
     LIMIT_SLACK,
     Outcome,
     compute_rms,
@@ -66,8 +68,7 @@ def random_changes(robot: Robot, *shape: int) -> dict[str, Any]:
 
 
 def figures_of(outcome: Outcome) -> dict[str, Any]:
-    others = {"progress": outcome.progress, "saturation": outcome.saturation}
-    return outcome.figures() | others
+    return {name: getattr(outcome, name) for name in (*FIGURES.values(), "progress", "saturation")}
 
 
 def test_a_run_among_others_has_the_figures_that_it_has_alone(tiny: Robot):
@@ -81,7 +82,8 @@ def test_a_run_among_others_has_the_figures_that_it_has_alone(tiny: Robot):
 
 
 def test_what_was_not_observed_has_no_figure_and_what_was_is_a_number(tiny: Robot):
-    figures = judge(tiny, 400, overlap=None, is_sensed=True).figures()
+    outcome = judge(tiny, 400, overlap=None, is_sensed=True)
+    figures = vars(outcome.figures(make_dataclass("Whole", FIGURES)))
     unknown = {key for key, value in figures.items() if value is None}
     assert unknown == {
         "self_overlap_m",
@@ -93,7 +95,14 @@ def test_what_was_not_observed_has_no_figure_and_what_was_is_a_number(tiny: Robo
     }
     assert {type(value) for value in figures.values() if value is not None} == {int, float}
     assert figures["stand_time_s"] == pytest.approx(PERIOD)
-    assert judge(tiny, 400, overlap=None).collides is None
+    assert outcome.collides is None
+
+
+def test_only_the_figures_that_are_asked_for_are_made(tiny: Robot):
+    asked = make_dataclass("Asked", ["rms_torque_nm", ("reason", str, "")])
+    torque = np.full((10, 2), 2.0)
+    found = judge(tiny, 10, torque=torque, upright=lying(10)).figures(asked)
+    assert vars(found) == {"rms_torque_nm": pytest.approx(2.0), "reason": ""}
 
 
 # Progress ---------------------------------------------------------------------------------------

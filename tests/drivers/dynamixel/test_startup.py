@@ -10,6 +10,7 @@ from memory_rig import Rig
 from drivers.dynamixel import startup
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.startup import (
     BOOT_MARGIN,
     BOOT_TIME,
@@ -18,6 +19,7 @@ from drivers.dynamixel.startup import (
     check_description,
     check_limit_mode,
     diagnose_robot,
+    measure_once,
     open_imu,
 )
 from drivers.errors import NoBusError, SetupError
@@ -131,3 +133,13 @@ def test_a_joint_that_is_never_measured_is_named_after_so_many_tries(tiny: Robot
         rig.backend.connect()
     assert len(asked) >= FIRST_READS // 2
     assert not rig.port.is_open
+
+
+def test_an_imu_that_cannot_be_read_is_named_and_none_need_be_there(tiny: Robot):
+    with Rig(tiny) as rig:
+        chains, states = rig.backend.chains, ServoStates(tiny, tiny.control_period)
+        mute = SimpleNamespace(name="IMU X", measure=lambda: None)
+        with pytest.raises(DiagnosticsError, match=r"^IMU X: its IMU cannot be read"):
+            measure_once(chains, mute, states, 0.0)
+        assert measure_once(chains, None, states, 0.0) is None
+        assert np.isfinite(states.stamp).all()

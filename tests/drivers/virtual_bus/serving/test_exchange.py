@@ -71,7 +71,7 @@ def test_an_echo_comes_first_and_replies_are_counted():
     echo, reply = exchange.run(received(READ))
     assert (echo.data, echo.delay) == (READ, 0.0)
     assert (reply.device, len(reply.data)) == (2, 15)
-    assert exchange.statistics.answers == 1
+    assert (exchange.statistics.answers, exchange.statistics.unanswered) == (1, 0)
 
 
 @pytest.mark.parametrize(

@@ -96,3 +96,12 @@ def test_where_time_does_not_count_the_next_instruction_breaks_off_a_half_one():
     reader.receive(READ[:6], 0.0, BAUD)
     assert len(reader.receive(READ, 0.0, BAUD)) == 1
     assert (statistics.broken_off, statistics.noise) == (1, 6)
+
+
+def test_stuffing_is_judged_without_the_noise_before_and_the_bytes_behind():
+    body = bytes([STUFFED.instruction]) + STUFFED.params
+    plain = protocol2.seal(protocol2.HEADER + bytes([1, len(body) + 2, 0]) + body)
+    for frame, unstuffed in ((plain, True), (STUFFED.encode(), False)):
+        reader, _ = make_reader()
+        (one,) = reader.receive(b"noise" + frame + READ[:9], 0.0, BAUD)
+        assert (one.unstuffed, one.size) == (unstuffed, 5 + len(frame))

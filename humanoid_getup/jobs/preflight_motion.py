@@ -11,19 +11,11 @@ from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_world, make_torque_limit
 from humanoid_getup.jobs.requests.motions import PreflightRequest
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.playback.preflight import MotionVerdict
+from humanoid_getup.playback.preflight import MotionVerdict, Reason
 from humanoid_getup.playback.preflight import preflight as judge_motion
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
-
-
-class DescribedReason(msgspec.Struct, frozen=True, kw_only=True):
-    """A reason of a verdict."""
-
-    kind: str
-    joint: str | None
-    text: str
 
 
 class JointLoad(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,7 +41,7 @@ class DescribedVerdict(msgspec.Struct, frozen=True, kw_only=True):
     limit_by: str | None
     temperature: float = msgspec.field(name="temperature_c")
     passed: bool
-    reasons: tuple[DescribedReason, ...]
+    reasons: tuple[Reason, ...]
     voltage: float = msgspec.field(name="voltage_v")
     duration: float = msgspec.field(name="duration_s")
     succeeded: bool
@@ -94,10 +86,7 @@ class JudgedMotion:
             limit_by=self.torque_limit.by,
             temperature=self.request.temperature,
             passed=verdict.passed,
-            reasons=tuple(
-                DescribedReason(kind=reason.kind.value, joint=reason.joint, text=reason.text)
-                for reason in verdict.reasons
-            ),
+            reasons=verdict.reasons,
             voltage=figures.voltage,
             duration=figures.duration,
             succeeded=figures.succeeded,

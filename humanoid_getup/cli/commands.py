@@ -200,13 +200,21 @@ COMMANDS = {
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),
     "style list": TableEntry(
-        "List the named styles.", "options.style.ListStyles", "style.list_styles"
+        "List the named styles.",
+        "requests.style.ListStylesRequest",
+        "style.list_styles",
+        json=True,
     ),
     "style show": TableEntry(
-        "Print and draw the curves of styles.", "options.style.ShowStyles", "style.show"
+        "Print and draw the curves of styles.",
+        "requests.style.ShowStylesRequest",
+        "style.show",
+        json=True,
     ),
     "style edit": TableEntry(
-        "Raise sooner or later, slower, faster, hold.", "options.style.EditStyle", "style.edit"
+        "Raise sooner or later, slower, faster, hold.",
+        "requests.style.EditStyleRequest",
+        "style.edit",
     ),
     "style extract": TableEntry(
         "Extract a style from a motion, a flight log or a clip.",
@@ -221,7 +229,10 @@ COMMANDS = {
         json=True,
     ),
     "scenes": TableEntry(
-        "List or draw the scenes.", "options.motions.ListScenes", "scenes.list_scenes"
+        "List or draw the scenes.",
+        "requests.scenes.ScenesRequest",
+        "scenes.list_scenes",
+        json=True,
     ),
     "robots": TableEntry("List the robots, import one from a model file, check one."),
     "robots list": TableEntry(

@@ -335,7 +335,7 @@ GROUPS: dict[str, list[Case]] = {
         case("style show short.toml", "duration is 0.005", "expected 0.1 to 60 s"),
         case(
             "style show sit-up --json both.png --picture both.png",
-            "--json and --picture are both both.png, expected two files",
+            "are both both.png, expected two files",
         ),
         case("style show none.toml", "style file none.toml: No such file or directory"),
         case("style show sit-up --picture folder", "folder: is a folder, expected a file"),

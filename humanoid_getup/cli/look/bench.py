@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.markup import escape
 from rich.table import Table
 
 from humanoid_getup.benchmarks.bench_result import BenchHead
@@ -91,7 +92,7 @@ def write_results(result: BenchHead, command: JobRequest) -> int:
     """
     write_json(result, command)
     figures = FIGURES[result.name]
-    headings = [HEADINGS[figure] for figure in figures]
+    headings = [escape(HEADINGS[figure]) for figure in figures]
     table = Table(result.name, *headings, box=None, header_style="bold")
     for name, case in result.table.items():
         table.add_row(name, *(format_figure(getattr(case, figure)) for figure in figures))

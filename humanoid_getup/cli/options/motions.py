@@ -15,23 +15,10 @@ from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     MotionName,
     RobotOption,
-    Seed,
 )
 from humanoid_getup.jobs.requests.values import between
 
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ListScenes(BodyOption, JsonOption, RobotOption):
-    """List the scenes in which a robot may lie, or draw them."""
-
-    scene: Annotated[Positional[str], READ] = ""
-    """Name of a scene, or a scene file (.toml); default: all named scenes."""
-    seed: Seed = 0
-    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
-    """Picture to write of a robot that lies in each scene; of one scene alone, in each of its
-    ways."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress as Bars
 from rich.progress import TaskID
 from rich.status import Status
@@ -138,7 +139,7 @@ def make_table(headings: Sequence[str], *, left: Sequence[str]) -> Table:
     """Make a table of numbers, to the right, and of the texts under the headings in ``left``."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in left else "right")
+        table.add_column(escape(heading), justify="left" if heading in left else "right")
     return table
 
 

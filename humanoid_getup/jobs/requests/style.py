@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,6 +14,11 @@ from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption
 from humanoid_getup.jobs.requests.values import between
 
 StyleOut = Annotated[Path, WRITTEN, arg(metavar="FILE.toml")]
+StyleName = Annotated[
+    str,
+    READ,
+    arg(metavar="STYLE", help="Name of a style, see `getup style list`, or a style file."),
+]
 SUFFIX = ".toml"
 
 
@@ -55,4 +61,63 @@ class ExtractRequest(StyleOutput):
         problems = super().find_problems()
         if self.begin is not None and self.end is not None and not self.begin < self.end:
             problems.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListStylesRequest(BodyOption, RobotOption):
+    """List the named styles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowStylesRequest(BodyOption, RobotOption):
+    """Print the control points of styles, and draw their curves."""
+
+    styles: Annotated[Positional[tuple[str, ...]], READ, arg(metavar="STYLE...")]
+    """Names of styles, or style files."""
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    """Picture of the curves to write: each style's mean, and the spread over ways of lying."""
+
+    def find_problems(self) -> list[str]:
+        """Report missing styles as well."""
+        problems = super().find_problems()
+        if not self.styles:
+            problems.append("there is no STYLE, expected one or more names or files")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class EditStyleRequest(StyleOutput):
+    """Edit a style: its duration first, then the time of the rise, then a hold."""
+
+    style: Positional[StyleName]
+    slower: Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")] = None
+    """Factor on the duration."""
+    faster: Annotated[float | None, between(1e-4, 1e4), arg(metavar="FACTOR")] = None
+    """Divisor of the duration."""
+    sooner: Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")] = None
+    """Time by which the neck rises sooner [s]; the duration stays."""
+    later: Annotated[float | None, between(0.001, 1000.0, "s"), arg(metavar="S")] = None
+    """Time by which the neck rises later [s]; the duration stays."""
+    hold: Annotated[tuple[float, float] | None, arg(metavar="AT,S")] = None
+    """Time whose targets are held [s], and duration of the hold [s]."""
+
+    def find_problems(self) -> list[str]:
+        """Report contradicting or missing edits as well."""
+        problems = super().find_problems()
+        for one, other in (("slower", "faster"), ("sooner", "later")):
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                problems.append(f"--{one} and --{other} are given, expected one of them")
+        if self.hold is not None and not (
+            0.0 <= self.hold[0] < math.inf and 0.0 < self.hold[1] < math.inf
+        ):
+            at, lasting = self.hold
+            problems.append(
+                f"--hold is {at:g},{lasting:g}, expected a time from 0 s and a duration above 0 s"
+            )
+        edits = (self.slower, self.faster, self.sooner, self.later, self.hold)
+        if all(edit is None for edit in edits):
+            problems.append(
+                "no edit is given, expected --slower, --faster, --sooner, --later, --hold"
+            )
         return problems

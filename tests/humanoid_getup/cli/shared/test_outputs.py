@@ -11,7 +11,7 @@ from rich.text import Text
 from run_getup import Run
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.cli.shared.console import format_figure, make_bars
+from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
@@ -119,6 +119,12 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
     assert code == 2
     assert error == "getup: output file /dev/full: No space left on device\n"
     assert list(Path().iterdir()) == []
+
+
+def test_headings_of_a_table_keep_their_units():
+    console = Console(file=io.StringIO(), width=80)
+    console.print(make_table(("motion", "lasts [s]", "size [kB]"), left=["motion"]))
+    assert console.file.getvalue().split("  ") == ["motion", "lasts [s]", "size [kB]", "\n"]
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])

@@ -66,6 +66,23 @@ def test_a_robot_that_leans_to_a_side_puts_more_of_its_weight_there(op3: Robot, 
         assert torque * data.xaxis[hip.id][0] == pytest.approx(-by_hand, abs=0.02)
 
 
+def test_a_posture_is_on_the_ground_at_the_origin_and_its_neck_as_high_as_the_stance(op3: Robot):
+    statics, model = Statics(op3), op3.spec().compile()
+    stance = statics.make_posture(op3.standing.joint_pos)
+    assert stance.position[:2].tolist() == [0.0, 0.0]
+    assert stance.position[2] == pytest.approx(op3.standing.position[2], abs=1e-3)
+    assert statics.measure_neck(op3.standing.joint_pos) == pytest.approx(1.0, abs=1e-3)
+    squat = list_squats(Limbs(op3), statics)[-1]
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(op3, model, statics.make_posture(squat.joint_pos))
+    mujoco.mj_kinematics(model, data)
+    soles = [data.site(site).xpos[2] for site in op3.sole_sites]
+    assert soles == pytest.approx([0.0, 0.0], abs=1e-4)
+    share = (data.site(op3.neck_site).xpos[2] - min(soles)) / op3.standing_neck_height
+    assert statics.measure_neck(squat.joint_pos) == pytest.approx(share, abs=1e-6)
+    assert share < 0.9
+
+
 class Heavy(Robot):
     """A robot of twice the mass."""
 

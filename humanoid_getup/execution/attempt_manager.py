@@ -197,7 +197,8 @@ class AttemptManager:
         if not (session.balance and session.has_imu):
             plan = plan.open_loop() or plan
         attempt = Attempt(number=self._number, plan=plan)
-        if not plan.title or not session.preflight:
+        has_nothing = not plan.title and plan.controller(self._strategy) is None
+        if has_nothing or not session.preflight:
             return attempt, plan.controller(self._strategy)
         self._report(Phase.PREFLIGHT, plan.title)
         plan, verdict = self._preflight(plan, state)

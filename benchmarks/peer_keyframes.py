@@ -36,7 +36,7 @@ from rich.table import Table
 from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
-from humanoid_getup.benchmarks.bench_result import BenchRise
+from humanoid_getup.benchmarks.bench_result import MeasuredRise
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, Report, bench_methods
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.experiments.judging.standing import HOLD
@@ -212,9 +212,9 @@ def compare(
     database = load_database(world.robot)
     cases = {}
     for name, limit in limits.items():
-        rises: list[BenchRise] = []
+        rises: list[MeasuredRise] = []
 
-        def keep(rise: BenchRise, rises: list[BenchRise] = rises) -> None:
+        def keep(rise: MeasuredRise, rises: list[MeasuredRise] = rises) -> None:
             rises.append(rise)
             report(rise)
 
@@ -232,7 +232,7 @@ def compare(
     return {"name": "peer_keyframes", "seed": seed, "n": len(BENCH_CLASSES) * each, "limits": cases}
 
 
-def _count(rises: list[BenchRise], way: str) -> dict[str, Any]:
+def _count(rises: list[MeasuredRise], way: str) -> dict[str, Any]:
     """Count a strategy's stands by class of fall and what was not played; keep why it failed."""
     ours = [rise for rise in rises if rise.way == way]
     each = len(ours) // len(BENCH_CLASSES)

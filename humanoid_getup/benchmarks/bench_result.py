@@ -28,7 +28,7 @@ class KeptRise(SummarizedRise):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(RiseFigures, KeptRise):
+class MeasuredRise(RiseFigures, KeptRise):
     """One rise of a benchmark; unset fields are not needed to identify it."""
 
     way: str | UnsetType = UNSET
@@ -39,7 +39,7 @@ class BenchRise(RiseFigures, KeptRise):
     """Whether nothing was played."""
 
     @classmethod
-    def refusable(cls, rise: RiseResult, *, case: str, way: str, fall: int) -> BenchRise:
+    def refusable(cls, rise: RiseResult, *, case: str, way: str, fall: int) -> MeasuredRise:
         """Label a rise that the preflight may have refused."""
         refused = rise.run is None
         return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
@@ -73,7 +73,7 @@ class CaseBench(BenchHead, Generic[Case], frozen=True, kw_only=True):
     """A benchmark of several cases."""
 
     cases: dict[str, Case]
-    rises: list[BenchRise] | UnsetType = UNSET
+    rises: list[MeasuredRise] | UnsetType = UNSET
 
     @property
     def table(self) -> Mapping[str, Any]:
@@ -91,7 +91,7 @@ class RiseBench(BenchHead, frozen=True, kw_only=True):
     search_budget_s: float
     classes: dict[str, RiseSummary]
     all: RiseSummary
-    rises: list[BenchRise]
+    rises: list[MeasuredRise]
 
     @property
     def table(self) -> Mapping[str, Any]:
@@ -115,13 +115,13 @@ class RefusableSummary(RiseSummary, frozen=True, kw_only=True):
 
     @classmethod
     def table(
-        cls, rises: Sequence[BenchRise], cases: Iterable[str], ways: Sequence[str]
+        cls, rises: Sequence[MeasuredRise], cases: Iterable[str], ways: Sequence[str]
     ) -> dict[str, RefusableSummary]:
         """Summarize the rises of each case by each way."""
         return {f"{case}: {way}": cls._select(rises, case, way) for case in cases for way in ways}
 
     @classmethod
-    def _select(cls, rises: Sequence[BenchRise], case: str, way: str) -> RefusableSummary:
+    def _select(cls, rises: Sequence[MeasuredRise], case: str, way: str) -> RefusableSummary:
         ours = [rise for rise in rises if rise.case == case and rise.way == way]
         return cls.of(
             ours,

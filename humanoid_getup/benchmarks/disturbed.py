@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.bench_result import BenchRise, CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.bench_result import CaseBench, MeasuredRise, RefusableSummary
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, Report, rise_once
 from humanoid_getup.benchmarks.world_change import (
     WorldChange,
@@ -141,14 +141,14 @@ def bench_disturbed(
     """
     rng = np.random.default_rng(seed)
     falls = sample_falls(planner.world, dict.fromkeys(classes, each), rng)
-    rises = list[BenchRise]()
+    rises = list[MeasuredRise]()
     for number, fall in enumerate(falls):
         ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
         for case, disturbance in disturbances.items():
             trial = DisturbedRise.of(planner.world, fall, disturbance, [seed, 2, number])
             for way, strategy in ways.items():
                 rise = trial.rise(strategy, fall, [seed, 3, number])
-                rises.append(BenchRise.refusable(rise, case=case, way=way, fall=number))
+                rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
                 report(rises[-1])
     return CaseBench(
         name="disturbed",

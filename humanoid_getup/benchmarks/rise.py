@@ -9,9 +9,9 @@ from msgspec import UNSET, UnsetType
 
 from drivers import Twin
 from humanoid_getup.benchmarks.bench_result import (
-    BenchRise,
     CaseBench,
     KeptRise,
+    MeasuredRise,
     MethodSummary,
     RiseBench,
 )
@@ -29,7 +29,7 @@ BENCH_CLASSES = ("supine", "prone", "lateral")
 IN_A_ROW = 10  # rises whose heat adds up
 REST = 5.0  # s between them, torque off
 
-Report = Callable[[BenchRise], None]
+Report = Callable[[MeasuredRise], None]
 """Called after each rise, with its figures."""
 
 
@@ -120,16 +120,16 @@ def rise_all(
     classes: Sequence[str] = BENCH_CLASSES,
     preflight: bool = True,
     way: str | UnsetType = UNSET,
-) -> list[BenchRise]:
+) -> list[MeasuredRise]:
     """Rise from every fall on a fresh twin, by a method that may have a name.
 
     The falls are in the order of the classes, as many of each.
     """
-    rises = list[BenchRise]()
+    rises = list[MeasuredRise]()
     for number, fall in enumerate(falls):
         rise = rise_from(strategy, fall, number, seed, preflight=preflight)
         bench_class = classes[number * len(classes) // len(falls)]
-        rises.append(BenchRise(**vars(rise.figures()), bench_class=bench_class, way=way))
+        rises.append(MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way))
         report(rises[-1])
     return rises
 

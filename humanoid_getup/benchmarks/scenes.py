@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.benchmarks.bench_result import BenchRise, CaseBench, RefusableSummary
+from humanoid_getup.benchmarks.bench_result import CaseBench, MeasuredRise, RefusableSummary
 from humanoid_getup.benchmarks.rise import Report, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
@@ -79,7 +79,7 @@ def bench_scenes(
         scenes: Names or files of scenes.
         report: Called after each rise.
     """
-    rises = list[BenchRise]()
+    rises = list[MeasuredRise]()
     for scene in scenes:
         number = 0
         for group in sample_scene_falls(robot, scene, each, seed):
@@ -88,7 +88,7 @@ def bench_scenes(
                 for method, strategy in strategies:
                     rise = rise_from(strategy, fall, number, seed, preflight=method.preflight)
                     way = method.name
-                    rises.append(BenchRise.refusable(rise, case=scene, way=way, fall=number))
+                    rises.append(MeasuredRise.refusable(rise, case=scene, way=way, fall=number))
                     report(rises[-1])
                 number += 1
     return CaseBench(

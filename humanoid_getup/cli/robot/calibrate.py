@@ -237,7 +237,7 @@ def _print_warnings(
         console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
 
 
-class JointRow(msgspec.Struct, frozen=True, kw_only=True):
+class CalibratedJoint(msgspec.Struct, frozen=True, kw_only=True):
     """Zero and direction of a joint, as measured and as known before."""
 
     old_zero_ticks: int
@@ -253,14 +253,14 @@ class CalibrationResult(msgspec.Struct, frozen=True, kw_only=True):
 
     robot: str
     saved: Path | None
-    joints: dict[str, JointRow]
+    joints: dict[str, CalibratedJoint]
 
 
 def _describe(
     robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
 ) -> CalibrationResult:
     joints = {
-        row.joint.name: JointRow(
+        row.joint.name: CalibratedJoint(
             old_zero_ticks=row.joint.servo.zero_ticks,
             zero_ticks=row.zero_ticks,
             difference_deg=row.shift,

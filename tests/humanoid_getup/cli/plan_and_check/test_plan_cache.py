@@ -36,7 +36,7 @@ def test_the_same_command_again_differs_in_how_its_plan_came_about_alone(
     assert first["plan_cache"] is None
     capsys.readouterr()
     again = rise(start, tmp_path)
-    assert "plan kept" in capsys.readouterr().out
+    assert "stored plan from a start" in capsys.readouterr().out
     assert {key for key in first if first[key] != again[key]} <= TIMES | HOW
     assert again["plan_cache"]["joint_rad"] == 0.0
     assert again["rollouts"] == 1

@@ -147,6 +147,8 @@ class JointArrays:
             }
         )
         for name, value in derived.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)  # shared by all that the robot is given to
             object.__setattr__(self, name, value)
 
 
@@ -194,6 +196,8 @@ class Robot(JointArrays):
 
     def __post_init__(self) -> None:
         self._derive(self.joints, self.couplings)
+        for array in (self.standing.position, self.standing.orientation, self.standing.joint_pos):
+            array.setflags(write=False)
 
     @property
     def imu_kind(self) -> ImuKind | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -28,9 +27,9 @@ from humanoid_getup.experiments.judging.standing import (
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
+from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
-from robots import Posture
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -150,25 +149,3 @@ class Trial:
     def _lying(self) -> Lying:
         assert self.keyframes.end_class != STANDING
         return measure_lying(self.outcome.record, self.keyframes.end_class)
-
-
-def record_motion(
-    world: World, start: Posture, target: Array, qpos: Array, **fields: Any
-) -> Motion:
-    """Make a motion from sent targets and recorded postures.
-
-    Args:
-        world: Robot and scene.
-        start: Where it was at the start.
-        target: Targets at each control period [rad], (T, n).
-        qpos: MuJoCo positions at the end of each control period, (T or more, nq).
-        fields: All else of the motion.
-    """
-    robot, went = world.robot, qpos[: len(target) - 1]
-    return Motion.through(
-        [start, *(read_posture(robot, world.model, q) for q in went)],
-        robot.control_period,
-        robot=robot.name,
-        joint_target=target,
-        **fields,
-    )

@@ -8,8 +8,8 @@ from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
 from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.motions.retargeting import name_body
-from humanoid_getup.motions.trial import record_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.search.crawl import Move
 from robots import Posture

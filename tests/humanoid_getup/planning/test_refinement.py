@@ -189,8 +189,9 @@ def test_stretches_are_merged_up_to_three_postures_apart():
 @pytest.fixture(scope="module")
 def arm_in_body(op3: Robot) -> tuple[PostureProblem, list[Array]]:
     """A robot in the air whose left arm would pass through it, as the right knee bends."""
-    start = replace(op3.standing, position=np.array([0.0, 0.0, 1.0]))
-    goal = replace(start, joint_pos=start.joint_pos.copy())
+    angles = op3.standing.joint_pos
+    start = replace(op3.standing, position=np.array([0.0, 0.0, 1.0]), joint_pos=angles.copy())
+    goal = replace(start, joint_pos=angles.copy())
     goal.joint_pos[op3.joint_names.index("r_knee")] -= 0.3
     way = np.tile(start.position, (2, 1))
     checker = CollisionChecker(op3, FLAT_SCENE)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +47,7 @@ UNITS = {
     "gyro_bias": "rad/s",
 }
 CHUNK = 250  # robots simulated at once
+REPORTED = 25  # policy steps between two reports of progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,18 +108,17 @@ class PolicyTrial:
     threads: int = 0
 
     def run(
-        self, starts: Sequence[Posture], report: Callable[[int], None] = lambda _: None
+        self, starts: Sequence[Posture], report: Callable[[float], None] = lambda _: None
     ) -> PolicyRollouts:
         """Roll out the policy from each start, in chunks.
 
-        After each chunk its number of robots is reported.
+        The work done is reported in robots, in parts while they move.
         """
         world, rng = self._build_world(), np.random.default_rng(self.seed)
         rollouts = []
         for first in range(0, len(starts), CHUNK):
             some = starts[first : first + CHUNK]
-            rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng))
-            report(len(some))
+            rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng, report))
         return PolicyRollouts.join(rollouts)
 
     def _build_world(self) -> World:
@@ -140,6 +139,7 @@ class PolicyTrial:
         starts: Sequence[Posture],
         policy: PolicyDriver,
         rng: np.random.Generator,
+        report: Callable[[float], None],
     ) -> PolicyRollouts:
         """Roll out the policy from some starts at once."""
         perturbation, action = self.perturbation, policy.action
@@ -152,14 +152,23 @@ class PolicyTrial:
             noise=NOISE,
         )
         sim.set_parameters(sim.everyone, make_parameters(world, sim.n, perturbation, rng))
-        return roll_out_policy(
+        steps = round(self.duration / sim.step_time)
+
+        def on_step(step: int) -> None:
+            if step and step % REPORTED == 0:
+                report(sim.n * REPORTED / steps)
+            _push(sim, perturbation.push, rng, step)
+
+        found = roll_out_policy(
             sim,
             policy,
             np.array([place(self.robot, world.model, posture) for posture in starts]),
             duration=self.duration,
             rng=rng if perturbation.noise else None,
-            on_step=partial(_push, sim, perturbation.push, rng),
+            on_step=on_step,
         )
+        report(sim.n * (1.0 - (steps - 1) // REPORTED * REPORTED / steps))
+        return found
 
 
 def summarize_rollouts(

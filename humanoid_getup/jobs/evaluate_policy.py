@@ -264,11 +264,10 @@ def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonit
     """List the falls of a scene; on random ground every four have a ground of their own."""
     name, robot = world.scene.name, world.robot
     grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)
-    if request.falls is not None or len(grounds) == 1:
-        monitor.begin("sampling falls")
-        return [(world, _find_falls(request, world))]
-    found: Grounds = []
     count = monitor.count(f"falls ({name})", request.n)
+    if request.falls is not None or len(grounds) == 1:
+        return [(world, _find_falls(request, world, count))]
+    found: Grounds = []
     with refusing():
         for scene, seed in grounds:
             own = World(robot, scene)
@@ -277,7 +276,7 @@ def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonit
     return found
 
 
-def _find_falls(request: EvaluateRequest, world: World) -> FallSet:
+def _find_falls(request: EvaluateRequest, world: World, count: Callable[[float], None]) -> FallSet:
     """Read the falls from their file, or sample them."""
     each = request.n // len(CLASSES)
     with refusing():
@@ -288,7 +287,7 @@ def _find_falls(request: EvaluateRequest, world: World) -> FallSet:
                     request.falls, f"they are of scene '{falls.scene}', not '{world.scene.name}'"
                 )
             return falls.choose(each)
-        falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), request.seed)
+        falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), request.seed, count)
         if request.falls is not None:
             falls.save(request.falls)
     return falls

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -72,9 +73,14 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
     return sample_falls(world, {start_class: 1}, np.random.default_rng(seed))[0]
 
 
-def sample_fall_set(world: World, counts: dict[str, int], seed: int) -> FallSet:
+def sample_fall_set(
+    world: World,
+    counts: dict[str, int],
+    seed: int,
+    report: Callable[[float], None] = lambda _: None,
+) -> FallSet:
     """Sample falls as :func:`sample_falls` does, and count the robots that did not settle."""
-    falls, dropped, left_out = _sample(world, counts, np.random.default_rng(seed))
+    falls, dropped, left_out = _sample(world, counts, np.random.default_rng(seed), report)
     return FallSet(
         robot=world.robot.name,
         scene=world.scene.name,
@@ -99,9 +105,15 @@ def sample_falls(world: World, counts: dict[str, int], rng: np.random.Generator)
 
 
 def _sample(
-    world: World, counts: dict[str, int], rng: np.random.Generator
+    world: World,
+    counts: dict[str, int],
+    rng: np.random.Generator,
+    report: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Fall], int, int]:
-    """Sample falls; return them with the numbers of dropped and left out robots."""
+    """Sample falls; return them with the numbers of dropped and left out robots.
+
+    After each batch the number of falls found in it is reported.
+    """
     bare = replace(world.scene, obstacles=(), starts=())
     is_settled = any(start.is_settled for start in world.scene.starts)
     drops = Drops(World(world.robot, bare) if is_settled else world, BATCH)
@@ -121,6 +133,7 @@ def _sample(
                 "with room to lie on that side)"
             )
         in_vain += 1
+        before = len(falls)
         regions = _choose(world.scene, wanted)
         qpos, settled = drops.drop(SETTLED_SPEED, rng, regions=() if is_settled else regions)
         left_out += int(np.sum(~settled))
@@ -138,6 +151,7 @@ def _sample(
                 wanted[key] -= 1
                 in_vain = 0
                 falls.append(Fall(posture=posture, start_class=found))
+        report(len(falls) - before)
     order = list(counts)
     falls.sort(key=lambda fall: order.index(_count_as(fall.start_class, counts)))
     return falls, batch * BATCH, left_out

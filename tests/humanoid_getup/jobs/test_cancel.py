@@ -9,9 +9,11 @@ from small_humanoid import small_humanoid
 from humanoid_getup.jobs.build_motions import build_motions
 from humanoid_getup.jobs.check_robot import check_robot
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.evaluate_policy import evaluate
 from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.import_robot import import_robot
 from humanoid_getup.jobs.plan_path import plan
+from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.jobs.requests.plan import PlanRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
@@ -86,3 +88,29 @@ def test_a_request_that_cannot_be_is_refused_before_any_work():
     with pytest.raises(BadInputError, match="--max-checks is 0, expected 1 to 1000000000"):
         plan(PlanRequest(origin="prone", max_checks=0), stop.report)
     assert stop.phases == []
+
+
+@pytest.mark.parametrize("phase", ["falls (flat)", "rises (flat)"])
+def test_an_evaluation_is_cancelled_while_falls_are_sampled_and_while_robots_rise(phase: str):
+    done: list[float] = []
+
+    def report(progress: Progress) -> None:
+        if progress.phase == phase:
+            done.append(progress.done)
+
+    request = EvaluateRequest(policy="quick", n=4)
+    with pytest.raises(CancelledError):
+        evaluate(request, report, lambda: len(done) == 2)
+    assert done[0] == 0.0
+    assert done[1] < 4.0 or phase.startswith("falls")
+
+
+def test_an_evaluation_counts_all_of_its_falls_and_rises():
+    done: dict[str, list[float]] = {}
+    evaluate(
+        EvaluateRequest(policy="quick", n=4),
+        lambda progress: done.setdefault(progress.phase, []).append(progress.done),
+    )
+    assert done["falls (flat)"][-1] == 4.0
+    assert done["rises (flat)"][-1] == pytest.approx(4.0)
+    assert len(done["rises (flat)"]) > 5

@@ -314,10 +314,12 @@ def _explain(group: str, rest: Sequence[str]) -> Any:
     program = f"getup {group}".rstrip()
     if not rest:
         raise BadInputError(f"expected a command first: {program} --help")
+    kind = "option" if rest[0].startswith("-") else "command"
     known = [name.removeprefix(group).strip() for name in COMMANDS if name.startswith(group)]
+    known += [*HELP] if group else [*HELP, VERSION]
     nearest = get_close_matches(rest[0], known, n=1)
     hint = f" expected {nearest[0]}?" if nearest else ""
-    raise BadInputError(f"unknown command '{rest[0]}',{hint} see {program} --help")
+    raise BadInputError(f"unknown {kind} '{rest[0]}',{hint} see {program} --help")
 
 
 def write_help(group: str = "") -> str:

@@ -33,7 +33,7 @@ def _split_at_commas(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] |
         return None
 
     def construct(texts: list[str]) -> Any:
-        words = [word.strip() for word in texts[0].split(",")] if texts[0] else []
+        words = [word.strip() for word in texts[0].split(",")]
         try:
             values = tuple(items[0](word) for word in words)
         except ValueError:

@@ -111,7 +111,9 @@ def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> Bench
     with refusing():
         cases = disturbed.select(world.robot, request.cases)
         policies = {
-            name: make_strategy(world, name, torque_limit=limit) for name in request.policies
+            name: make_strategy(world, name, torque_limit=limit)
+            for name in request.policies
+            if name
         }
     rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
     planner = PlannedRise(world, database, torque_limit=limit)

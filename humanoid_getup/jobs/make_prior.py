@@ -41,7 +41,7 @@ def make_prior(
         from sim2real.prior_training.fit import FitOptions, Postures, fit_prior
         from sim2real.training.styled_training import PRIOR, RISES
     with refusing():
-        policies = {name: load_policy(robot, name) for name in request.policies}
+        policies = {name: load_policy(robot, name) for name in request.policies if name}
         prior = PosePrior.load(request.fitted, robot) if request.fitted else None
         count = monitor.count("rises", request.rises)
         found = collect_rises(

@@ -26,6 +26,8 @@ from robots.model_import.tree import KinematicTree, find_tree
 from robots.quaternion import Array
 from robots.storage.validation import shown
 
+MOST_LETTERS = 200  # of the name of a joint or a body
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImportOptions:
@@ -82,7 +84,8 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     fixed = {*options.fixed, *reduction.motors}
     builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)
     rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed)
-    SitePlacer(path, anatomy, builder, guesses).add_sites(rebuilt.spec, rebuilt.look())
+    placer = SitePlacer(path, anatomy, builder, guesses, source.flat)
+    placer.add_sites(rebuilt.spec, rebuilt.look())
     rebuilt.compile()
     body = rebuilt.describe(SOLES)
     notes += body.find_contradictions()
@@ -117,7 +120,12 @@ def _find_name_problems(tree: KinematicTree, path: Path, options: ImportOptions)
         yield f"--name is {shown(options.name)}, expected printable characters, one or more"
     for kind, names in (("joint", joints), ("body", bodies)):
         for name in names:
-            if name and not _is_printable(name):
+            if len(name) > MOST_LETTERS:
+                yield (
+                    f"{path}: {kind} {shown(name)} has a name of {len(name)} characters, expected "
+                    f"at most {MOST_LETTERS}"
+                )
+            elif name and not _is_printable(name):
                 yield f"{path}: {kind} {shown(name)} is named so, expected printable characters"
     for name in options.fixed:
         if name not in joints:

@@ -15,13 +15,16 @@ from robots.model_import.source import (
     ModelImportError,
     ModelSource,
     check_size,
+    find_range_problems,
 )
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
 from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
+from robots.storage.validation import shown
 
 STANCES = ("home", "stand", "ready", "init")
+IN_RADIANS = "it is in degrees unless <compiler> has angle 'radian'"
 FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 
@@ -40,7 +43,7 @@ def read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
     except MODEL_ERRORS as error:
         raise ModelImportError([f"{path}: {describe(error)}"]) from error
-    if problems := find_number_problems(model):
+    if problems := [*find_number_problems(model), *_find_range_problems(spec, model)]:
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
     check_size(path, bodies=model.nbody - 1, joints=model.njnt)
     key = _find_stance_key(model)
@@ -65,6 +68,18 @@ def read_mjcf(path: Path) -> ModelSource:
         loops=tuple(_list_loops(model)),
         notes=tuple(notes),
     )
+
+
+def _find_range_problems(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[str]:
+    """Find hinges with a wrong range, which MuJoCo ignores if its ends are reversed."""
+    for joint in spec.joints:
+        if joint.type == HINGE and joint.limited != mujoco.mjtLimited.mjLIMITED_FALSE:
+            ends = model.jnt_range[joint.id]
+            if not model.jnt_limited[joint.id] and spec.compiler.degree:
+                ends = np.radians(ends)  # as MuJoCo does with a range that it takes
+            lower, upper = (float(end) for end in ends)
+            for problem in find_range_problems(lower, upper, IN_RADIANS):
+                yield f"joint {shown(joint.name)} {problem}"
 
 
 def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:

@@ -24,7 +24,9 @@ def read_model(path: Path) -> ModelSource:
     try:
         root = parse_xml(read_bounded(path, MAX_MODEL))
     except (OSError, ValueError) as error:
-        reason = f"{describe(error)}, expected an MJCF or URDF file"
+        reason = describe(error)
+        if ", expected " not in reason:
+            reason += ", expected an MJCF or URDF file"
         raise ModelImportError([f"{path}: {reason}"]) from error
     if problem := _find_kind_problem(path, root):
         raise ModelImportError([f"{path}: {problem}"])

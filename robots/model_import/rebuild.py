@@ -76,7 +76,9 @@ class Rebuilder:
         self._copy_excludes(spec)
         if self._boundless:
             listed = ", ".join(self._boundless)
-            self._notes.append(f"-180 to 180 deg for joints without range: {listed}")
+            self._notes.append(
+                f"-180 to 180 deg for joints without range, or of equal ends: {listed}"
+            )
         return spec
 
     def name(self, body: int) -> str:

@@ -45,6 +45,10 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
             raise ModelImportError(
                 [f"--out is {folder}, which is not empty, expected a new folder"]
             )
+        if folder.is_symlink():
+            raise ModelImportError(
+                [f"--out is {folder}, which is a symbolic link, expected a new folder"]
+            )
         folder.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=".getup-", dir=folder.parent))
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -26,11 +26,24 @@ class SitePlacer:
     """Finds the places of the sites and adds them."""
 
     def __init__(
-        self, path: Path, anatomy: Anatomy, builder: Rebuilder, guesses: list[str]
+        self,
+        path: Path,
+        anatomy: Anatomy,
+        builder: Rebuilder,
+        guesses: list[str],
+        flat: Mapping[str, str] | None = None,
     ) -> None:
-        """Prepare to add sites; guesses for the user to confirm are appended to ``guesses``."""
+        """Prepare to add sites.
+
+        Args:
+            path: Model file, for messages.
+            anatomy: Parts of the robot.
+            builder: Builder of its own model.
+            guesses: Guesses for the user to confirm are appended here.
+            flat: Shapes that were left out, by body.
+        """
         self._path, self._anatomy, self._builder = path, anatomy, builder
-        self._guesses = guesses
+        self._guesses, self._flat = guesses, flat or {}
 
     def add_sites(self, spec: mujoco.MjSpec, data: mujoco.MjData) -> None:
         """Add the sites of soles, neck and IMU to the rebuilt model, in a pose of it."""
@@ -91,9 +104,16 @@ class SitePlacer:
                     f"{self._path}: the leg that ends in joint "
                     f"{shown(tree.hinges[leg[-1]].name)} has no flat face that looks down, "
                     "expected a sole: feet that are points or lines cannot stand"
+                    f"{self._name_flat(leg)}"
                 ]
             )
         return max(soles, key=lambda sole: sole.area)
+
+    def _name_flat(self, leg: Sequence[int]) -> str:
+        """Name the shapes of the last links of a leg that were left out; empty for none."""
+        tree = self._anatomy.tree
+        names = [tree.model.body(body).name for k in leg[-2:] for body in tree.link(k)]
+        return "".join(f"; link {shown(n)}: {self._flat[n]}" for n in names if n in self._flat)
 
     def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:
         """Return the position of the neck in the torso's frame, and its description."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from robots.model_import.folding import Fold
 from robots.model_import.ties import Tie
 
 MOST_PARTS = 500  # joints, bodies or links of a robot; a servo bus has 253 ids
+MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees
+MOST_INERTIA = 4500.0  # kg·m², of the heaviest robot, all of it as far away as the largest reaches
 
 
 class ModelImportError(ValueError):
@@ -31,6 +34,14 @@ def check_size(path: Path, **counts: int) -> None:
     ]
     if problems:
         raise ModelImportError(problems)
+
+
+def find_range_problems(lower: float, upper: float, hint: str) -> Iterator[str]:
+    """Find limits of a hinge [rad] that it cannot have; equal ones are none."""
+    if lower > upper:
+        yield f"has limits from {lower:g} to {upper:g} rad, expected the lower one first"
+    if (far := max(abs(lower), abs(upper))) > MAX_LIMIT:
+        yield f"has a limit of {far:g} rad, expected at most {MAX_LIMIT:.1f} rad: {hint}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,5 +70,9 @@ class ModelSource:
     """Pairs of bodies that closed loops join."""
     folds: tuple[Fold, ...] = ()
     """Drives whose motors' hinges were fixed; their actuators are under the driven joints."""
+    flat: dict[str, str] = field(default_factory=dict)
+    """Shapes without extent, which were left out, by the name of their body."""
+    is_floating: bool = False
+    """Whether a root without joint floats, as that of a URDF does."""
     notes: tuple[str, ...] = ()
     """Messages for the user about how it was read."""

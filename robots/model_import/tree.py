@@ -11,7 +11,7 @@ import numpy as np
 
 from robots.body.links import gather_links
 from robots.description.model_checks import HINGE, JOINT_KINDS
-from robots.model_import.source import ModelImportError, ModelSource
+from robots.model_import.source import MOST_INERTIA, ModelImportError, ModelSource
 from robots.quaternion import Array
 from robots.storage.validation import shown
 
@@ -161,9 +161,9 @@ def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> It
     is_replaced = len(kinds) == FREEDOMS_IN_SPACE and kinds.count("slide") == 3
     if is_replaced:
         notes.append("the root's three slides and three hinges are replaced by a free joint")
-    elif not kinds:
+    elif not kinds and not source.is_floating:
         notes.append(f"body {shown(model.body(root).name)} was fixed to the world: it floats now")
-    elif not is_floating:
+    elif kinds and not is_floating:
         held = ", ".join(
             f"{JOINT_KINDS[int(model.jnt_type[j])]} {shown(name_joint(model, j))}" for j in own
         )
@@ -189,6 +189,12 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
     bodies = gather_links(model, root).list_bodies()
     span = float(np.ptp(data.xpos[bodies, 2]))
     mass = float(model.body_mass[bodies].sum())
+    for body in bodies:
+        if (moment := float(model.body_inertia[body].max())) > MOST_INERTIA:
+            yield (
+                f"{source.path}: body {shown(model.body(body).name)} has an inertia of "
+                f"{moment:g} kg·m², expected at most {MOST_INERTIA:g} kg·m²"
+            )
     if not SPANS[0] <= span <= SPANS[1]:
         yield (
             f"{source.path}: its joints span {span:.3g} m of height, expected {SPANS[0]:g} to "

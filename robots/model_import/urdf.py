@@ -63,6 +63,8 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         actuators=dict(_list_limits(root)),
         ties=tuple(_list_mimics(root)),
         notes=tuple(notes),
+        flat=shapes.flat,
+        is_floating=True,
     )
 
 

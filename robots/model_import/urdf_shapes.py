@@ -29,6 +29,8 @@ class UrdfShapes:
         self._pointer = ""
         self.hulls: dict[str, bytes] = {}
         """Files converted from meshes that MuJoCo does not read, by name."""
+        self.flat: dict[str, str] = {}
+        """Shapes without extent, which were left out, by the name of their link."""
 
     def resolve(self) -> list[str]:
         """Replace the names of meshes by files that MuJoCo reads; return problems.
@@ -67,10 +69,9 @@ class UrdfShapes:
             if flat:
                 link.remove(shape)
                 kind, key, given = flat[0]
-                self._notes.append(
-                    f"link {link.get('name')}: a {kind} of {key} {given} is left out, "
-                    "expected more than 0"
-                )
+                text = f"a {kind} of {key} {given} is left out, expected more than 0"
+                self._notes.append(f"link {link.get('name')}: {text}")
+                self.flat[link.get("name", "")] = text
 
     def _find_troubles(self, link: ET.Element, shapes: Iterable[ET.Element]) -> Iterator[str]:
         for mesh in (mesh for shape in shapes for mesh in shape.iter("mesh")):

@@ -7,11 +7,10 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator
 
-import numpy as np
-
+from robots.model_import.source import MOST_INERTIA, find_range_problems
 from robots.storage.validation import shown
 
-MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees
+IN_RADIANS = "limits of a URDF are in rad"
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -77,11 +76,16 @@ def _find_impossible(owner: ET.Element, root: ET.Element) -> Iterator[str]:
     mass, limit, mimic = owner.find("inertial/mass"), owner.find("limit"), owner.find("mimic")
     if (heavy := read_number(mass, "value")) < 0.0:
         yield f"has a mass of {heavy:g} kg, expected 0 kg or more"
+    for key in INERTIA:
+        moment = read_number(owner.find("inertial/inertia"), key)
+        if abs(moment) > MOST_INERTIA:
+            yield f"has {key} of {moment:g} kg·m², expected at most {MOST_INERTIA:g} kg·m²"
     for key, unit in (("effort", "N·m"), ("velocity", "rad/s")):
         if (most := read_number(limit, key)) < 0.0:
             yield f"has a limit of {key} of {most:g} {unit}, expected 0 {unit} or more"
     if owner.get("type") == "revolute":
-        yield from _find_range_problems(read_number(limit, "lower"), read_number(limit, "upper"))
+        lower, upper = read_number(limit, "lower"), read_number(limit, "upper")
+        yield from find_range_problems(lower, upper, IN_RADIANS)
     if mimic is not None:
         others = [joint.get("name") for joint in root.findall("joint") if joint is not owner]
         if mimic.get("joint") not in others:
@@ -89,13 +93,3 @@ def _find_impossible(owner: ET.Element, root: ET.Element) -> Iterator[str]:
                 f"mimics {shown(mimic.get('joint'))}, expected another joint: "
                 f"{', '.join(name for name in others if name)}"
             )
-
-
-def _find_range_problems(lower: float, upper: float) -> Iterator[str]:
-    if lower > upper:
-        yield f"has limits from {lower:g} to {upper:g} rad, expected the lower one first"
-    if (far := max(abs(lower), abs(upper))) > MAX_LIMIT:
-        yield (
-            f"has a limit of {far:g} rad, expected at most {MAX_LIMIT:.1f} rad: limits of a URDF "
-            "are in rad"
-        )

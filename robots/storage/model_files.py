@@ -117,7 +117,8 @@ class _ModelFiles:
             content = read_bounded(path, MAX_MODEL - self._bytes)
             root = parse_xml(content)
         except (OSError, ValueError) as error:
-            self._problems.append(f"{path.name}: {describe(error)}")
+            included = f"{path.name}: " if self._open else ""  # the caller names the model itself
+            self._problems.append(f"{included}{describe(error)}")
             return 0, 0
         self._bytes += len(content)
         self._open.append(path)

@@ -597,7 +597,7 @@ GROUPS: dict[str, list[Case]] = {
         case("motions list --robot not_toml", "not_toml/robot.toml: not TOML"),
         case("motions list --robot not_text", "not_text/robot.toml: not UTF-8 text"),
         case("motions list --robot no_model", "no_model/model.xml"),
-        case("motions list --robot not_xml", "not_xml/model.xml"),
+        case("motions list --robot not_xml", "not_xml/model.xml: not XML"),
         case("motions list --robot wrong_joint", "wrong_joint/robot.toml", "l_tail"),
         case(
             "motions list --robot wrong_limit",
@@ -639,6 +639,8 @@ GROUPS: dict[str, list[Case]] = {
             "no joint matches '*tail', expected some of left_hip_yaw_joint",
         ),
         case("robots import small.xml --out new --fix tail", "--fix is 'tail', expected one of"),
+        case("robots import small.xml --out new --servo ''", "--servo is empty, expected a name"),
+        case("robots import small.xml --out new --fix ,", "--fix is ',', expected a name between"),
     ],
     "plan caches": [
         case("rise --from supine --cache-folder broken_plans", ".json: not JSON"),

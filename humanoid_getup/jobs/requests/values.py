@@ -47,7 +47,7 @@ class Items:
     twice: bool = False
     """Whether an item may occur twice."""
     none: bool = False
-    """Whether it may be empty although its default is not."""
+    """Whether it may be empty although its default is not; '' is no item then."""
 
 
 def at_least(lower: int, *, at_most: int = MOST, step: int = 1) -> Range:
@@ -131,8 +131,12 @@ def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
     if not items or items[-1] is not ... or not isinstance(value, tuple):
         return None
     accepted = next((note for note in list_notes(hint) if isinstance(note, Items)), Items())
-    if not value and default not in ((), MISSING) and not accepted.none:
+    if value in ((), ("",)) and accepted.none:
+        return None
+    if value == ("",) or (not value and default not in ((), MISSING)):
         return "is empty, expected a name or more"
+    if "" in value:
+        return f"is '{','.join(value)}', expected a name between the commas"
     twice = next((item for item in value if value.count(item) > 1), None)
     if twice is None or accepted.twice:
         return None

@@ -73,6 +73,8 @@ def test_what_cannot_be_read_is_named_in_a_line(
         ("motions", "expected a command first: getup motions --help"),
         ("ryse", "unknown command 'ryse', expected rise? see getup --help"),
         ("motions fly", "unknown command 'fly', see getup motions --help"),
+        ("--verison", "unknown option '--verison', expected --version? see getup --help"),
+        ("motions --hepl", "unknown option '--hepl', expected --help? see getup motions --help"),
         ("robots chek", "unknown command 'chek', expected check? see getup robots --help"),
     ],
 )

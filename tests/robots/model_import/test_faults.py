@@ -1,6 +1,7 @@
 """Models that are not humanoids, or are broken: one clear line each, and nothing half-made."""
 
 import os
+import re
 import resource
 from collections.abc import Callable
 from dataclasses import replace
@@ -166,10 +167,10 @@ def test_what_was_said_must_fit_the_model(tmp_path: Path, options, message: str)
     assert message in problem
 
 
-def test_a_torso_fixed_to_the_world_floats(tmp_path: Path):
+def test_the_root_of_a_urdf_floats(tmp_path: Path):
     (tmp_path / "model.urdf").write_text(small_urdf())
     robot = import_model(tmp_path / "model.urdf", ImportOptions(name="small"))
-    assert any("floats now" in note for note in robot.notes)
+    assert not robot.notes  # the root of a URDF is not fixed: no joint is said of it
     assert robot.spec.compile().jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
     assert set(robot.servos.types) == {"XM430-W350"}  # 4.1 N·m at 12 V, as its URDF says
 
@@ -202,6 +203,61 @@ def test_ranges_that_contradict_their_mirror_images_are_reported(tmp_path: Path)
     assert "-140 to 0 deg and 0 to 140 deg" in note
 
 
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        ("2.4 0", "joint 'head_joint' has limits from 2.4 to 0 rad, expected the lower one first"),
+        ("0 20", "joint 'head_joint' has a limit of 20 rad, expected at most 12.6 rad: it is in d"),
+    ],
+)
+def test_a_range_that_no_hinge_has_is_refused(tmp_path: Path, ends: str, message: str):
+    text = re.sub(r'(name="head_joint" range=")[^"]*', rf"\g<1>{ends}", small_humanoid())
+    assert message in "\n".join(problems_of(tmp_path / "model.xml", text))
+
+
+@pytest.mark.parametrize("suffix", ["xml", "urdf"])
+def test_a_range_of_equal_ends_is_none_and_that_is_said(tmp_path: Path, suffix: str):
+    file, text = tmp_path / f"model.{suffix}", small_urdf()
+    text = re.sub(r'(name="head_joint".*? lower=")[^"]*(" upper=")[^"]*', r"\g<1>0\g<2>0", text)
+    if suffix == "xml":
+        text = re.sub(r'(name="head_joint" range=")[^"]*', r"\g<1>0.5 0.5", small_humanoid())
+    file.write_text(text)
+    robot = import_model(file, ImportOptions(name="small"))
+    assert "-180 to 180 deg for joints without range, or of equal ends: head_joint" in robot.notes
+
+
+def test_an_inertia_that_no_robot_has_is_refused(tmp_path: Path):
+    heavy = '<inertial pos="0 0 0" mass="0.1" diaginertia="1e30 1e30 1e30"/>'
+    text = re.sub('(<body name="head"[^>]*>)', rf"\g<1>{heavy}", small_humanoid())
+    problems = problems_of(tmp_path / "model.xml", text)
+    assert "body 'head' has an inertia of 1e+30 kg·m², expected at most 4500 kg·m²" in problems[0]
+
+
+@pytest.mark.parametrize("size", ["0 0 0", "0.1 -0.1 0.1"])
+def test_a_foot_without_extent_is_named_where_a_sole_is_missing(tmp_path: Path, size: str):
+    head, link, foot = small_urdf().partition('<link name="left_foot">')
+    text = head + link + re.sub('box size="[^"]*', f'box size="{size}', foot, count=1)
+    (problem,) = problems_of(tmp_path / "model.urdf", text)
+    assert "no flat face that looks down" in problem
+    assert problem.endswith(
+        f"; link 'left_foot': a box of size {size} is left out, expected more than 0"
+    )
+
+
+def test_names_have_a_limit(tmp_path: Path):
+    text = small_humanoid().replace("head_joint", 100_000 * "a")
+    (problem,) = problems_of(tmp_path / "model.xml", text)
+    assert problem.startswith(f"{tmp_path}/model.xml: joint 'aaa")
+    assert problem.endswith("has a name of 100000 characters, expected at most 200")
+
+
+def test_what_is_expected_is_said_once(tmp_path: Path):
+    os.mkfifo(tmp_path / "model.xml")
+    with pytest.raises(ModelImportError) as caught:
+        import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    assert caught.value.problems == (f"{tmp_path}/model.xml: it is a FIFO, expected a file",)
+
+
 def test_a_folder_is_complete_or_not_there(tmp_path: Path):
     (tmp_path / "model.xml").write_text(small_humanoid())
     robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
@@ -211,5 +267,9 @@ def test_a_folder_is_complete_or_not_there(tmp_path: Path):
     assert not list((tmp_path / "robots").iterdir())
     write_robot(robot, tmp_path / "robots" / "small")
     assert load_robot(tmp_path / "robots" / "small").joint_names == robot.joints
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "empty")
+    with pytest.raises(ModelImportError, match="is a symbolic link, expected a new folder"):
+        write_robot(robot, tmp_path / "link")
     with pytest.raises(ModelImportError, match="is not empty, expected a new folder"):
         write_robot(robot, tmp_path / "robots" / "small")

@@ -122,7 +122,7 @@ def test_a_hinge_without_range_turns_half_a_turn_either_way():
 
     _, new, notes = rebuild(change=free)
     assert new.joint("head_joint").range == pytest.approx([-np.pi, np.pi])
-    assert notes == ["-180 to 180 deg for joints without range: head_joint"]
+    assert notes == ["-180 to 180 deg for joints without range, or of equal ends: head_joint"]
 
 
 def test_contacts_that_were_switched_off_stay_so():

@@ -40,6 +40,7 @@ def test_a_sound_model_has_no_problems():
         ("1.5", "１", "value of <mass> is '１', expected a finite number"),
         ("1.5", "", "value of <mass> is '', expected a finite number"),
         ('ixx="1"', 'ixx="inf"', "ixx of <inertia> is 'inf', expected a finite number"),
+        ('iyy="1"', 'iyy="1e30"', "has iyy of 1e+30 kg·m², expected at most 4500 kg·m²"),
         ('xyz="0 0 0"', 'xyz="0 0"', "xyz of <origin> is '0 0', expected 3 finite numbers"),
         ("1 2 3", "1 2 x", "size of <box> is '1 2 x', expected 3 finite numbers"),
         ('"1 1 1"', '"1"', "scale of <mesh> is '1', expected 3 finite numbers"),

@@ -663,8 +663,18 @@ GROUPS: dict[str, list[Case]] = {
     ],
     "outputs": [
         case("replay empty.mcap --json empty.mcap", "--json: empty.mcap is read, too, expected"),
-        case("robots check tiny --picture tiny/model.xml", "tiny/model.xml is read, too"),
-        case("robots check tiny --json ./tiny/../tiny/robot.toml", "robot.toml is read, too"),
+        case("robots check tiny --picture tiny/model.xml", "model.xml is a file of the robot"),
+        case("robots check tiny --json ./tiny/../tiny/robot.toml", "robot.toml is a file of the"),
+        case(
+            "preflight squat_to_stand --robot broken_motion "
+            "--json broken_motion/motions/squat_to_stand.npz",
+            "squat_to_stand.npz is a file of the robot, expected another file",
+        ),
+        case(
+            "motions show squat_to_stand --robot broken_motion "
+            "--picture broken_motion/motions/squat_to_stand.npz",
+            "squat_to_stand.npz is a file of the robot, expected another file",
+        ),
         case("style show kneeling.toml --json kneeling.toml", "--json: kneeling.toml is read, too"),
         case("style show few.toml short.toml --picture short.toml", "short.toml is read, too"),
         case("style edit few.toml --slower 2 --out few.toml", "--out: few.toml is read, too"),

@@ -12,8 +12,12 @@ from humanoid_getup.jobs.output_files import find_file_problems, find_folder_pro
 from humanoid_getup.jobs.requests.values import list_notes, name_option
 
 STANDARD_OUTPUT = "-"
-ROBOT_FILES = ("robot.toml", "servos.toml", "keyframes.toml", "calibration.toml")
+ROBOT_FILES = (
+    *("robot.toml", "servos.toml", "keyframes.toml"),
+    *("calibration.toml", "calibration.virtual.toml"),
+)
 ROBOT_SUFFIXES = (".xml", ".stl", ".obj", ".msh")
+MADE_FOLDERS, MADE_SUFFIXES = ("motions", "policies", "unfinished"), (".npz", ".onnx", ".toml")
 
 
 @dataclass(frozen=True)
@@ -30,9 +34,12 @@ class Written:
 
     names: tuple[str, ...] | None = None
     """Names of the files in the folder; ``None`` for a field that is a file."""
+    made: bool = False
+    """Whether it is a motion or policy, which may replace an earlier one of the robot."""
 
 
-READ, ROBOT, WRITTEN, FOLDER = Read(), Read(robot=True), Written(), Written(())
+READ, ROBOT = Read(), Read(robot=True)
+WRITTEN, FOLDER, MADE = Written(), Written(()), Written(made=True)
 
 
 def find_output_problems(request: Any) -> list[str]:
@@ -53,34 +60,49 @@ def find_output_problems(request: Any) -> list[str]:
 
 
 def _find_overwritten(request: Any, outputs: dict[Path, str]) -> list[str]:
-    """Report outputs that would replace a file that is read."""
+    """Report outputs that would replace a file that is read, or that is the robot's."""
     existing = {path: option for path, option in outputs.items() if path.is_file()}
     inputs = list(_list_inputs(request)) if existing else []
-    return [
-        f"{option}: {_shorten(path)} is read, too, expected another file"
-        for path, option in existing.items()
-        if any(path.samefile(file) for file in inputs)
-    ]
+    makers = {option for option, _, mark in _list_marked(request, Written) if mark.made}
+    problems = []
+    for path, option in existing.items():
+        found = [file for file in inputs if path.samefile(file.path)]
+        if found and not (option in makers and all(file.made for file in found)):
+            why = "is a file of the robot" if found[0].robot else "is read, too"
+            problems.append(f"{option}: {_shorten(path)} {why}, expected another file")
+    return problems
 
 
-def _list_inputs(request: Any) -> Iterator[Path]:
-    """List the files that a request names and that exist."""
+@dataclass(frozen=True)
+class _Input:
+    path: Path
+    robot: bool = False
+    made: bool = False
+
+
+def _list_inputs(request: Any) -> Iterator[_Input]:
+    """List the files that a request names and that exist, then those of its robots."""
+    names = list[str]()
     for _, value, mark in _list_marked(request, Read):
         if mark.robot:
-            yield from _list_robot_files(str(value))
+            names.append(str(value or ""))
             continue
         values = value if isinstance(value, tuple) else (value,)
         words = [word for each in values for word in (str(each), *str(each).split(","))]
-        yield from (path for path in map(Path, words) if _is_file(path))
+        yield from (_Input(path) for path in map(Path, words) if _is_file(path))
+    for name in names:
+        yield from _list_robot_files(name)
 
 
-def _list_robot_files(name: str) -> Iterator[Path]:
+def _list_robot_files(name: str) -> Iterator[_Input]:
+    """List the files of a robot; without a name, of all that are installed."""
     from robots.robot import ROBOTS_FOLDER, list_robots  # loads numpy: not for --help
 
-    folder = ROBOTS_FOLDER / name if name in list_robots() else Path(name)
-    for path in folder.rglob("*") if name else ():
-        if path.name in ROBOT_FILES or path.suffix.lower() in ROBOT_SUFFIXES:
-            yield path
+    folder = ROBOTS_FOLDER / name if not name or name in list_robots() else Path(name)
+    for path in filter(_is_file, folder.rglob("*")):
+        made = path.parent.name in MADE_FOLDERS and path.suffix in MADE_SUFFIXES
+        if made or path.name in ROBOT_FILES or path.suffix.lower() in ROBOT_SUFFIXES:
+            yield _Input(path, robot=True, made=made)
 
 
 def _list_marked(request: Any, kind: type) -> Iterator[tuple[str, Any, Any]]:
@@ -89,8 +111,8 @@ def _list_marked(request: Any, kind: type) -> Iterator[tuple[str, Any, Any]]:
     for field in fields(request):
         mark = next((each for each in list_notes(hints[field.name]) if type(each) is kind), None)
         value = getattr(request, field.name)
-        is_file = value is not None and not (kind is Written and value == STANDARD_OUTPUT)
-        if mark is not None and is_file:
+        is_left_out = value is None and mark != ROBOT
+        if mark and not is_left_out and not (kind is Written and value == STANDARD_OUTPUT):
             yield name_option(field.name, hints[field.name]), value, mark
 
 

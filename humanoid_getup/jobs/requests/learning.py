@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_file_problems
-from humanoid_getup.jobs.requests.files import FOLDER, READ, ROBOT, WRITTEN
+from humanoid_getup.jobs.requests.files import FOLDER, MADE, READ, ROBOT
 from humanoid_getup.jobs.requests.shared import (
     MOST_JOBS,
     Jobs,
@@ -74,7 +74,7 @@ class ExportRequest(RobotOption):
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
     """Folder of the training."""
-    out: Annotated[Path, WRITTEN, arg(metavar="FILE")]
+    out: Annotated[Path, MADE, arg(metavar="FILE")]
     """ONNX file to write; an existing file is replaced."""
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: the training's."""

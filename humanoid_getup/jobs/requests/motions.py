@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_file_problems
-from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
+from humanoid_getup.jobs.requests.files import MADE, READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
@@ -147,7 +147,7 @@ class ClipRequest(RobotOption):
     """Axis of the clip that points up; default: y."""
     name: str = ""
     """Name of the motion; default: that of the clip's file."""
-    out: Annotated[Path | None, WRITTEN, arg(metavar="FILE.npz")] = None
+    out: Annotated[Path | None, MADE, arg(metavar="FILE.npz")] = None
     """Motion file to write; default: the motion's name in the working folder."""
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,7 +30,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, file: Path, limit: float = LONGEST_INFERENCE) -> None:
-        """Load a file after a child process has loaded and run it once within a limit [s].
+        """Load a file after a child process has loaded and run it, each time within a limit [s].
 
         Raises:
             OSError: if it cannot be read.
@@ -37,8 +38,8 @@ class OnnxNetwork:
                 takes longer.
         """
         model = read_model(file)
-        self.faults = _try_in_child(model, limit)
-        """Problems of its output for zeros."""
+        self.faults, self.inference_time = _try_in_child(model, limit)
+        """Problems of its output for zeros; processor time of one inference [s]."""
         self._session = _create_session(model)
         self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
@@ -94,8 +95,8 @@ def _create_session(model: bytes) -> InferenceSession:
         raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
 
 
-def _try_in_child(model: bytes, limit: float) -> list[str]:
-    """List the problems of a model's first inference, which may end its process.
+def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:
+    """Find problems and time of a model's first inferences, which may end their process.
 
     Nothing else can stop onnxruntime within an operator, or while it computes constants.
     """
@@ -119,15 +120,17 @@ def _try_in_child(model: bytes, limit: float) -> list[str]:
 
 
 def _try(model: bytes, limit: float, found: Connection) -> None:
-    """Send the problems of a first inference; the system ends this process at the limit [s]."""
+    """Send what two inferences tell; the system ends this process at the limit [s] of each."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_DFL)  # Python's own handlers wait for the operator
-    signal.setitimer(signal.ITIMER_REAL, limit)
-    found.send(_find_faults(model))
+    found.send(_test(model, limit))
 
 
-def _find_faults(model: bytes) -> list[str]:
+def _test(model: bytes, limit: float) -> tuple[list[str], float]:
+    """Return the problems of the output for zeros, and the time of a second inference [s]."""
     import onnxruntime
+
+    signal.setitimer(signal.ITIMER_REAL, limit)
 
     options = onnxruntime.RunOptions()
     options.log_severity_level = QUIET
@@ -136,8 +139,12 @@ def _find_faults(model: bytes) -> list[str]:
         entry = session.get_inputs()[0]
         blank = np.zeros((1, entry.shape[1]), dtype=np.float32)
         outputs = session.run(None, {entry.name: blank}, options)
+        signal.setitimer(signal.ITIMER_REAL, limit)
+        begin = time.process_time()  # of one thread, whatever else the machine does
+        session.run(None, {entry.name: blank}, options)
+        took = time.process_time() - begin
     except Exception as error:  # errors of the session are reported when the file is loaded
-        return [f"the network cannot be run: {' '.join(str(error).split())}"]
+        return [f"the network cannot be run: {' '.join(str(error).split())}"], 0.0
     # A weight that is not finite makes every action not finite.
     finite = all(np.isfinite(np.asarray(values, dtype=float)).all() for values in outputs)
-    return [] if finite else ["the network returns NaN or infinity"]
+    return ([] if finite else ["the network returns NaN or infinity"]), took

@@ -30,6 +30,7 @@ from robots.quaternion import Array
 
 SUFFIX = ".onnx"
 LONGEST = 12.0  # s; includes further tries of the policy itself
+MOST_PERIODS = 20  # control periods that an inference may take on a simulated robot
 STILL_TARGET = 1.0  # rad/s of the fastest target while a policy only balances
 
 
@@ -115,13 +116,19 @@ class OnnxPolicy:
             contract = PolicyContract.from_json(network.contract)
         except (NetworkError, ContractError) as error:
             raise PolicyError(file, [str(error)]) from error
-        problems = contract.find_mismatches(robot, period or robot.control_period)
+        period = period or robot.control_period
+        problems = contract.find_mismatches(robot, period)
         memory = contract.style.memory if contract.style else None
         problems += network.find_problems(
             contract.observation_size, len(contract.action.names), memory
         )
         if style is not None and contract.style is None:
             problems.append(f"it follows no style curves, expected no style '{style.name}' with it")
+        if network.inference_time > MOST_PERIODS * period:
+            problems.append(
+                f"an inference takes {network.inference_time:.2g} s, expected at most "
+                f"{MOST_PERIODS} control periods of {period:g} s"
+            )
         if problems := problems or network.faults:
             raise PolicyError(file, problems)
         if contract.style is not None and style is None:

@@ -145,22 +145,34 @@ def test_an_inference_that_ends_its_process_is_a_fault_of_the_file(
     tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """As when the system is out of memory, or in onnxruntime itself."""
-    monkeypatch.setattr(onnx_network, "_find_faults", lambda _: signal.raise_signal(signal.SIGKILL))
+    monkeypatch.setattr(onnx_network, "_test", lambda *_: signal.raise_signal(signal.SIGKILL))
     with pytest.raises(NetworkError, match=r"^an inference ends its process \(-9\)$"):
         OnnxNetwork(save_policy(tmp_path / "p.onnx", tiny))
+
+
+def test_a_policy_that_takes_many_periods_for_an_inference_is_refused(
+    tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    file = save_policy(tmp_path / "p.onnx", tiny)
+    took = OnnxNetwork(file).inference_time
+    assert 0.0 < took < 20 * tiny.control_period
+    monkeypatch.setattr(onnx_network, "_test", lambda *_: ([], 4.8))
+    message = r"an inference takes 4\.8 s, expected at most 20 control periods of 0\.008 s$"
+    with pytest.raises(PolicyError, match=message):
+        OnnxPolicy.load(file, tiny)
 
 
 def test_a_signal_ends_the_wait_for_an_inference(
     tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    def interrupt_parent(_: bytes) -> None:
+    def interrupt_parent(*_: object) -> None:
         os.kill(os.getppid(), signal.SIGUSR1)
         signal.pause()
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(onnx_network, "_find_faults", interrupt_parent)
+    monkeypatch.setattr(onnx_network, "_test", interrupt_parent)
     before = signal.signal(signal.SIGUSR1, stop)
     try:
         with pytest.raises(KeyboardInterrupt):

@@ -306,6 +306,8 @@ def _explain(group: str, rest: Sequence[str]) -> Any:
     if any(word.startswith("--tyro-") for word in rest):
         _read(list_commands(), "getup", rest, DESCRIPTION)
     if rest and rest[0] == VERSION and not group:
+        if rest[1:]:
+            raise BadInputError(f"unknown argument '{rest[1]}': see getup --help")
         print(f"getup {version('humanoid-getup')}")
         raise SystemExit(0)
     if rest and rest[0] in HELP:

@@ -147,7 +147,7 @@ def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
         if joint < 0 or model.jnt_type[joint] != HINGE or not model.jnt_limited[joint]:
             continue
         angle, (lower, upper) = table.standing.get(name, 0.0), model.jnt_range[joint]
-        if not lower <= angle <= upper:
+        if angle < lower or angle > upper:  # nan has been reported
             why = "" if name in table.standing else " (not named, so 0)"
             found = outside(angle, lower, upper, "rad")
             problems.append(f"standing: joint {shown(name)}{why} is {found}")

@@ -155,6 +155,11 @@ def test_a_joint_that_cannot_be_at_zero_must_be_named_in_the_stance(own_robot):
     assert words in complaint(own_robot)
 
 
+def test_an_angle_that_is_no_number_is_reported_once(own_robot):
+    spoil(own_robot, "[standing]\nl_hip = 0.0", '[standing]\nl_hip = "a"')
+    assert complaint(own_robot).count("standing") == 1
+
+
 def test_a_missing_model_is_reported(own_robot):
     (own_robot / "model.xml").unlink()
     assert f"{own_robot / 'model.xml'}: no such file" in complaint(own_robot)

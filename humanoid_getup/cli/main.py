@@ -9,23 +9,26 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.shared.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
 from humanoid_getup.jobs.errors import BadInputError
 
 SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_interrupted = threading.Event()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    # A program that is to stop must switch torque off, and in the background too,
-    # where a shell has Ctrl-C ignored.
-    if threading.current_thread() is threading.main_thread():
-        for name in SIGNALS:
-            signal.signal(getattr(signal, name), _interrupt)
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be UTF-8
-        sys.stdout.reconfigure(errors="backslashreplace")
     try:
+        # A program that is to stop must switch torque off, and in the background too,
+        # where a shell has Ctrl-C ignored.
+        _interrupted.clear()
+        if threading.current_thread() is threading.main_thread():
+            for name in SIGNALS:
+                signal.signal(getattr(signal, name), _interrupt)
+        if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be UTF-8
+            sys.stdout.reconfigure(errors="backslashreplace")
+        from humanoid_getup.cli.commands import parse  # takes time: signals are handled before
+
         code = parse(sys.argv[1:] if arguments is None else arguments).run()
         if sys.stdout is not None:  # None if the shell closed it
             sys.stdout.flush()
@@ -33,10 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         # Its text says that a robot was handed over under torque.
         return _report(": ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
-    except BadInputError as error:
-        for problem in error.problems:
-            _report(problem, BAD_INPUT)
-        return BAD_INPUT
     except Exception as error:
         return _report_failure(error)
 
@@ -45,18 +44,27 @@ def _interrupt(_number: int, _frame: object) -> None:
     # A second signal must not interrupt what the first one begins: switching torque off.
     for name in SIGNALS:
         signal.signal(getattr(signal, name), signal.SIG_IGN)
+    _interrupted.set()
     raise KeyboardInterrupt
 
 
 def _report_failure(error: Exception) -> int:
     """Report errors that a user can correct in one line; raise all others again."""
+    drivers = sys.modules.get("drivers.errors")  # if it is not loaded, the error is none of them
+    if drivers and isinstance(error, drivers.DriverError):
+        is_setup = isinstance(error, drivers.SetupError)
+        return _report(str(error), BAD_INPUT if is_setup else HARDWARE_FAULT)
+    # Libraries turn an interrupt of their import, or of a call of C, into errors of their own.
+    cause = error.__cause__ or error
+    if _interrupted.is_set() and not (isinstance(cause, OSError) and cause.errno):
+        return _report("interrupted", INTERRUPTED)
+    if isinstance(error, BadInputError):
+        for problem in error.problems:
+            _report(problem, BAD_INPUT)
+        return BAD_INPUT
     # MuJoCo chooses its GL when it is imported, and refuses a GL that does not exist.
     if isinstance(error, RuntimeError) and "MUJOCO_GL" in str(error):
         return _report(f"{error}, expected egl, osmesa, glfw or disable", BAD_INPUT)
-    from drivers.errors import DriverError, SetupError  # loads MuJoCo: not at the start
-
-    if isinstance(error, DriverError):
-        return _report(str(error), BAD_INPUT if isinstance(error, SetupError) else HARDWARE_FAULT)
     if not isinstance(error, OSError):
         raise error
     if error.filename is None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from subprocess import PIPE
@@ -16,8 +17,11 @@ import numpy as np
 import pytest
 from run_getup import Run
 
+from drivers.errors import DriverError
+from humanoid_getup.cli import commands
 from humanoid_getup.cli.commands import COMMANDS, load_work
-from humanoid_getup.cli.main import main
+from humanoid_getup.cli.main import SIGNALS, main
+from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
@@ -71,6 +75,7 @@ def test_what_cannot_be_read_is_named_in_a_line(
     [
         ("", "expected a command first: getup --help"),
         ("motions", "expected a command first: getup motions --help"),
+        ("--version extra", "unknown argument 'extra': see getup --help"),
         ("ryse", "unknown command 'ryse', expected rise? see getup --help"),
         ("motions fly", "unknown command 'fly', see getup motions --help"),
         ("--verison", "unknown option '--verison', expected --version? see getup --help"),
@@ -144,7 +149,7 @@ LIGHT += [f"{name} --help" for name, command in COMMANDS.items() if command.opti
 LOADED = """
 import contextlib, io, json, sys
 from humanoid_getup.cli.main import main
-loaded = {}
+loaded = {"": list(sys.modules)}
 for command in json.load(sys.stdin):
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
         main(command.split())
@@ -170,6 +175,42 @@ def loaded() -> dict[str, set[str]]:
 @pytest.mark.parametrize("command", LIGHT)
 def test_help_imports_neither_numpy_nor_physics(command: str, loaded: dict[str, set[str]]):
     assert {*HEAVY, "mujoco", "numpy"} & loaded[command] == set()
+
+
+def test_signals_are_handled_before_anything_is_loaded(loaded: dict[str, set[str]]):
+    assert {"tyro", "rich", "numpy"} & loaded[""] == set()
+
+
+@pytest.fixture
+def own_signals() -> Iterator[None]:
+    """Leave the handlers of signals as they were."""
+    before = {getattr(signal, name): signal.getsignal(getattr(signal, name)) for name in SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("own_signals")
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (ImportError("initialization failed"), 130, "interrupted"),
+        (BadInputError("no film strip: no GL to render with"), 130, "interrupted"),
+        (OSError(27, "File too large", "report.json"), 2, "report.json: File too large"),
+        (DriverError("torque may be on"), 3, "torque may be on"),
+    ],
+)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_a_library_makes_of_an_interrupt_is_one(
+    run: Run, monkeypatch: pytest.MonkeyPatch, number: int, error: Exception, code: int, line: str
+):
+    def fail(_: object) -> None:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        raise error
+
+    monkeypatch.setattr(commands, "parse", fail)
+    assert run("robots") == (code, "", f"getup: {line}\n")
 
 
 @pytest.mark.parametrize("command", ["robots", "motions list"])

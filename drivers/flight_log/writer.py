@@ -187,8 +187,9 @@ class FlightLog:
         try:
             yield
         except OSError as error:
-            kept = f"its first {self._saved} cycles can be replayed" if self._saved else "removed"
-            reason = error.strerror or error
+            # More than were saved may be on disk: a chunk that is whole but for its index.
+            some = f"at least its first {self._saved} cycles can be replayed"
+            kept, reason = some if self._saved else "removed", error.strerror or error
             self.fault = f"flight log {self.path}: {reason}, recording stopped; {kept}"
             with suppress(OSError):  # closing tries to write the rest
                 if self._file:

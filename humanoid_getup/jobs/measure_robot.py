@@ -51,6 +51,7 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot
 from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 RESULT = "result"
 """Key of the result in the ledger of a part."""
@@ -84,8 +85,8 @@ def measure_robot(
     with staging(request.out, WHOLE_ARTEFACTS) as folder:
         pictures = _draw(whole, results, result, folder, monitor.begin)
         result = replace(result, pictures=pictures)
-        (folder / FIGURES).write_text(to_json(result), "utf-8")
-        (folder / PAGE).write_text(write_page(result), "utf-8")
+        write_atomically(folder / FIGURES, to_json(result))
+        write_atomically(folder / PAGE, write_page(result))
     return result
 
 

@@ -55,6 +55,9 @@ def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     """Yield an empty folder; move its files into ``folder`` at the end.
 
     A file of ``names`` that was not written is removed: it was an earlier run's.
+
+    Raises:
+        BadInputError: if one cannot be written, naming it.
     """
     from robots.storage.files import atomic_path
 
@@ -69,7 +72,9 @@ def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
                 elif (folder / name).is_file():
                     (folder / name).unlink()
     except OSError as error:
-        raise BadInputError(f"output folder {folder}: {error.strerror}") from error
+        name = Path(str(error.filename)).name
+        place = f"file {folder / name}" if name in names else f"folder {folder}"
+        raise BadInputError(f"output {place}: {error.strerror}") from error
 
 
 def _absolute(path: Path) -> Path:

@@ -37,6 +37,7 @@ from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyFigures, find_passes
 from robots.storage.encoding import to_json
+from robots.storage.files import describe, write_atomically
 
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
 
@@ -73,9 +74,9 @@ def write_results(
                 try:
                     record = FlightRecord.load(options.out / FLIGHT)
                     style_plot.save_flight(record, folder / STYLE, title=title)
-                except ValueError as error:  # an incomplete log
-                    report.warnings.append(f"no {STYLE}: {error}")
-            (folder / REPORT).write_text(to_json(report), "utf-8")
+                except (ValueError, OSError) as error:  # an incomplete log, a full disk
+                    report.warnings.append(f"no {STYLE}: {describe(error)}")
+            write_atomically(folder / REPORT, to_json(report))
             files = [str(options.out / name) for name in ARTEFACTS if (folder / name).exists()]
             files += [str(options.out / FLIGHT)] if (options.out / FLIGHT).exists() else []
             write_json(report, options)  # where it cannot be written, none of the files appears
@@ -117,7 +118,7 @@ def write_stand_results(result: AfterStand, world: World, options: Sit | Hold) -
                 title = f"{world.robot.name}: sitting and lying down"
                 reason = draw_run(outcome, world, options, folder, title)
             report = replace(report, strip_reason=reason)
-            (folder / REPORT).write_text(to_json(report), "utf-8")
+            write_atomically(folder / REPORT, to_json(report))
             write_json(report, options)
     else:
         write_json(report, options)
@@ -179,11 +180,13 @@ def draw_run(
     The film begins with the moves that led to the run. Return why there is no film strip.
     """
     robot, period = world.robot, world.robot.control_period
-    plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
     states = np.concatenate([*(move.qpos for move in moves), outcome.qpos])
     shown = len(states) - len(outcome.qpos) + end / period
     try:
+        plots.save_torque(robot, outcome, options.torque_limit, folder / TORQUE, title=title)
         film_strip.save_run(robot, world.model, states, shown, folder / STRIP, title=title)
     except film_strip.NoRendererError as error:
         return str(error)
+    except OSError as error:  # a full disk, on which the small files may have room
+        return f"{Path(str(error.filename)).name}: {describe(error)}"
     return None

@@ -33,6 +33,7 @@ from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.servo import LIMIT_MODES, LimitMode
 from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
 
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
 
@@ -71,7 +72,7 @@ def replay_log(command: ReplayOptions) -> int:
             report_phase("drawing")
             title = f"{record.robot}, {command.log.name}"
             with staging(command.out, REPLAY_FILES) as folder:
-                (folder / FIGURES).write_text(to_json(figures), "utf-8")
+                write_atomically(folder / FIGURES, to_json(figures))
                 plots.save_flight(record, folder / FLIGHT, title=title)
                 plots.save_difference(report, folder / DIFFERENCE, title=f"{title}: replay")
                 style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")

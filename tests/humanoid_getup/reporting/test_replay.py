@@ -230,7 +230,7 @@ def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, ca
     assert report.ending is Ending.TIMEOUT
     assert log.fault is not None
     assert log.fault.endswith(
-        "File too large, recording stopped; its first 50 cycles can be replayed"
+        "File too large, recording stopped; at least its first 50 cycles can be replayed"
     )
     assert parse(path, "--robot", TINY).run() == 0
     message = " ".join(capsys.readouterr().out.split())

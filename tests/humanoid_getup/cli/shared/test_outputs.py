@@ -1,21 +1,31 @@
 """Files appear complete and together, or not at all; devices and links stay what they are."""
 
+import errno
 import io
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 from rich.text import Text
 from run_getup import Run
 
+from humanoid_getup.cli.get_up.results import draw_run
+from humanoid_getup.cli.options.rise import Play, RunPolicy
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, staging
+from humanoid_getup.jobs.requests.learning import ExportRequest
+from humanoid_getup.reporting import film_strip, plots
+from robots import Robot
+from robots.storage.files import atomic_path
 
 NAMES = ("report.json", "strip.png")
 
@@ -53,6 +63,39 @@ def test_what_gets_in_the_way_during_the_work_is_reported(tmp_path: Path):
         (scratch / "report.json").write_text("new")
         folder.write_text("meanwhile")
     assert folder.read_text() == "meanwhile"
+
+
+def test_a_file_for_which_there_is_no_room_is_named(tmp_path: Path):
+    message = pytest.raises(BadInputError, match=r"^output file .*out/strip\.png: File too large$")
+    with message, staging(tmp_path / "out", NAMES) as scratch, atomic_path(scratch / "strip.png"):
+        raise OSError(errno.EFBIG, "File too large")
+
+
+def test_pictures_for_which_there_is_no_room_do_not_take_the_report_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(*_: object, **__: object) -> None:
+        with atomic_path(tmp_path / "strip.png"):
+            raise OSError(errno.EFBIG, "File too large")
+
+    monkeypatch.setattr(plots, "save_torque", lambda *_, **__: None)
+    monkeypatch.setattr(film_strip, "save_run", fail)
+    world: Any = SimpleNamespace(robot=SimpleNamespace(control_period=0.008), model=None)
+    outcome: Any = SimpleNamespace(qpos=np.zeros((3, 7)))
+    reason = draw_run(outcome, world, Play(motion="any"), tmp_path, "title")
+    assert reason == "strip.png: File too large"
+
+
+@pytest.mark.parametrize("robot", ["", "op3"])
+def test_a_policy_of_a_robot_is_no_output_but_of_what_makes_it(op3: Robot, robot: str):
+    file = op3.folder / "policies" / "robust.onnx"
+    run = RunPolicy(policy="robust", robot=robot, origin="supine", json=str(file))
+    (problem,) = run.find_problems()
+    assert problem.startswith("--json: ")
+    assert problem.endswith("robust.onnx is a file of the robot, expected another file")
+    assert ExportRequest(folder=Path("any"), robot=robot, out=file).find_problems() == []
+    description = ExportRequest(folder=Path("any"), robot=robot, out=op3.folder / "robot.toml")
+    assert len(description.find_problems()) == 1
 
 
 def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_folders, keep
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
@@ -15,6 +16,7 @@ from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
+from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
@@ -31,6 +33,8 @@ class RetargetedMotions:
     """Motions that stand as they are."""
     rest: tuple[str, ...]
     """Motions that do not."""
+    wanting: tuple[str, ...]
+    """Of the rest, one that rises from each side from which none stands."""
     improved: BuiltMotions | None
     """Result of improving the rest; None if it was not improved."""
 
@@ -71,8 +75,27 @@ def retarget(
         known=tuple(known),
         sound=tuple(each.name for each in new if each not in rest),
         rest=tuple(each.name for each in rest),
+        wanting=_pick_wanting(rest, [each for each in wanted if each not in rest]),
         improved=build_all(robot, rest, request, monitor) if improves else None,
     )
+
+
+def _pick_wanting(rest: Sequence[Keyframes], sound: Sequence[Keyframes]) -> tuple[str, ...]:
+    """Pick a motion that rises for each side, mirrored ones alike, from which none is sound."""
+    served = {_find_side(each) for each in sound}
+    first: dict[str, str] = {}
+    for each in rest:
+        if (side := _find_side(each)) and side not in served:
+            first.setdefault(side, each.name)
+    return tuple(first.values())
+
+
+def _find_side(keyframes: Keyframes) -> str:
+    """Return from which side a motion rises, lateral for left and right; empty if from none."""
+    side = keyframes.start_class
+    if keyframes.end_class != STANDING or side not in CLASSES:
+        return ""
+    return "lateral" if side in ("left", "right") else side
 
 
 def _transfer(

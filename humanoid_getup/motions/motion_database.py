@@ -11,6 +11,7 @@ from humanoid_getup.motions.motion import STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import Retargeting, adapt
 from robots import Posture, Robot
+from robots.robot import ROBOTS_FOLDER
 
 MOTION_FOLDER = "motions"
 SAME_TARGET = 0.001  # rad; a motion whose targets are closer to their mirror image is symmetric
@@ -93,6 +94,18 @@ def load_database(robot: Robot) -> MotionDatabase:
     if not motions:
         raise ValueError(f"robot '{robot.name}' has no motions: expected .npz files in {folder}")
     return MotionDatabase(motions, PostureMetric.of(robot))
+
+
+def suggest_motions(robot: Robot) -> str:
+    """Suggest commands for a robot that has no motion from a side."""
+    option = name_robot(robot)
+    return f"getup motions build NAME {option}, or getup motions discover POLICY {option}"
+
+
+def name_robot(robot: Robot) -> str:
+    """Write the option that names a robot to a command."""
+    is_ours = robot.folder.parent == ROBOTS_FOLDER
+    return f"--robot {robot.name if is_ours else robot.folder}"
 
 
 def find_lying_down(robot: Robot) -> Motion:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
+from humanoid_getup.motions.motion_database import (
+    MOTION_FOLDER,
+    load_database,
+    name_robot,
+    suggest_motions,
+)
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.robot_check.finding import CheckFinding
 from robots import Robot
-from robots.robot import ROBOTS_FOLDER
 
 LYING = ("supine", "prone", "left", "right")
 
@@ -20,7 +24,7 @@ def check_readiness(robot: Robot) -> Iterator[CheckFinding]:
 
 
 def _check_motions(robot: Robot) -> CheckFinding:
-    retarget = f"getup motions retarget {_option(robot)} --source op3"
+    retarget = f"getup motions retarget {name_robot(robot)} --source op3 --no-improve"
     if not any((robot.folder / MOTION_FOLDER).glob("*.npz")):
         return CheckFinding.warning(
             "motions", "there are none, so no rise can be planned", retarget
@@ -36,7 +40,7 @@ def _check_motions(robot: Robot) -> CheckFinding:
         return CheckFinding.warning(
             "motions",
             f"{len(rising)} that rise, from {sides or 'no side'}; none from {', '.join(missing)}",
-            f"{retarget}, or getup motions build with keys of your own",
+            f"{retarget}; then {suggest_motions(robot)}",
         )
     text = f"{len(rising)} that rise, mirrored ones included, from {sides}"
     return CheckFinding.ok("motions", text)
@@ -49,10 +53,5 @@ def _check_policies(robot: Robot) -> CheckFinding:
     return CheckFinding.ok(
         "policies",
         "there are none; rises are planned",
-        f"getup train {_option(robot)} --recipe quick --out out/quick",
+        f"getup train {name_robot(robot)} --recipe quick --out out/quick",
     )
-
-
-def _option(robot: Robot) -> str:
-    is_ours = robot.folder.parent == ROBOTS_FOLDER
-    return f"--robot {robot.name if is_ours else robot.folder}"

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanoid_getup.experiments.starts.falls import CLASSES, classify
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database, suggest_motions
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.simulation.world import World
@@ -129,6 +130,13 @@ class PlannedRise:
             filter_s=time.perf_counter() - began - found.plan_s,
         )
 
+    def describe_gap(self, side: str | None) -> str:
+        """Say that no stored motion begins on a side, and what to do; empty if one does."""
+        if side not in CLASSES or side in {motion.start_class for motion in self.database.rising}:
+            return ""
+        robot = self.world.robot
+        return f"'{robot.name}' has no motion from {side}; next: {suggest_motions(robot)}"
+
     def _conclude(
         self, start: Posture, found: FoundRise, *, rollouts: int, searched: float, filter_s: float
     ) -> RisePlan:
@@ -162,10 +170,12 @@ class PlannedRise:
                 stand_time=float(found.rollout.outcome.stand_time),
             )
             return MotionPlan(**vars(plan), motion=motion)
+        gap = self.describe_gap(classify(start.orientation))
         if not found.rolled_out:
-            return tried
+            return replace(tried, detail=gap)
         share = found.highest / self.world.robot.standing_neck_height
         detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
+        detail = "; ".join(filter(None, [detail, gap]))
         return replace(tried, status=RiseStatus.FELL, detail=detail)
 
     def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> RisePlan:

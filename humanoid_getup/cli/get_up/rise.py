@@ -105,10 +105,14 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
 def _use_cache(command: Rise, planner: PlannedRise) -> Strategy:
     """Add the plan cache of a command to a planner; rises through key postures have none.
 
+    A planner without a motion from the side on which the robot is to lie is warned of.
+
     Raises:
         BadInputError: if the command names a folder that holds damaged entries. Those of the
             user's own folder are ignored, with a line on standard error.
     """
+    if gap := planner.describe_gap(command.origin):
+        _warn(gap)
     if not (command.plan_cache and command.filtering) or command.key:
         return planner
     cache = open_plan_cache(command.cache_folder)

@@ -56,6 +56,14 @@ def retarget(command: RetargetRequest) -> int:
         found = transfer_all(command, report)
     if found.improved is not None:
         _print_built(found.improved)
+    elif found.wanting:
+        following = BuildRequest(names=found.wanting, robot=command.robot)
+        console_for().print(
+            f"a rise needs a motion from each side; next: "
+            f"{write_command('motions build', following)}",
+            markup=False,
+            soft_wrap=True,
+        )
     return DID_IT if found.is_complete else DID_NOT_STAND
 
 

@@ -12,6 +12,8 @@ from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.search.free_rise import FreeRise
+from humanoid_getup.strategies.search.rise_search import FoundRise
 from robots import TorqueLimit
 from robots.kinematics import place
 
@@ -73,6 +75,25 @@ def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
     assert (again.rollouts, again.rounds, again.robust) == (plan.rollouts, plan.rounds, plan.robust)
     np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
     np.testing.assert_array_equal(again.motion.position, plan.motion.position)
+
+
+@pytest.mark.parametrize("rolled_out", [True, False])
+def test_a_side_without_motion_is_named_where_planning_fails(
+    world, database, monkeypatch: pytest.MonkeyPatch, *, rolled_out: bool
+):
+    prone = [motion for motion in database.rising if motion.start_class == "prone"]
+    planner = PlannedRise(world, MotionDatabase(prone, PostureMetric.of(world.robot)))
+    found = FoundRise(rolled_out=rolled_out)
+    monkeypatch.setattr(FreeRise, "search", lambda *_: found)
+    starts = {"supine": (0.7, 0.0, -0.7, 0.0), "prone": (0.7, 0.0, 0.7, 0.0)}
+    posture = replace(world.robot.standing, position=np.array([0.0, 0.0, 0.1]))
+    for side, orientation in starts.items():
+        start = replace(posture, orientation=np.array(orientation) / np.linalg.norm(orientation))
+        reason = planner.plan(start, np.random.default_rng(0)).reason
+        assert ("has no motion from supine; next: getup motions build" in reason) == (
+            side == "supine"
+        )
+    assert planner.describe_gap(None) == planner.describe_gap("fall.json") == ""
 
 
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):

@@ -7,6 +7,7 @@ from authored import load_robot_keyframes
 from model_files import write_model
 from run_getup import Run
 
+from humanoid_getup.jobs import retarget_motions
 from humanoid_getup.motions.motion import Motion
 from robots import Robot, load_robot
 from robots.model_import.importer import ImportOptions, import_model
@@ -38,6 +39,19 @@ def test_a_motion_that_stands_is_kept_once(run: Run, gnome: Path):
     assert "kept as they are: squat_to_stand" in out
     assert "0 of 0" not in out
     assert file.read_bytes() == before
+
+
+def test_a_motion_for_each_side_without_one_can_be_built_next(
+    run: Run, gnome: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sound = ("squat_to_stand", "supine_roll_over")
+    monkeypatch.setattr(
+        retarget_motions, "_keep_if_sound", lambda _robot, keyframes, *_: keyframes.name in sound
+    )
+    names = (*sound, "prone_push_up_gentle", "prone_push_up_fast", "supine_long_sit")
+    code, out, _ = run("motions", "retarget", *names, "--robot", str(gnome), "--no-improve")
+    assert code == 1
+    assert out.endswith(f"; next: getup motions build prone_push_up_gentle --robot {gnome}\n")
 
 
 def test_a_robot_is_not_retargeted_to_itself(run: Run):

@@ -1,0 +1,27 @@
+"""`getup rise`: what it says before it plans."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from run_getup import Run
+
+from humanoid_getup.cli.get_up import rise
+from robots import Robot
+
+
+@pytest.mark.parametrize("side", ["supine", "prone"])
+def test_a_side_without_motion_is_warned_of_at_the_beginning(
+    run: Run, op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, side: str
+):
+    mini = tmp_path / "mini"
+    shutil.copytree(op3.folder, mini, ignore=shutil.ignore_patterns("policies", "motions"))
+    (mini / "motions").mkdir()
+    shutil.copy(op3.folder / "motions" / "prone_push_up_fast.npz", mini / "motions")
+    monkeypatch.setattr(rise, "_get_up", lambda *_, **__: 0)
+    code, _, error = run("rise", "--from", side, "--robot", str(mini), "--no-plan-cache")
+    warning = (
+        f"getup: 'op3' has no motion from {side}; next: getup motions build NAME --robot {mini}, "
+        f"or getup motions discover POLICY --robot {mini}\n"
+    )
+    assert (code, error) == (0, warning if side == "supine" else "")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import atexit
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import MutableMapping
 from pathlib import Path
 
@@ -40,6 +37,10 @@ def keep_matplotlib_out_of_home() -> None:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache", "matplotlib")
     if any(folder.exists() for folder in (config, cache, home / ".matplotlib")):
         return
+    import atexit  # take time before a program handles signals
+    import shutil
+    import tempfile
+
     folder = tempfile.mkdtemp(prefix="getup-matplotlib-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ[MATPLOTLIB_FOLDER] = folder

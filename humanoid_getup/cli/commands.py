@@ -262,11 +262,10 @@ class Invocation:
     name: str
     options: JobRequest
 
-    def run(self) -> int:
-        """Import the function of the command, call it, and return the exit code."""
+    def load(self) -> Callable[[], int]:
+        """Import the function of the command, which returns the exit code."""
         with phase("loading"):
-            work = load_work(self.name)
-        return work(self.options)
+            return partial(load_work(self.name), self.options)
 
 
 def parse(arguments: Sequence[str]) -> Invocation:

@@ -29,7 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.reconfigure(errors="backslashreplace")
         from humanoid_getup.cli.commands import parse  # takes time: signals are handled before
 
-        code = parse(sys.argv[1:] if arguments is None else arguments).run()
+        work = parse(sys.argv[1:] if arguments is None else arguments).load()
+        if _interrupted.is_set():  # Python's locks of imports swallow what interrupts them
+            raise KeyboardInterrupt
+        code = work()
         if sys.stdout is not None:  # None if the shell closed it
             sys.stdout.flush()
         return code

@@ -1,8 +1,10 @@
 """No program writes outside what was named, and none sends anything."""
 
+import atexit
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -92,8 +94,8 @@ def test_matplotlib_gets_another_folder_if_the_home_has_none_of_it(
     (home / existing).mkdir(parents=True)
     other.mkdir()
     monkeypatch.delitem(sys.modules, "matplotlib", raising=False)
-    monkeypatch.setattr(library_environment.tempfile, "mkdtemp", lambda **_: str(other))
-    monkeypatch.setattr(library_environment.atexit, "register", lambda *_, **__: None)
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda **_: str(other))
+    monkeypatch.setattr(atexit, "register", lambda *_, **__: None)
     monkeypatch.setenv("HOME", str(home))
     for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", MATPLOTLIB_FOLDER):
         monkeypatch.delenv(name, raising=False)

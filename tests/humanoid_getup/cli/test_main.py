@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from subprocess import PIPE
@@ -22,6 +22,7 @@ from humanoid_getup.cli import commands
 from humanoid_getup.cli.commands import COMMANDS, load_work
 from humanoid_getup.cli.main import SIGNALS, main
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
@@ -211,6 +212,19 @@ def test_what_a_library_makes_of_an_interrupt_is_one(
 
     monkeypatch.setattr(commands, "parse", fail)
     assert run("robots") == (code, "", f"getup: {line}\n")
+
+
+@pytest.mark.usefixtures("own_signals")
+def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+):
+    def load(_: str) -> Callable[[JobRequest], int]:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return lambda _: 0
+
+    monkeypatch.setattr(commands, "load_work", load)
+    assert run("robots") == (130, "", "getup: interrupted\n")
 
 
 @pytest.mark.parametrize("command", ["robots", "motions list"])

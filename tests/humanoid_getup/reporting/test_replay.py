@@ -194,7 +194,7 @@ def parse(*arguments: object) -> commands.Invocation:
 
 def test_the_command_tells_that_the_twin_did_the_same(swing, tmp_path, capsys):
     out = tmp_path / "out"
-    code = parse(swing, "--robot", TINY, "--out", out, "--json", tmp_path / "figures.json").run()
+    code = parse(swing, "--robot", TINY, "--out", out, "--json", tmp_path / "figures.json").load()()
     assert code == 0
     assert "the twin moved exactly as logged" in capsys.readouterr().out
     assert sorted(path.name for path in out.iterdir()) == [
@@ -232,7 +232,7 @@ def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, ca
     assert log.fault.endswith(
         "File too large, recording stopped; at least its first 50 cycles can be replayed"
     )
-    assert parse(path, "--robot", TINY).run() == 0
+    assert parse(path, "--robot", TINY).load()() == 0
     message = " ".join(capsys.readouterr().out.split())
     assert "the twin moved exactly as logged" in message
     assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
@@ -242,7 +242,7 @@ def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurem
     op3, tmp_path, capsys
 ):
     record_swing(tmp_path / "f.mcap", op3, twin_of(op3), None)
-    assert parse(tmp_path / "f.mcap", "--json", "-").run() == 0
+    assert parse(tmp_path / "f.mcap", "--json", "-").load()() == 0
     message = capsys.readouterr()
     figures = json.loads(message.out)
     assert (figures["start"], figures["exact"]) == ("estimated", False)
@@ -256,7 +256,7 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_pa
         return replace(cycle, state=replace(cycle.state, joint_pos=angles))
 
     record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, blind)
-    assert parse(tmp_path / "f", "--robot", TINY, "--out", tmp_path / "out").run() == 0
+    assert parse(tmp_path / "f", "--robot", TINY, "--out", tmp_path / "out").load()() == 0
     assert "no joint and no tilt differed" in capsys.readouterr().out
     assert json.loads((tmp_path / "out" / "replay.json").read_text())["exact"] is False
 
@@ -278,6 +278,6 @@ def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_pa
 def test_the_command_refuses_what_it_cannot_use_in_one_line(swing, arguments, message):
     words = [str(word).replace("LOG", str(swing)) for word in arguments]
     with pytest.raises(BadInputError) as error:
-        parse(*words).run()
+        parse(*words).load()()
     assert message in str(error.value)
     assert "\n" not in str(error.value)

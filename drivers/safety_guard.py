@@ -10,6 +10,7 @@ import numpy as np
 from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
 from drivers.state import Command, HardwareError, State, find_command_problems
+from robots.arguments import expect
 from robots.quaternion import Array
 from robots.servo import VOLTAGE_ROUNDING, LimitMode
 
@@ -65,6 +66,7 @@ class SafetyGuard(Backend):
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
+        expect("backend", backend, Backend, "a backend, e.g. Twin(world)")
         self.backend = backend
         self.robot, self.period = backend.robot, backend.period
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
+from robots.arguments import expect
 from robots.storage.validation import shown
 
 MIN_FACTOR, MAX_FACTOR = 0.25, 4.0
@@ -32,6 +33,7 @@ class Body:
 
     def __post_init__(self) -> None:
         for part, factor in self:
+            expect(f"body: {part}", factor, int | float, "a factor")
             if not MIN_FACTOR <= factor <= MAX_FACTOR:
                 raise BodyError(
                     f"body: {part} is {factor:g}, expected a factor from {MIN_FACTOR:g} to "

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import get_args
 
+from robots.arguments import expect
 from robots.robot import Robot
 from robots.servo import PWM_FULL_SCALE, LimitMode
 
@@ -25,7 +26,7 @@ class TorqueLimit:
     def __post_init__(self) -> None:
         is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
         if self.value is not None and not is_number:
-            raise TypeError(f"torque limit is {self.value!r}, expected a number in N·m")
+            raise ValueError(f"torque limit is {self.value!r}, expected a number in N·m")
         if self.by not in (None, *get_args(LimitMode)):
             expected = ", ".join(map(repr, get_args(LimitMode)))
             raise ValueError(f"torque limit is by {self.by!r}, expected one of {expected}")
@@ -72,11 +73,10 @@ def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
     """Return a torque limit with the mode in which a robot's servos apply it.
 
     Raises:
-        TypeError: if it is anything else, such as a number.
-        ValueError: if the servos do not have its mode or its torque.
+        ValueError: if it is anything else, such as a number, or if the servos do not have its mode
+            or its torque.
     """
-    if not isinstance(limit, TorqueLimit):
-        raise TypeError(f"torque_limit is {limit!r}, expected e.g. TorqueLimit(2.5)")
+    expect("torque_limit", limit, TorqueLimit, "a TorqueLimit, e.g. TorqueLimit(2.5)")
     return limit.on(robot)
 
 

@@ -26,6 +26,7 @@ from drivers.dynamixel.startup import (
     configure_servos,
     diagnose_robot,
     measure_once,
+    name_devices,
 )
 from drivers.errors import NotConnectedError, SetupError
 from drivers.imu.fusion import ImuFusion
@@ -80,7 +81,7 @@ class DynamixelBackend(Backend):
     def __init__(
         self,
         robot: Robot,
-        ports: Mapping[str, str],
+        ports: Mapping[str, str] | str,
         *,
         clock: Clock | None = None,
         limit_by: LimitMode | None = None,
@@ -93,7 +94,7 @@ class DynamixelBackend(Backend):
         Args:
             robot: Robot on the buses, calibrated.
             ports: Device of each port, by its name in the robot's description; ``imu`` for an
-                IMU on another serial port than described.
+                IMU on another serial port than described. Of a robot with one port, its device.
             clock: Clock of the measurements; ``None`` for wall time. With simulated time (a
                 virtual bus in lock-step) no cycle has a deadline.
             limit_by: What torque limits act on: the current, in current-based position mode, or
@@ -106,7 +107,9 @@ class DynamixelBackend(Backend):
         Raises:
             SetupError: if the robot has no bus, no IMU (or, without it, has one), or other ports,
                 or if its servos do not limit torque like that.
+            ValueError: if robot or ports are of another type.
         """
+        ports = name_devices(robot, ports)
         self.robot, self._bus_settings = robot, check_description(robot, ports, without_imu)
         options = options or DriverOptions()
         self.period = robot.control_period if options.period is None else options.period

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from drivers.errors import NoBusError, SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
 from robots import BusSettings, Joint, Robot
+from robots.arguments import expect
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode
 from robots.torque_limit import check_mode
@@ -37,6 +39,21 @@ BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
 # frames around them, and the background read with its replies.
 SERVO_BYTES, CYCLE_BYTES = 26, 94
 FIRST_READS = 10  # tries to read a first value of every joint
+
+
+def name_devices(robot: Robot, ports: Mapping[str, str] | str) -> Mapping[str, str]:
+    """Return the device of each port by its name, where that of the only one may be given alone.
+
+    Raises:
+        ValueError: if arguments are of another type, or one device is given for several ports.
+    """
+    expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
+    names = list(robot.bus.ports) if robot.bus else []
+    if isinstance(ports, str) and len(names) == 1:
+        return {names[0]: ports}
+    example = ", ".join(f"'{name}': '/dev/ttyUSB{i}'" for i, name in enumerate(names))
+    expect("ports", ports, Mapping, f"a device by the name of its port, e.g. {{{example}}}")
+    return cast("Mapping[str, str]", ports)
 
 
 def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool) -> BusSettings:

@@ -12,6 +12,7 @@ from drivers.state import Command, State, check_command
 from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, quantize
 from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
 from robots import Posture, Robot
+from robots.arguments import expect
 from robots.drive import limit_servos
 from robots.servo import LimitMode
 
@@ -43,7 +44,10 @@ class Twin(Backend):
 
         Raises:
             NoImuError: if the robot has no IMU and should measure with it.
+            ValueError: if world or start are of another type.
         """
+        expect("world", world, Robot | CompiledWorld, "a Robot or a World, e.g. World(robot)")
+        expect("start", start, Posture | None, "a Posture, e.g. fall.posture")
         self.simulation = Simulation(world, voltage=voltage, options=options)
         self.robot, self.period = self.simulation.robot, self.simulation.period
         self.model, self.data = self.simulation.model, self.simulation.data

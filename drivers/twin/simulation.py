@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -41,6 +41,7 @@ class SimulationOptions:
     """Source of the noise; None for one of a fixed seed."""
 
 
+@runtime_checkable
 class CompiledWorld(Protocol):
     """A robot compiled into its surroundings."""
 

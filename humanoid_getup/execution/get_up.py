@@ -11,6 +11,7 @@ from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions, Then
 from humanoid_getup.strategies.plan import Strategy
+from robots.arguments import expect, expect_seed
 
 
 def get_up(
@@ -40,13 +41,16 @@ def get_up(
         options: Further choices, and functions to be called with phases and cycles.
 
     Raises:
-        TypeError: if the strategy is not a strategy, but the name of one, for example.
-        ValueError: if the strategy is for another robot, or if the robot has no motion to lie
-            down with, as ``"hold"`` and ``"sit"`` need it.
+        ValueError: if an argument is of another type, if the strategy is for another robot, or if
+            the robot has no motion to lie down with, as ``"hold"`` and ``"sit"`` need it.
         KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
     """
-    if not isinstance(strategy, Strategy):
-        raise TypeError(f"strategy is {strategy!r}, expected e.g. PlannedRise(world)")
+    expect("backend", backend, Backend, "a backend, e.g. Twin(world, fall.posture)")
+    expect("strategy", strategy, Strategy, "a strategy, e.g. PlannedRise(world)")
+    expect("options", options, SessionOptions | None, "e.g. SessionOptions(balance=False)")
+    expect("max_attempts", max_attempts, int, "a whole number, 1 or more")
+    if not isinstance(seed, np.random.Generator):
+        expect_seed(seed)
     world, robot = strategy.world, backend.robot
     if world.robot.joint_names != robot.joint_names:
         raise ValueError(

@@ -10,6 +10,7 @@ from humanoid_getup.execution.session import Session, SessionOptions, Then
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
+from robots.arguments import expect
 
 
 def keep_stand(
@@ -32,8 +33,12 @@ def keep_stand(
         options: Further choices, and functions to be called with phases and cycles.
 
     Raises:
-        ValueError: if the robot has no motion to lie down with and should.
+        ValueError: if an argument is of another type, or if the robot has no motion to lie down
+            with and should.
         KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
     """
+    expect("backend", backend, Backend, "a backend, e.g. Twin(world)")
+    expect("world", world, World, "a World, e.g. World(robot)")
+    expect("options", options, SessionOptions | None, "e.g. SessionOptions(balance=False)")
     options = replace(options or SessionOptions(), then=then)
     return StandKeeper(Session.on(backend, world, torque_limit, options)).start()

@@ -37,7 +37,7 @@ from humanoid_getup.jobs.requests.bench import (
     BenchSit,
     BenchSoak,
 )
-from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions
+from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions, accept_kind
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
@@ -62,7 +62,7 @@ def benchmark(
     if isinstance(request, BenchAll):
         result = measure_robot(request, report, cancel)
     else:
-        request.check()
+        accept_kind(request, BenchAll, *BENCHMARKS).check()
         monitor = ProgressMonitor(report, cancel)
         monitor.begin("loading")
         run = next(run for kind, run in BENCHMARKS.items() if isinstance(request, kind))

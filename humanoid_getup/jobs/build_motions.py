@@ -64,7 +64,7 @@ def build_motions(
         BadInputError: if there are no such keyframes, or the folder cannot be written.
         CancelledError: if ``cancel`` ended it; motions that were ready are kept.
     """
-    request.check()
+    BuildRequest.accept(request)
     robot = load_robot(request)
     check_folders(robot)
     return build_all(

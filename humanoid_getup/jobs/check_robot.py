@@ -40,7 +40,7 @@ def check_robot(
         BadInputError: if the description does not load.
         CancelledError: if ``cancel`` ended it before.
     """
-    request.check()
+    CheckRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     try:
         robot = load_robot(request.robot)

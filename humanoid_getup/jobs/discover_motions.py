@@ -30,7 +30,7 @@ def discover(
         BadInputError: if the policy follows style curves, or its motions are there already.
         CancelledError: if ``cancel`` ended it; motions of the sides that were finished are kept.
     """
-    request.check()
+    DiscoverRequest.accept(request)
     request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
     robot = load_robot(request)
     policy = load_policy(robot, request.policy, None)

@@ -81,7 +81,7 @@ def evaluate(
         BadInputError: if the policy, a scene, a style or falls cannot be used.
         CancelledError: if ``cancel`` ended it.
     """
-    request.check()
+    EvaluateRequest.accept(request)
     request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
     names = _find_scenes(request)
     monitor.begin("loading")

@@ -34,7 +34,7 @@ def extract_style(
         BadInputError: if the source cannot be used.
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
-    request.check()
+    ExtractRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading")
     with refusing():

@@ -21,7 +21,7 @@ def import_clip(
         BadInputError: if the clip cannot be used.
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
-    request.check()
+    ClipRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading")
     with refusing():

@@ -46,7 +46,7 @@ def import_keys(
         BadInputError: if the file cannot be used.
         CancelledError: if ``cancel`` ended it; then no key is added.
     """
-    request.check()
+    ImportKeysRequest.accept(request)
     robot = load_robot(request)
     path = find_target(request, robot)
     with refusing():

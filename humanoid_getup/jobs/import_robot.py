@@ -44,7 +44,7 @@ def import_robot(
         BadInputError: if there is no robot in the file, or the folder cannot be written.
         CancelledError: if ``cancel`` ended it before.
     """
-    request.check()
+    ImportRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     options = ImportOptions(
         name=request.robot_name,

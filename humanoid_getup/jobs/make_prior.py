@@ -31,7 +31,7 @@ def make_prior(
         BadInputError: if a policy or file cannot be used, or torch is missing.
         CancelledError: if ``cancel`` ended it; rises that were planned are kept.
     """
-    request.check()
+    PriorRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):

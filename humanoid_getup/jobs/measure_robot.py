@@ -72,7 +72,7 @@ def measure_robot(
         BadInputError: if robot or folder cannot be used, or finished parts are of another one.
         CancelledError: if ``cancel`` ended it; the parts that were finished are kept.
     """
-    request.check()
+    BenchAll.accept(request)
     monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading")
     with refusing():

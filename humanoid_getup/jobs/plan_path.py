@@ -54,7 +54,7 @@ def plan(
         BadInputError: if robot, scene, start or a posture cannot be used.
         CancelledError: if ``cancel`` ended it.
     """
-    request.check()
+    PlanRequest.accept(request)
     monitor, rng = ProgressMonitor(report, cancel), np.random.default_rng(request.seed)
     monitor.begin("loading")
     world = load_world(request)

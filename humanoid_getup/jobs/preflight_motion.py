@@ -113,7 +113,7 @@ def preflight(
         BadInputError: if robot, scene or motion cannot be used.
         CancelledError: if ``cancel`` ended it.
     """
-    request.check()
+    PreflightRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading")
     world = load_world(request)

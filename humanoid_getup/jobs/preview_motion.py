@@ -37,7 +37,7 @@ def preview(
         BadInputError: if there are no such keys, or the picture cannot be written.
         CancelledError: if ``cancel`` ended it; then nothing is drawn.
     """
-    request.check()
+    PreviewRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     (keyframes,) = find_keyframes(robot, [request.name], request.keyframes)
     picture, undrawn = request.picture or Path(f"{keyframes.name}.png"), ""

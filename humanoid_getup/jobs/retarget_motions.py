@@ -55,7 +55,7 @@ def retarget(
         BadInputError: if a robot or its keyframes are missing, or its folder cannot be written.
         CancelledError: if ``cancel`` ended it; keys and motions that were ready are kept.
     """
-    request.check()
+    RetargetRequest.accept(request)
     monitor, robot = ProgressMonitor(report, cancel), load_robot(request)
     with refusing():
         source = load(request.source)

@@ -63,7 +63,7 @@ def show_scenes(
         BadInputError: if robot or scene cannot be used, or nothing can be drawn.
         CancelledError: if ``cancel`` ended it; then nothing is drawn.
     """
-    request.check()
+    ScenesRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     with refusing():
         robot = load_robot(request)

@@ -84,7 +84,7 @@ def list_styles(
         BadInputError: if the robot cannot be used.
         CancelledError: if ``cancel`` ended it.
     """
-    request.check()
+    ListStylesRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     return _describe(robot, _load(list_names(), robot, monitor))
 
@@ -98,7 +98,7 @@ def show_styles(
         BadInputError: if a style cannot be used, or the picture not be written.
         CancelledError: if ``cancel`` ended it; then nothing is drawn.
     """
-    request.check()
+    ShowStylesRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     styles = _load(request.styles, robot, monitor)
     if request.picture is not None:
@@ -117,7 +117,7 @@ def edit_style(
         BadInputError: if the style cannot be used or edited so.
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
-    request.check()
+    EditStyleRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     (style,) = _load([request.style], robot, monitor)
     with refusing():

@@ -55,7 +55,7 @@ def train(
         BadInputError: if the folder, a parent or a prior cannot be used, or torch is missing.
         CancelledError: if ``cancel`` ended it; the last checkpoint is kept.
     """
-    request.check()
+    TrainRequest.accept(request)
     parent, prior = request.parent, request.prior
     if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
         raise BadInputError(
@@ -105,7 +105,7 @@ def export(
         BadInputError: if the folder is of no training, or torch is missing.
         CancelledError: if ``cancel`` ended it; then nothing is written.
     """
-    request.check()
+    ExportRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):

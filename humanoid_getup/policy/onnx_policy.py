@@ -25,8 +25,10 @@ from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_errors import FollowedStyle
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
+from robots.arguments import expect
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
+from robots.storage.files import describe
 
 SUFFIX = ".onnx"
 LONGEST = 12.0  # s; includes further tries of the policy itself
@@ -107,15 +109,17 @@ class OnnxPolicy:
         named ones, as `Style.choose` does.
 
         Raises:
-            OSError: if the file cannot be read.
-            PolicyError: naming every mismatch.
+            PolicyError: if the file cannot be read, or naming every mismatch.
+            ValueError: if an argument is of another type.
         """
+        expect("file", file, str | Path, f"an {SUFFIX} file")
+        expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
         file = Path(file)
         try:
             network = OnnxNetwork(file)
             contract = PolicyContract.from_json(network.contract)
-        except (NetworkError, ContractError) as error:
-            raise PolicyError(file, [str(error)]) from error
+        except (NetworkError, ContractError, OSError) as error:
+            raise PolicyError(file, [describe(error)]) from error
         period = period or robot.control_period
         problems = contract.find_mismatches(robot, period)
         memory = contract.style.memory if contract.style else None

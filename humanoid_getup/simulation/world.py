@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from functools import cached_property
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
 from robots import Robot
+from robots.arguments import expect
 from robots.ground import GROUND
 from robots.quaternion import Array
 
@@ -26,15 +28,21 @@ class World:
     """
 
     def __init__(
-        self, robot: Robot, scene: Scene | str = "flat", *, model: mujoco.MjModel | None = None
+        self,
+        robot: Robot,
+        scene: Scene | str | Path = "flat",
+        *,
+        model: mujoco.MjModel | None = None,
     ) -> None:
         """Compile a robot in a scene, unless ``model`` is given, with other sensors or options.
 
         Raises:
-            ValueError: if there is no scene of that name.
+            ValueError: if there is no scene of that name, or an argument is of another type.
         """
+        expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
+        expect("scene", scene, Scene | str | Path, "a name, a .toml file or a Scene")
         self.robot = robot
-        self.scene = load_scene(scene, robot) if isinstance(scene, str) else scene
+        self.scene = scene if isinstance(scene, Scene) else load_scene(str(scene), robot)
         self.model = model = _compile(robot, self.scene) if model is None else model
         self.is_world_geom = model.body_weldid[model.geom_bodyid] == 0
         """Whether each geom belongs to the scene, (ngeom,)."""

@@ -18,6 +18,7 @@ from humanoid_getup.strategies.plan_figures import PlanFigures
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_style
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.arguments import expect
 from robots.torque_limit import check_torque_limit
 
 
@@ -82,6 +83,7 @@ class LearnedRise:
             ValueError: if the policy is unknown, does not fit the robot, or was loaded with
                 another torque limit.
         """
+        expect("world", world, World, "a World, e.g. World(robot)")
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         if not isinstance(policy, OnnxPolicy):
             file, robot = find_policy(world.robot, str(policy)), world.robot

@@ -24,6 +24,7 @@ from humanoid_getup.strategies.search.free_rise import FreeRise
 from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.arguments import expect
 from robots.torque_limit import check_torque_limit
 
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
@@ -80,6 +81,8 @@ class PlannedRise:
             ValueError: if the preference is unknown, the budget out of range, or the robot cannot
                 be in a key posture.
         """
+        expect("world", world, World, "a World, e.g. World(robot)")
+        expect("search_budget", search_budget, int | float, "a number of seconds")
         if not 0.0 < search_budget <= MOST_BUDGET:
             raise ValueError(
                 f"search_budget is {search_budget} s, expected above 0 s, at most {MOST_BUDGET:g} s"

@@ -11,6 +11,7 @@ from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, 
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, TorqueLimit
+from robots.arguments import expect
 from robots.torque_limit import check_torque_limit
 
 
@@ -32,6 +33,7 @@ class StoredMotion:
         Raises:
             ValueError: if the motion is unknown, another robot's, or no rise.
         """
+        expect("world", world, World, "a World, e.g. World(robot)")
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         is_loaded = isinstance(motion, Motion)
         self.motion = motion if is_loaded else find_motion(world.robot, str(motion))

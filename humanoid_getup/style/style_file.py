@@ -14,6 +14,7 @@ from msgspec import Meta
 from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.style import Style
 from robots import Robot
+from robots.arguments import expect
 from robots.body.lengths import leg_length
 from robots.quaternion import Array
 from robots.storage.files import readable, write_atomically
@@ -66,14 +67,18 @@ def list_styles() -> list[str]:
     return sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))
 
 
-def load_style(name: str, robot: Robot) -> Style:
+def load_style(name: str | Path, robot: Robot) -> Style:
     """Load a style by name, or from a TOML file, with durations for a robot.
 
     Durations of bodies that move alike grow with the square root of the length of their legs.
 
     Raises:
         StyleError: if there is no such style, or its file is wrong.
+        ValueError: if an argument is of another type.
     """
+    expect("style", name, str | Path, f"a name or a {SUFFIX} file")
+    expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
+    name = str(name)
     if name.endswith(SUFFIX):
         return read_style(Path(name), robot)
     if name not in list_styles():

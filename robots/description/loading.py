@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robots.arguments import expect
 from robots.description.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.description.model_checks import find_model_problems
 from robots.description.schema import JointRow, RobotTable, read_description
@@ -36,7 +37,10 @@ def load_robot(name_or_folder: str | Path, body: Body = ORIGINAL) -> Robot:
     Raises:
         RobotError: if there is no such robot, or naming all that is wrong in its description.
         BodyError: if the robot cannot have that body.
+        ValueError: if an argument is of another type.
     """
+    expect("robot", name_or_folder, str | Path, "a name or a folder")
+    expect("body", body, Body, "a Body, e.g. Body(arms=1.6)")
     robot = _load_original(name_or_folder)
     return robot if body.is_original else reshape(robot, body)
 

@@ -20,6 +20,7 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
+from robots.arguments import expect, expect_seed
 from robots.kinematics import lowest_point, place, read_posture
 from robots.posture import MAX_DISTANCE
 from robots.quaternion import Array
@@ -65,11 +66,13 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
     """Drop limp robots with random joints until one comes to lie in a class.
 
     Raises:
-        ValueError: if there is no such class.
+        ValueError: if there is no such class, or an argument is of another type.
         FallError: if the class does not occur.
     """
+    expect("world", world, World, "a World, e.g. World(robot)")
     if start_class not in CLASSES:
         raise ValueError(f"start class is '{start_class}', expected {', '.join(CLASSES)}")
+    expect_seed(seed)
     return sample_falls(world, {start_class: 1}, np.random.default_rng(seed))[0]
 
 

@@ -6,10 +6,10 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
-from humanoid_getup.jobs.requests.values import list_notes, name_option
+from humanoid_getup.jobs.requests.values import hints_of, list_notes, name_option
 
 STANDARD_OUTPUT = "-"
 ROBOT_FILES = (
@@ -107,7 +107,7 @@ def _list_robot_files(name: str) -> Iterator[_Input]:
 
 def _list_marked(request: Any, kind: type) -> Iterator[tuple[str, Any, Any]]:
     """Yield option, value and mark of each field that has one of a kind and a value."""
-    hints = get_type_hints(type(request), include_extras=True)
+    hints = hints_of(type(request))
     for field in fields(request):
         mark = next((each for each in list_notes(hints[field.name]) if type(each) is kind), None)
         value = getattr(request, field.name)

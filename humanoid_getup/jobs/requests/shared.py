@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.files import READ, ROBOT, find_output_problems
-from humanoid_getup.jobs.requests.values import Items, at_least, between, find_value_problems
+from humanoid_getup.jobs.requests.values import (
+    Items,
+    at_least,
+    between,
+    convert_value,
+    find_value_problems,
+    hints_of,
+    name_choices,
+)
 
 MOST_SEED = 2**63 - 1  # that files keep exactly
 MOST_JOBS = 256
@@ -56,6 +64,21 @@ TorqueLimitValue = Annotated[
 class JobRequest:
     """Base of all requests."""
 
+    def __post_init__(self) -> None:
+        """Convert texts to paths, paths to texts and lists to tuples, as the fields' types say."""
+        hints = hints_of(type(self))
+        for name in (field.name for field in fields(self)):
+            object.__setattr__(self, name, convert_value(getattr(self, name), hints[name]))
+
+    @classmethod
+    def accept(cls, request: object) -> None:
+        """Refuse what is no request of this kind, and what cannot be done.
+
+        Raises:
+            BadInputError: naming every field whose value does not fit.
+        """
+        accept_kind(request, cls).check()
+
     def find_problems(self) -> list[str]:
         """Report all problems beyond the type and range of single values."""
         return find_output_problems(self)
@@ -68,6 +91,19 @@ class JobRequest:
         """
         if problems := find_value_problems(self) or self.find_problems():
             raise BadInputError("; ".join(problems))
+
+
+def accept_kind(request: object, *kinds: type[JobRequest]) -> JobRequest:
+    """Return a request of one of several kinds.
+
+    Raises:
+        BadInputError: if it is none.
+    """
+    if isinstance(request, kinds):
+        return request
+    given = f"a {type(request).__name__}" if isinstance(request, JobRequest) else repr(request)
+    expected = name_choices([kind.__name__ for kind in kinds])
+    raise BadInputError(f"request is {given}, expected a {expected}")
 
 
 A_POLICY = "a policy is made for the original body"

@@ -5,8 +5,11 @@ Problems name fields as the command line does: `--torque-limit`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -14,6 +17,15 @@ from tyro.conf import Positional
 
 MOST = 1_000_000
 """Largest count."""
+MOST_SHOWN = 100  # characters of a value
+KINDS = {
+    int: "a whole number",
+    float: "a number",
+    bool: "True or False",
+    Path: "a file or folder",
+    str: "a text",
+}
+"""What is expected, by type."""
 
 
 @dataclass(frozen=True)
@@ -67,21 +79,44 @@ def name_choices(names: Sequence[str]) -> str:
 
 
 def find_value_problems(options: Any) -> list[str]:
-    """Report every field of a dataclass whose value does not fit its type and range."""
-    hints = get_type_hints(type(options), include_extras=True)
+    """Report every field of a dataclass whose value does not fit its type and range.
+
+    A positional one of a wrong type, which no command line gives, is reported by its field's name.
+    """
     problems = []
     for field in fields(options):
-        value, hint = getattr(options, field.name), hints[field.name]
-        problem = _find_problem(value, hint) or _find_list_problem(value, hint, field.default)
-        if problem:
-            problems.append(f"{name_option(field.name, hint)} {problem}")
+        value, hint = getattr(options, field.name), hints_of(type(options))[field.name]
+        owner = name_option(field.name, hint)
+        problem = _find_problem(value, hint)
+        if problem and not owner.startswith("--"):
+            owner = field.name
+        if problem := problem or _find_list_problem(value, hint, field.default):
+            problems.append(f"{owner} {problem}")
     return problems
 
 
 def list_options(request: type) -> list[str]:
     """List the options of a request as the command line names them."""
-    hints = get_type_hints(request, include_extras=True)
+    hints = hints_of(request)
     return [name_option(field.name, hints[field.name]) for field in fields(request)]
+
+
+@cache
+def hints_of(request: type) -> Mapping[str, Any]:
+    """Return the types of a request's fields, with their annotations."""
+    return get_type_hints(request, include_extras=True)
+
+
+def convert_value(value: Any, hint: Any) -> Any:
+    """Convert a text to a path or a path to a text, as expected, and a list to a tuple."""
+    kinds, _ = split_hint(hint)
+    if isinstance(value, str) and Path in kinds:
+        return Path(value)
+    if isinstance(value, Path) and str in kinds:
+        return str(value)
+    if isinstance(value, list | tuple) and (items := find_items(kinds)):
+        return tuple(convert_value(item, items[0]) for item in value)
+    return value
 
 
 def name_option(name: str, hint: Any) -> str:
@@ -108,21 +143,44 @@ def list_notes(hint: Any) -> Iterator[Any]:
 
 def _find_problem(value: Any, hint: Any) -> str | None:
     """Describe a wrong value and what is expected; ``None`` if the value fits."""
-    kinds, limits = split_hint(hint)
-    if value is None:
+    kinds, limits = split_hint(hint, keep_none=True)
+    is_number = not isinstance(value, bool) and isinstance(value, int | float)
+    if is_number and limits and value not in limits:
+        return f"is {limits.format(value)}, expected {limits}"
+    is_nan = isinstance(value, float) and math.isnan(value)
+    if not is_nan and any(_fits(value, kind) for kind in kinds):
         return None
-    if (items := find_items(kinds)) and isinstance(value, str):
-        return f"is '{value}', expected {_describe_items(items)} with commas between them"
+    number = f", {limits}" if limits else ""
+    return f"is {_show(value)}, expected {_describe(kinds - {NoneType}, value)}{number}"
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Return whether a value is of a type: an int is a float as well, a bool is no number."""
+    if items := get_args(kind):
+        if get_origin(kind) is Literal:
+            return value in items
+        if not isinstance(value, tuple):
+            return False
+        expected = items[:1] * len(value) if items[-1] is ... else items
+        return len(value) == len(expected) and all(map(_fits, value, expected))
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, int | float if kind is float else kind)
+
+
+def _show(value: Any) -> str:
+    """Write any value in one line."""
+    line = f"'{value}'" if isinstance(value, str | Path) else " ".join(repr(value).split())
+    return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
+
+
+def _describe(kinds: set[Any], value: Any) -> str:
+    """Describe what is expected instead of a value."""
     if choices := list_choices(kinds):
-        return None if value in choices else f"is {value!r}, expected {name_choices(choices)}"
-    if kinds not in ({int}, {float}):
-        return None
-    if not isinstance(value, int | float):
-        number = "a whole number" if kinds == {int} else "a number"
-        return f"is {value!r}, expected {number}" + (f", {limits}" if limits else "")
-    if limits is None or value in limits:
-        return None
-    return f"is {limits.format(value)}, expected {limits}"
+        return name_choices(choices)
+    if items := find_items(kinds):
+        return _describe_items(items, value)
+    return next(name for kind, name in KINDS.items() if kind in kinds)
 
 
 def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
@@ -143,14 +201,18 @@ def _find_list_problem(value: Any, hint: Any, default: Any) -> str | None:
     return f"has '{twice}' twice, expected each once"
 
 
-def split_hint(hint: Any) -> tuple[set[Any], Range | None]:
-    """Split a field's type into the types of its values without `None`, and their range."""
+def split_hint(hint: Any, *, keep_none: bool = False) -> tuple[set[Any], Range | None]:
+    """Split a field's type into the types of its values, by default without `None`, and a range."""
     limits = None
     if get_origin(hint) is Annotated:
         hint, *notes = get_args(hint)
         limits = next((note for note in notes if isinstance(note, Range)), None)
     is_union = get_origin(hint) in (Union, UnionType)
-    return set(get_args(hint) if is_union else [hint]) - {NoneType}, limits
+    kinds = {
+        get_args(kind)[0] if get_origin(kind) is Annotated else kind
+        for kind in (get_args(hint) if is_union else [hint])
+    }
+    return kinds if keep_none else kinds - {NoneType}, limits
 
 
 def list_choices(kinds: set[Any]) -> tuple[str, ...]:
@@ -163,6 +225,9 @@ def find_items(kinds: set[Any]) -> tuple[Any, ...]:
     return next((get_args(kind) for kind in kinds if get_origin(kind) is tuple), ())
 
 
-def _describe_items(items: tuple[Any, ...]) -> str:
-    number = "numbers" if items[0] is float else "whole numbers"
-    return number if items[-1] is ... else f"{len(items)} {number}"
+def _describe_items(items: tuple[Any, ...], value: Any) -> str:
+    plural = {float: "numbers", int: "whole numbers", Path: "files"}.get(items[0], "names")
+    count = plural if items[-1] is ... else f"{len(items)} {plural}"
+    if isinstance(value, str) and items[0] in (int, float):
+        return f"{count} with commas between them"
+    return f"a tuple of {count}"

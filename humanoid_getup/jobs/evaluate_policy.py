@@ -264,10 +264,10 @@ def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonit
     """List the falls of a scene; on random ground every four have a ground of their own."""
     name, robot = world.scene.name, world.robot
     grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)
-    count = monitor.count(f"falls ({name})", request.n)
     if request.falls is not None or len(grounds) == 1:
-        return [(world, _find_falls(request, world, count))]
+        return [(world, _find_falls(request, world, monitor))]
     found: Grounds = []
+    count = monitor.count(f"falls ({name})", request.n)
     with refusing():
         for scene, seed in grounds:
             own = World(robot, scene)
@@ -276,7 +276,7 @@ def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonit
     return found
 
 
-def _find_falls(request: EvaluateRequest, world: World, count: Callable[[float], None]) -> FallSet:
+def _find_falls(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> FallSet:
     """Read the falls from their file, or sample them."""
     each = request.n // len(CLASSES)
     with refusing():
@@ -287,6 +287,7 @@ def _find_falls(request: EvaluateRequest, world: World, count: Callable[[float],
                     request.falls, f"they are of scene '{falls.scene}', not '{world.scene.name}'"
                 )
             return falls.choose(each)
+        count = monitor.count(f"falls ({world.scene.name})", request.n)
         falls = sample_fall_set(world, dict.fromkeys(CLASSES, each), request.seed, count)
         if request.falls is not None:
             falls.save(request.falls)

@@ -86,7 +86,7 @@ def test_all_get_up_from_the_same_falls_under_the_same_limit(peer, world):
     limits = {"3 N·m by PWM": TorqueLimit(3.0, "pwm")}
     result = peer.compare(world, PEERS, seed=4, each=1, limits=limits, report=records.append)
     assert list(result["limits"]) == list(limits)
-    starts = [record["start_class"] for record in records]
+    starts = [rise.start_class for rise in records]
     assert len(starts) == 12
     assert starts[:3] * 4 == starts
     ways = result["limits"]["3 N·m by PWM"]

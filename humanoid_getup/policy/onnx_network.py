@@ -104,9 +104,9 @@ def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:
 
     ours, theirs = FORK.Pipe(duplex=False)
     child = FORK.Process(target=_try, args=(model, limit, theirs))
-    child.start()
-    theirs.close()
     try:
+        child.start()
+        theirs.close()
         return ours.recv()
     except EOFError:
         child.join()
@@ -114,8 +114,9 @@ def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:
             raise NetworkError(f"an inference takes more than {limit:g} s") from None
         raise NetworkError(f"an inference ends its process ({child.exitcode})") from None
     finally:
-        child.kill()
-        child.join()
+        if child.pid is not None:
+            child.kill()
+            child.join()
         ours.close()
 
 

@@ -111,7 +111,8 @@ def _use_cache(command: Rise, planner: PlannedRise) -> Strategy:
         BadInputError: if the command names a folder that holds damaged entries. Those of the
             user's own folder are ignored, with a line on standard error.
     """
-    if gap := planner.describe_gap(command.origin):
+    has_imu = planner.world.robot.imu_kind is not None  # without one, no rise begins
+    if has_imu and (gap := planner.describe_gap(command.origin)):
         _warn(gap)
     if not (command.plan_cache and command.filtering) or command.key:
         return planner

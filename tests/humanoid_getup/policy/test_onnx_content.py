@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -165,18 +166,23 @@ def test_a_policy_that_takes_many_periods_for_an_inference_is_refused(
 def test_a_signal_ends_the_wait_for_an_inference(
     tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    def interrupt_parent(*_: object) -> None:
-        os.kill(os.getppid(), signal.SIGUSR1)
-        signal.pause()
+    came: list[int] = []
 
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
+    def interrupt_parent(*_: object) -> None:
+        for _ in range(1000):  # one that comes before the parent waits does not end the wait
+            os.kill(os.getppid(), signal.SIGUSR1)
+            time.sleep(0.01)
+
+    def stop(number: int, _: object) -> None:
+        came.append(number)
+        if len(came) == 1:
+            raise KeyboardInterrupt
 
     monkeypatch.setattr(onnx_network, "_test", interrupt_parent)
-    before = signal.signal(signal.SIGUSR1, stop)
+    signal.signal(signal.SIGUSR1, stop)
     try:
         with pytest.raises(KeyboardInterrupt):
             OnnxNetwork(save_policy(tmp_path / "p.onnx", tiny))
     finally:
-        signal.signal(signal.SIGUSR1, before)
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
     assert multiprocessing.active_children() == []

@@ -1,4 +1,4 @@
-"""Arguments of library functions: those of another type are refused at the entrance."""
+"""Checks of the types of arguments of library functions."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ PLAIN = (str, int, float, bytes, list, tuple, dict, set, type, type(None))
 
 
 def expect(name: str, value: object, kind: type | UnionType | tuple[Any, ...], what: str) -> None:
-    """Refuse an argument of another type; true and false are no numbers.
+    """Check the type of an argument; a bool is not accepted as a number.
 
     Args:
-        name: Of the argument.
-        value: That was given.
-        kind: Its type, or several.
-        what: Is expected, such as "a Robot, e.g. load_robot('op3')".
+        name: Name of the argument.
+        value: Its value.
+        kind: Expected type or types.
+        what: Description of what is expected, such as "a Robot, e.g. load_robot('op3')".
 
     Raises:
-        ValueError: naming all of them.
+        ValueError: if the value is of another type.
     """
     if isinstance(value, kind) and not isinstance(value, bool):
         return
     raise ValueError(f"{name} is {_describe(value)}, expected {what}")
 
 
-def expect_seed(seed: object) -> None:
-    """Refuse what seeds no random numbers.
+def expect_seed(seed: Any) -> None:
+    """Check a seed of random numbers.
 
     Raises:
-        ValueError: naming it.
+        ValueError: if it is not a whole number from 0.
     """
     what = "a whole number from 0"
     expect("seed", seed, int | np.integer, what)
-    if seed < 0:  # type: ignore[operator]
+    if seed < 0:
         raise ValueError(f"seed is {seed}, expected {what}")
 
 

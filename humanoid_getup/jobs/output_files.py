@@ -25,7 +25,7 @@ def find_folder_problems(folder: Path, names: Sequence[str], owner: str | None =
         if not existing.is_dir():
             return [f"{owner}: {existing} is not a folder, expected a folder that can be written"]
         with tempfile.TemporaryDirectory(dir=existing, prefix=SCRATCH) as scratch:
-            missing = _absolute(folder).relative_to(existing)
+            missing = make_absolute(folder).relative_to(existing)
             Path(scratch, missing).mkdir(parents=True, exist_ok=True)
         in_the_way = [folder / name for name in names if (folder / name).is_dir()]
     except OSError as error:
@@ -37,7 +37,7 @@ def find_file_problems(file: Path) -> list[str]:
     """Report why a file could not be written."""
     if not file.name:
         return [f"output file '{file}': expected the name of a file"]
-    target = _absolute(file)
+    target = make_absolute(file)
     try:
         target = target.resolve() if target.is_symlink() else target
         if target.exists() and not target.is_file() and not target.is_dir():  # a device, a FIFO
@@ -47,7 +47,7 @@ def find_file_problems(file: Path) -> list[str]:
         return [f"output file {file}: {getattr(error, 'strerror', error)}"]
     if target.is_dir():
         return [f"output file {file}: is a folder, expected a file"]
-    return find_folder_problems(file.parent if target == _absolute(file) else target.parent, ())
+    return find_folder_problems(file.parent if target == make_absolute(file) else target.parent, ())
 
 
 @contextmanager
@@ -77,13 +77,14 @@ def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
         raise BadInputError(f"output {place}: {error.strerror}") from error
 
 
-def _absolute(path: Path) -> Path:
+def make_absolute(path: Path) -> Path:
+    """Return an absolute path whose links are not followed."""
     return Path(os.path.abspath(path))  # noqa: PTH100  (resolve would follow links)
 
 
 def _find_existing(path: Path) -> Path:
     """Return the existing part of a path."""
-    path = _absolute(path)
+    path = make_absolute(path)
     while not os.path.lexists(path):
         path = path.parent
     return path

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from rich.markup import escape
 
@@ -37,14 +39,13 @@ def check_robot(command: CheckRobot) -> int:
     if unchecked:
         console.print(f"not checked until the faults are corrected: {', '.join(unchecked)}")
     if command.picture is not None:
-        _draw(found, command)
+        _draw(found, command.picture)
         console.print(f"picture in {command.picture}", markup=False, soft_wrap=True)
     return DID_IT if found.is_sound else DID_NOT_STAND
 
 
-def _draw(found: CheckedRobot, command: CheckRobot) -> None:
+def _draw(found: CheckedRobot, picture: Path) -> None:
     """Draw the stance from the front and the side, and the deepest squat beside it."""
-    assert command.picture is not None
     robot = found.robot
     model = World(robot, FLAT_SCENE).model
     postures = {"stance": robot.standing}
@@ -60,4 +61,4 @@ def _draw(found: CheckedRobot, command: CheckRobot) -> None:
                 captions.append(f"{name}, {view}")
     except film_strip.NoRendererError as error:
         raise BadInputError(f"no picture: {error}") from error
-    film_strip.save_sheet(np.array(pictures), captions, command.picture, title=robot.name)
+    film_strip.save_sheet(np.array(pictures), captions, picture, title=robot.name)

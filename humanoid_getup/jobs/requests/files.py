@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, make_absolute
 from humanoid_getup.jobs.requests.values import hints_of, list_notes, name_option
 
 STANDARD_OUTPUT = "-"
@@ -52,7 +51,7 @@ def find_output_problems(request: Any) -> list[str]:
         else:
             problems += find_folder_problems(path, mark.names)
         for file in [path] if mark.names is None else [path / name for name in mark.names]:
-            place = Path(os.path.abspath(file))  # noqa: PTH100  (resolve would follow links)
+            place = make_absolute(file)
             if place in owners:
                 problems.append(f"{owners[place]} and {option} are both {file}, expected two files")
             owners[place] = option

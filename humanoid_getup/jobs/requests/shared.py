@@ -72,7 +72,7 @@ class JobRequest:
 
     @classmethod
     def accept(cls, request: object) -> None:
-        """Refuse what is no request of this kind, and what cannot be done.
+        """Check that a request is of this kind and can be done.
 
         Raises:
             BadInputError: naming every field whose value does not fit.
@@ -84,7 +84,7 @@ class JobRequest:
         return find_output_problems(self)
 
     def check(self) -> None:
-        """Refuse what cannot be done.
+        """Check that the request can be done.
 
         Raises:
             BadInputError: naming every field whose value does not fit.

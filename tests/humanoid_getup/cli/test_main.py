@@ -19,7 +19,8 @@ from run_getup import Run
 
 from drivers.errors import DriverError
 from humanoid_getup.cli import commands
-from humanoid_getup.cli.commands import COMMANDS, load_work
+from humanoid_getup.cli.command_table import COMMANDS
+from humanoid_getup.cli.commands import load_work
 from humanoid_getup.cli.main import SIGNALS, main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.shared import JobRequest

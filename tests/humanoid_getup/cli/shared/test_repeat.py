@@ -28,7 +28,7 @@ def test_a_written_command_reads_as_the_request_that_it_was_written_from(line: s
 
 
 def _is_command(name: str) -> bool:
-    from humanoid_getup.cli.commands import COMMANDS
+    from humanoid_getup.cli.command_table import COMMANDS
 
     return name in COMMANDS and bool(COMMANDS[name].options)
 

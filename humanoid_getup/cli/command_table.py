@@ -1,0 +1,233 @@
+"""The table of commands: section, summary, options and function of each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+SECTIONS = {
+    "get up": ("rise", "play", "run", "sit", "hold"),
+    "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
+    "learn": ("train", "eval", "export", "prior"),
+    "robot": ("robots", "scan", "doctor", "calibrate", "bus"),
+    "look": ("replay", "bench"),
+}
+"""Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
+
+
+class TableEntry(NamedTuple):
+    """A command, or a group of commands, which has a summary only."""
+
+    summary: str
+    options: str = ""
+    """Class of its options: below ``cli.options``, or below ``jobs.requests``."""
+    work: str = ""
+    """Function that runs it, below the folder of its section."""
+    json: bool = False
+    """Whether its results can be written as JSON."""
+
+
+COMMANDS = {
+    "rise": TableEntry(
+        "Get up from a fall by a planned motion or a policy.", "options.rise.Rise", "rise.rise"
+    ),
+    "play": TableEntry(
+        "Play a rising motion and judge how it ends.", "options.rise.Play", "rise.play"
+    ),
+    "run": TableEntry(
+        "Run a policy once and judge how it ends.", "options.rise.RunPolicy", "rise.run_policy"
+    ),
+    "plan": TableEntry("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
+    "sit": TableEntry("Sit and lie down from a stand.", "options.rise.Sit", "stand.sit"),
+    "hold": TableEntry(
+        "Hold a robot in its stand until a key is pressed.", "options.rise.Hold", "stand.hold"
+    ),
+    "prior": TableEntry(
+        "Make the pose prior of styled policies.",
+        "requests.learning.PriorRequest",
+        "training.make_prior",
+    ),
+    "train": TableEntry(
+        "Train a policy, or continue a training.",
+        "requests.learning.TrainRequest",
+        "training.train",
+    ),
+    "eval": TableEntry(
+        "Evaluate a policy on settled falls.",
+        "requests.learning.EvaluateRequest",
+        "evaluate.evaluate",
+        json=True,
+    ),
+    "export": TableEntry(
+        "Export the policy of a training.", "requests.learning.ExportRequest", "training.export"
+    ),
+    "motions": TableEntry(
+        "List, build, retarget, discover, import, record, preview or show motions."
+    ),
+    "motions list": TableEntry(
+        "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
+    ),
+    "motions build": TableEntry(
+        "Build motions from keyframes.", "requests.motions.BuildRequest", "make_motions.build"
+    ),
+    "motions import": TableEntry(
+        "Add keys from another program's file.",
+        "requests.motions.ImportKeysRequest",
+        "make_motions.import_motion",
+    ),
+    "motions record": TableEntry(
+        "Record keys from a robot moved by hand.",
+        "options.motions.RecordMotion",
+        "hand_recording.record",
+    ),
+    "motions preview": TableEntry(
+        "Draw the keys of a motion and play them once.",
+        "requests.motions.PreviewRequest",
+        "make_motions.preview",
+    ),
+    "motions retarget": TableEntry(
+        "Transfer the keyframes of another robot.",
+        "requests.motions.RetargetRequest",
+        "make_motions.retarget",
+    ),
+    "motions discover": TableEntry(
+        "Make motions from the rises of a policy.",
+        "requests.motions.DiscoverRequest",
+        "make_motions.discover",
+    ),
+    "motions show": TableEntry(
+        "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
+    ),
+    "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
+    "bench all": TableEntry(
+        "Measure a robot as one page that others can repeat.",
+        "requests.bench.BenchAll",
+        "bench.bench_all",
+        json=True,
+    ),
+    "bench rise": TableEntry(
+        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench", json=True
+    ),
+    "bench methods": TableEntry(
+        "Compare plans and policies.",
+        "requests.bench.BenchMethods",
+        "bench.bench",
+        json=True,
+    ),
+    "bench disturbed": TableEntry(
+        "Rise in disturbed worlds.",
+        "requests.bench.BenchDisturbed",
+        "bench.bench",
+        json=True,
+    ),
+    "bench scenes": TableEntry(
+        "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench", json=True
+    ),
+    "bench motions": TableEntry(
+        "Play every motion disturbed.",
+        "requests.bench.BenchMotions",
+        "bench.bench",
+        json=True,
+    ),
+    "bench sit": TableEntry(
+        "Sit and lie down from many stands.",
+        "requests.bench.BenchSit",
+        "bench.bench",
+        json=True,
+    ),
+    "bench filter": TableEntry(
+        "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench", json=True
+    ),
+    "bench faults": TableEntry(
+        "Inject faults during a rise.",
+        "requests.bench.BenchFaults",
+        "bench.bench",
+        json=True,
+    ),
+    "bench kill": TableEntry(
+        "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench", json=True
+    ),
+    "bench soak": TableEntry(
+        "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench", json=True
+    ),
+    "bus": TableEntry(
+        "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
+    ),
+    "scan": TableEntry(
+        "List serial ports and the devices on them.", "options.hardware.Scan", "scan.scan"
+    ),
+    "doctor": TableEntry(
+        "Check a robot on its bus; moves nothing.", "options.hardware.Doctor", "doctor.doctor"
+    ),
+    "calibrate": TableEntry(
+        "Measure the zeros and signs of the servos.",
+        "options.hardware.Calibrate",
+        "calibrate.calibrate",
+    ),
+    "plan-cache": TableEntry(
+        "List the stored plans of rises, or remove them.",
+        "options.motions.ListPlanCache",
+        "plan_cache.list_or_clear",
+    ),
+    "preflight": TableEntry(
+        "Check whether a motion may be played.",
+        "requests.motions.PreflightRequest",
+        "preflight.preflight",
+        json=True,
+    ),
+    "replay": TableEntry(
+        "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"
+    ),
+    "style": TableEntry("List, show, edit or extract styles of rising."),
+    "style list": TableEntry(
+        "List the named styles.",
+        "requests.style.ListStylesRequest",
+        "style.list_styles",
+        json=True,
+    ),
+    "style show": TableEntry(
+        "Print and draw the curves of styles.",
+        "requests.style.ShowStylesRequest",
+        "style.show",
+        json=True,
+    ),
+    "style edit": TableEntry(
+        "Raise sooner or later, slower, faster, hold.",
+        "requests.style.EditStyleRequest",
+        "style.edit",
+    ),
+    "style extract": TableEntry(
+        "Extract a style from a motion, a flight log or a clip.",
+        "requests.style.ExtractRequest",
+        "style.extract",
+    ),
+    "mocap": TableEntry("Import clips of motion capture."),
+    "mocap import": TableEntry(
+        "Make a motion of a robot from a clip.",
+        "requests.motions.ClipRequest",
+        "make_motions.import_clip",
+        json=True,
+    ),
+    "scenes": TableEntry(
+        "List or draw the scenes.",
+        "requests.scenes.ScenesRequest",
+        "scenes.list_scenes",
+        json=True,
+    ),
+    "robots": TableEntry("List the robots, import one from a model file, check one."),
+    "robots list": TableEntry(
+        "List the installed robots.", "options.robots.ListRobots", "list_robots.list_robots"
+    ),
+    "robots import": TableEntry(
+        "Make a robot folder from an MJCF or URDF file.",
+        "requests.robots.ImportRequest",
+        "import_robot.import_robot",
+        json=True,
+    ),
+    "robots check": TableEntry(
+        "Check a robot's description, and what its body can do.",
+        "options.robots.CheckRobot",
+        "check_robot.check_robot",
+    ),
+}
+DEFAULTS = {"robots": "robots list"}
+"""Default commands of groups."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.scenes.ground import Ground
 from robots.quaternion import Array
 
+ROUND = (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE)
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
@@ -28,10 +29,7 @@ class FieldDepth:
         for geom in geoms.tolist():
             size = model.geom_aabb[geom, 3:].copy()
             center, radius = model.geom_aabb[geom, :3], 0.0
-            if model.geom_type[geom] in (
-                mujoco.mjtGeom.mjGEOM_CAPSULE,
-                mujoco.mjtGeom.mjGEOM_SPHERE,
-            ):
+            if int(model.geom_type[geom]) in ROUND:
                 radius = float(model.geom_size[geom, 0])
                 size -= radius
             corners = np.unique(center + size * CORNERS, axis=0)

@@ -70,7 +70,7 @@ def _snap(skeleton: Skeleton, link: Link, direction: Array) -> Array:
     A box that is stretched along an axis of its own stays a box.
     """
     model, axes = skeleton.model, [np.eye(3)]
-    geoms = [geom for geom in link.geoms if model.geom_type[geom] in WITH_AXES]
+    geoms = [geom for geom in link.geoms if int(model.geom_type[geom]) in WITH_AXES]
     if geoms:
         largest = max(geoms, key=lambda i: np.prod(model.geom_aabb[i, 3:]))
         in_world = skeleton.data.geom_xmat[largest].reshape(3, 3)

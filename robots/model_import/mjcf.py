@@ -15,6 +15,7 @@ from robots.model_import.source import (
     ModelImportError,
     ModelSource,
     check_size,
+    compile_spec,
     find_range_problems,
 )
 from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
@@ -36,11 +37,12 @@ def read_mjcf(path: Path) -> ModelSource:
     """
     if problems := find_file_problems(path):
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
+    notes: list[str] = []
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False
         _forget_scene(spec)
-        model = spec.compile()
+        model = compile_spec(spec, notes)
     except MODEL_ERRORS as error:
         raise ModelImportError([f"{path}: {describe(error)}"]) from error
     if problems := [*find_number_problems(model), *_find_range_problems(spec, model)]:
@@ -57,7 +59,7 @@ def read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
         actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
-    notes = [*(_list_separate(ties, folds) if folds else ()), *_set_ranges(model, ranges)]
+    notes += [*(_list_separate(ties, folds) if folds else ()), *_set_ranges(model, ranges)]
     return ModelSource(
         path=path,
         model=model,
@@ -143,14 +145,17 @@ def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:
 
 
 def _list_ranges(model: mujoco.MjModel) -> dict[str, Array]:
-    """List the ranges of position actuators on joints without range, (2,) each, by joint [rad]."""
+    """List the ranges of position actuators on joints without range, (2,) each, by joint [rad].
+
+    A range that is stated but not enforced counts: its author clips targets elsewhere.
+    """
     found: dict[str, Array] = {}
     for i in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
         joint, gear = int(model.actuator_trnid[i, 0]), float(model.actuator_gear[i, 0])
         stiffness = float(model.actuator_gainprm[i, 0])
         is_position = stiffness > 0.0 and model.actuator_biasprm[i, 1] == -stiffness
         is_open = model.jnt_type[joint] == HINGE and not model.jnt_limited[joint]
-        if is_position and is_open and model.actuator_ctrllimited[i] and gear:
+        if is_position and is_open and gear:
             bounds = np.sort(model.actuator_ctrlrange[i] / gear)
             if 0.0 < np.ptp(bounds) < FULL_TURN:
                 found[model.joint(joint).name] = bounds

@@ -44,6 +44,19 @@ def find_range_problems(lower: float, upper: float, hint: str) -> Iterator[str]:
         yield f"has a limit of {far:g} rad, expected at most {MAX_LIMIT:.1f} rad: {hint}"
 
 
+def compile_spec(spec: mujoco.MjSpec, notes: list[str]) -> mujoco.MjModel:
+    """Compile a model; flat meshes are treated as shells, with a note."""
+    try:
+        return spec.compile()
+    except ValueError as error:
+        if "mesh volume" not in str(error):
+            raise
+    notes.append("meshes are treated as shells, as some have no volume")
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    return spec.compile()
+
+
 @dataclass(frozen=True, kw_only=True)
 class ActuatorFigures:
     """Limits of a joint's actuator as a model states them; None where it states none."""

@@ -15,6 +15,7 @@ from robots.model_import.source import (
     ModelImportError,
     ModelSource,
     check_size,
+    compile_spec,
 )
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
@@ -54,7 +55,7 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
     ).set("balanceinertia", "true")
     try:
         text = ET.tostring(root, encoding="unicode")
-        model = _compile(mujoco.MjSpec.from_string(text, assets=shapes.hulls), notes)
+        model = compile_spec(mujoco.MjSpec.from_string(text, assets=shapes.hulls), notes)
     except MODEL_ERRORS as error:
         raise ModelImportError([f"{path}: {describe(error)}"]) from error
     return ModelSource(
@@ -66,19 +67,6 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         flat=shapes.flat,
         is_floating=True,
     )
-
-
-def _compile(spec: mujoco.MjSpec, notes: list[str]) -> mujoco.MjModel:
-    """Compile; flat meshes are treated as shells."""
-    try:
-        return spec.compile()
-    except ValueError as error:
-        if "mesh volume" not in str(error):
-            raise
-    notes.append("meshes are treated as shells, as some have no volume")
-    for mesh in spec.meshes:
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    return spec.compile()
 
 
 def _give_mass(root: ET.Element, notes: list[str]) -> None:

@@ -37,6 +37,20 @@ def test_the_torque_of_a_joint_is_that_of_its_actuator(tmp_path: Path, motor: st
     assert source.actuators["hip"].effort == pytest.approx(effort)
 
 
+def test_a_mesh_without_volume_does_not_refuse_a_model(tmp_path: Path):
+    flat = (
+        'vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 1 2 0 2 1 0 1 3 0 3 1"'  # both sides, no volume
+    )
+    path = tmp_path / "model.xml"
+    path.write_text(
+        LEGS.format(more=f'<asset><mesh name="plate" {flat}/></asset>', knee="").replace(
+            "</body></body>",
+            '<geom type="mesh" mesh="plate" mass="0" contype="0"/></body></body>',
+        )
+    )
+    assert read_model(path).notes == ("meshes are treated as shells, as some have no volume",)
+
+
 def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
     limit = 'actuatorfrcrange="-0.5 0.5"'
     assert read(tmp_path, knee=limit).actuators["knee"].effort == 0.5
@@ -49,6 +63,7 @@ def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
     [
         ('<position joint="knee" ctrlrange="-1 0.5"/>', "", (-1.0, 0.5)),
         ('<position joint="knee" ctrlrange="-1 0.5" gear="-2"/>', "", (-0.25, 0.5)),
+        ('<position joint="knee" ctrlrange="-1 0.5" ctrllimited="false"/>', "", (-1.0, 0.5)),
         ('<position joint="knee" ctrlrange="-1 0.5"/>', 'range="-30 60"', (-0.5236, 1.0472)),
         ('<position joint="knee" ctrlrange="-3.1416 3.1416"/>', "", None),
         ('<position joint="knee"/>', "", None),

@@ -38,14 +38,12 @@ def test_the_torque_of_a_joint_is_that_of_its_actuator(tmp_path: Path, motor: st
 
 
 def test_a_mesh_without_volume_does_not_refuse_a_model(tmp_path: Path):
-    flat = (
-        'vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 1 2 0 2 1 0 1 3 0 3 1"'  # both sides, no volume
-    )
+    speck = 'vertex="0 0 0 1e-5 0 0 0 1e-5 0 0 0 1e-5"'
     path = tmp_path / "model.xml"
     path.write_text(
-        LEGS.format(more=f'<asset><mesh name="plate" {flat}/></asset>', knee="").replace(
+        LEGS.format(more=f'<asset><mesh name="speck" {speck}/></asset>', knee="").replace(
             "</body></body>",
-            '<geom type="mesh" mesh="plate" mass="0" contype="0"/></body></body>',
+            '<geom type="mesh" mesh="speck" mass="0" contype="0"/></body></body>',
         )
     )
     assert read_model(path).notes == ("meshes are treated as shells, as some have no volume",)

@@ -26,6 +26,8 @@ Volts = Annotated[float, positive(MAX_VOLTAGE, "V")]
 
 PGain = Annotated[int, whole(1, MAX_GAIN)]
 
+Protocol = Literal["dynamixel", "feetech"]
+
 LimitMode = Literal["current", "pwm", "ideal"]
 """What a torque limit acts on; see :class:`robots.torque_limit.TorqueLimit`."""
 LIMIT_MODES: tuple[LimitMode, ...] = get_args(LimitMode)
@@ -62,10 +64,12 @@ class ServoModel:
     """Temperature above which it switches itself off, as shipped [°C]."""
     p_gain: PGain = 800
     """Position P gain as shipped."""
-    gain_divisor: Annotated[int, whole(1, 65_536)] = 128
+    gain_divisor: Annotated[float, positive(65_536.0)] = 128.0
     """Register value of the P gain per PWM count and tick of error."""
     damping: Annotated[float, positive(1000.0, "N·m·s/rad")] | None = None
     """Of current-based position mode [N·m·s/rad]; that of back-EMF in the other if left out."""
+    protocol: Protocol = "dynamixel"
+    """What it speaks on its bus; the driver speaks Dynamixel Protocol 2.0 alone."""
 
     @property
     def motor_constant(self) -> float:
@@ -111,7 +115,7 @@ class ServoModel:
         stiffness = self.position_gain(self.gain_divisor)  # of a P gain of one
         return stiffness * d_gain / D_GAIN_DIVISOR * SAMPLE_TIME
 
-    def position_gain(self, p_gain: int) -> float:
+    def position_gain(self, p_gain: float) -> float:
         """Compute the stiffness of position mode at nominal voltage [N·m/rad].
 
         The servo drives ``p_gain / gain_divisor`` PWM counts per tick of error, and full

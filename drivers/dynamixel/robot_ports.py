@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
-from drivers.errors import NoBusError, SetupError
+from drivers.dynamixel.robot_bus import find_bus
+from drivers.errors import SetupError
 from drivers.imu.build import build_imu_source
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, PortError, SerialPort
@@ -43,11 +44,9 @@ def build_ports(
     parameters are those of `DynamixelBus`.
 
     Raises:
-        NoBusError: if the robot has no bus.
+        SetupError: if the robot has no bus, or servos that cannot be driven.
     """
-    settings, ports = robot.bus, list[RobotPort]()
-    if settings is None:
-        raise NoBusError(robot.name)
+    settings, ports = find_bus(robot), list[RobotPort]()
     for name, joints in settings.ports.items():
         wire = make_port(paths[name], settings.baud)
         bus = DynamixelBus(wire, answer_margin=answer_margin, sleeps=sleeps)

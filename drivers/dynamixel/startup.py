@@ -20,10 +20,11 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_all,
 )
+from drivers.dynamixel.robot_bus import find_bus
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
-from drivers.errors import NoBusError, SetupError
+from drivers.errors import SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
 from robots import BusSettings, Joint, Robot
@@ -62,9 +63,7 @@ def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool)
     Raises:
         SetupError: if it does not.
     """
-    bus = robot.bus
-    if bus is None:
-        raise NoBusError(robot.name)
+    bus = find_bus(robot)
     if robot.imu_kind is None and not without_imu:
         raise SetupError(
             f"robot '{robot.name}' has no IMU: add an [imu] table, or a [bus.board] table for one "

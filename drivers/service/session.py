@@ -133,8 +133,8 @@ def open_robot_bus(
     ``ports`` names the device of each port, by its name in the robot's description.
 
     Raises:
-        NoBusError: if it has none.
-        SetupError: if ports do not open, naming all of them.
+        SetupError: if it has no bus, or servos that cannot be driven, or if ports do not open,
+            naming all of them.
     """
     built = build_ports(robot, ports, make_port, answer_margin=SETUP_MARGIN)
     imu = find_imu(robot, built, ports)

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.errors import NoBusError
+from drivers.dynamixel.robot_bus import find_bus
 from drivers.imu.build import build_i2c_source
 from drivers.imu.source import ImuSource
 from drivers.twin.simulation import Simulation
@@ -46,13 +46,11 @@ class VirtualRobot:
             quirks: Device behavior that the manual leaves open; None for the defaults.
 
         Raises:
-            NoBusError: if the robot has no bus.
+            SetupError: if the robot has no bus, or servos that cannot be driven.
         """
         self.robot, self.simulation = simulation.robot, simulation
         self.quirks = quirks = quirks or Quirks()
-        if self.robot.bus is None:
-            raise NoBusError(self.robot.name)
-        self.bus = self.robot.bus
+        self.bus = find_bus(self.robot)
         self.servos = [
             VirtualServo(
                 joint.servo.id,

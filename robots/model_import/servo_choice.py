@@ -44,6 +44,11 @@ class ServoChoice:
     """What was guessed, and how to confirm it."""
 
 
+def list_guessed() -> dict[str, ServoModel]:
+    """List the types that are guessed, by name: those that the driver speaks to."""
+    return {name: m for name, m in servo_models().items() if m.protocol == "dynamixel"}
+
+
 def choose_servos(
     joints: Sequence[str],
     actuators: Mapping[str, ActuatorFigures],
@@ -77,16 +82,18 @@ def choose_servos(
     guesses: list[str] = []
     supply = _choose_supply(joints, stated, named, RESERVE * need)
     types, own = [], {}
-    by_weight = _choose_by_weight(need, supply, HEAVY * weight / len(joints))
+    most_mass = HEAVY * weight / len(joints)
+    by_weight = _choose_by_weight(need, supply, most_mass)
     for joint in joints:
         if joint in named:
             types.append(named[joint])
         elif joint in stated:
-            types.append(_match(stated[joint], supply, own))
+            types.append(_match(stated[joint], supply, most_mass, own))
         else:
             types.append(by_weight)
             if by_weight not in servo_models():
-                own[by_weight] = describe_motor(_round(RESERVE * need), OWN_SPEED, supply)
+                torque = _round(RESERVE * need)
+                own[by_weight] = describe_motor(torque, OWN_SPEED, supply, most_mass)
     silent = [joint for joint in joints if joint not in stated and joint not in named]
     if silent:
         guesses.append(
@@ -132,9 +139,10 @@ def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
         kind, _, pattern = wish.partition("=")
         matching = [joint for joint in joints if fnmatchcase(joint, pattern or "*")]
         if kind not in servo_models():
+            similar = [name for name in servo_models() if kind and name.startswith(kind)]
             problems.append(
                 f"--servo is {shown(wish)}: unknown type {shown(kind)}, expected "
-                f"{', '.join(servo_models())}"
+                f"{', '.join(similar or servo_models())}"
             )
         elif not matching:
             problems.append(
@@ -167,10 +175,10 @@ def _choose_supply(
     strongest = max([figures.effort or 0.0 for figures in read] or [needed])
     own = HIGH_VOLTAGE if strongest > HIGH_TORQUE else OWN_VOLTAGE
     if not read:
-        is_known = any(m.stall_torque >= needed for m in servo_models().values())
+        is_known = any(m.stall_torque >= needed for m in list_guessed().values())
         return usable[0] if is_known or named else own
     cost = {
-        supply: sum(min(_distance(f, m, supply) for m in servo_models().values()) for f in read)
+        supply: sum(min(_distance(f, m, supply) for m in list_guessed().values()) for f in read)
         for supply in usable
     }
     best = min(usable, key=lambda supply: cost[supply])
@@ -191,27 +199,31 @@ def _distance(figures: ActuatorFigures, model: ServoModel, supply: float) -> flo
 
 
 def _nearest(figures: ActuatorFigures, supply: float) -> tuple[str, float]:
-    distances = {name: _distance(figures, m, supply) for name, m in servo_models().items()}
+    distances = {name: _distance(figures, m, supply) for name, m in list_guessed().items()}
     best = min(distances, key=lambda name: distances[name])
     return best, distances[best]
 
 
-def _match(figures: ActuatorFigures, supply: float, own: dict[str, dict[str, float]]) -> str:
+def _match(
+    figures: ActuatorFigures, supply: float, most_mass: float, own: dict[str, dict[str, float]]
+) -> str:
     name, distance = _nearest(figures, supply)
     if distance <= CLOSE:
         return name
     effort = float(figures.effort or 0.0)
     speed = OWN_SPEED if figures.speed is None else figures.speed
     title = _name_motor(effort)
-    own[title] = describe_motor(effort, speed, supply)
+    own[title] = describe_motor(effort, speed, supply, most_mass)
     return title
 
 
-def describe_motor(effort: float, speed: float, supply: float) -> dict[str, float]:
+def describe_motor(
+    effort: float, speed: float, supply: float, most_mass: float
+) -> dict[str, float]:
     """Derive the figures of a motor other than Dynamixel from torque [N·m] and speed [rad/s].
 
     Rotor, friction and mass scale with the torque as those of the XM540-W270 do, current with
-    torque over voltage.
+    torque over voltage; a motor weighs no more than its share of the robot [kg].
     """
     like = servo_models()["XM540-W270"]
     scale = effort / like.stall_torque
@@ -225,7 +237,7 @@ def describe_motor(effort: float, speed: float, supply: float) -> dict[str, floa
         "current_step": round(min(like.current_step * max(scale, 1.0), MOST_STEP), 5),
         "max_voltage": round(1.25 * supply, 1),
         "min_voltage": round(0.75 * supply, 1),
-        "mass": round(min(like.mass * scale, 4.0), 3),
+        "mass": round(min(like.mass * scale, most_mass), 3),
         "temperature_limit": like.temperature_limit,
         "p_gain": OWN_P_GAIN,
     }
@@ -236,7 +248,7 @@ def _choose_by_weight(need: float, supply: float, most_mass: float) -> str:
 
     Types above a mass [kg] are too heavy, unless all others are too weak to hold a squat.
     """
-    usable = {n: m for n, m in servo_models().items() if m.accepts_supply(supply)}
+    usable = {n: m for n, m in list_guessed().items() if m.accepts_supply(supply)}
     torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
     enough = [name for name in torque if torque[name] >= RESERVE * need]
     if not enough:

@@ -12,6 +12,7 @@ from drivers.errors import NoBusError, SetupError
 from drivers.imu.bno08x_rvc import Bno08xRvc
 from drivers.serial_port import PortError
 from robots import ImuSettings, Robot
+from robots.description.servo_catalog import servo_models
 from robots.imu import IMU_PORT
 
 PATHS = {"left": "/dev/a", "right": "/dev/b", "main": "/dev/c"}
@@ -74,3 +75,13 @@ def test_a_margin_is_each_bus_own_again_after_the_block_even_after_an_error():
         assert [bus.answer_margin for bus in buses] == [0.5, 0.5]
         raise KeyboardInterrupt
     assert [bus.answer_margin for bus in buses] == [0.001, 0.002]
+
+
+def test_servos_of_another_protocol_are_refused_in_one_line(tiny: Robot):
+    joints = tuple(
+        replace(joint, servo=replace(joint.servo, model=servo_models()["STS3250-C001"]))
+        for joint in tiny.joints
+    )
+    with pytest.raises(SetupError, match="has servos STS3250-C001, expected Dynamixels") as caught:
+        build_ports(replace(tiny, joints=joints), PATHS, NamedPort, answer_margin=0.01)
+    assert str(caught.value).endswith("by --backend twin")

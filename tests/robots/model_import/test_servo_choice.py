@@ -105,6 +105,26 @@ def test_servos_that_outweigh_the_robot_are_reported():
     assert guess.endswith("set lighter types with --servo TYPE=PATTERN")
 
 
+def test_motors_of_its_own_weigh_no_more_than_their_share_of_the_robot():
+    """A person's 49 joints of 200 N·m: by their torque alone they would weigh 153 kg."""
+    joints = [f"joint_{k}" for k in range(49)]
+    choice = choose_servos(joints, {}, (), weight=65.0, leg_length=0.85)
+    mass = sum(choice.own[kind]["mass"] for kind in choice.types)
+    assert mass == pytest.approx(0.75 * 65.0, rel=0.01)
+
+
+@given(weight=st.floats(0.5, 30.0), effort=TORQUES)
+def test_only_servos_that_the_driver_speaks_to_are_guessed(weight: float, effort: float):
+    chosen = {*choose(weight=weight).types, *choose(dict.fromkeys(JOINTS, effort)).types}
+    assert not [kind for kind in chosen if kind.startswith("STS")]
+    assert set(choose(None, "STS3250-C001").types) == {"STS3250-C001"}
+
+
+def test_an_unfinished_name_is_completed():
+    with pytest.raises(ModelImportError, match=r"expected STS3215-C001, STS3215-C018$"):
+        choose(None, "STS3215")
+
+
 def test_limits_that_no_motor_has_are_none():
     assert set(choose(dict.fromkeys(JOINTS, 1e6)).types) == set(choose().types)
 
@@ -118,7 +138,7 @@ def test_a_joint_stronger_than_servos_is_refused():
 def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
     """At a stall, watts per newton meter are those of the XM540-W270, whatever the supply."""
     like = servo_models()["XM540-W270"]
-    motor = describe_motor(effort, 6.0, supply)
+    motor = describe_motor(effort, 6.0, supply, 5.0)
     power = motor["stall_current"] * motor["nominal_voltage"] / motor["stall_torque"]
     own = like.stall_current * like.nominal_voltage / like.stall_torque
     assert power == pytest.approx(own, rel=0.01, abs=0.01 * supply / effort)
@@ -126,8 +146,8 @@ def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
 
 @given(effort=TORQUES)
 def test_a_motor_bears_its_supply(effort: float):
-    motor = describe_motor(effort, 6.0, 24.0)
+    motor = describe_motor(effort, 6.0, 24.0, 5.0)
     assert (motor["min_voltage"], motor["max_voltage"]) == (18.0, 30.0)
-    low = describe_motor(effort, 6.0, 11.1)
+    low = describe_motor(effort, 6.0, 11.1, 5.0)
     assert (low["min_voltage"], low["max_voltage"]) == (8.3, 13.9)  # 8.325 and 13.875 V
     assert np.isfinite(list(motor.values())).all()

@@ -75,19 +75,30 @@ class Shape:
         return np.concatenate([end + rim for end in ends])
 
 
-def read_shapes(model: mujoco.MjModel, body: int, *, keep_hulls: bool) -> list[Shape]:
+def read_shapes(
+    model: mujoco.MjModel, body: int, *, keep_hulls: bool, solid: bool = False
+) -> list[Shape]:
     """Read the collision shapes of a body, or the visual ones if it has no others.
 
     Args:
         model: Compiled model.
         body: Body.
         keep_hulls: Whether meshes become their convex hulls instead of boxes and capsules.
+        solid: Whether to leave the visual ones out in any case.
     """
-    first = int(model.body_geomadr[body])
-    geoms = list(range(first, first + int(model.body_geomnum[body])))
-    solid = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
-    shapes = [_read_shape(model, geom, keep_hulls) for geom in solid or geoms]
+    geoms = list_solid(model, body)
+    if not geoms and not solid:
+        first = int(model.body_geomadr[body])
+        geoms = list(range(first, first + int(model.body_geomnum[body])))
+    shapes = [_read_shape(model, geom, keep_hulls) for geom in geoms]
     return [shape for shape in shapes if shape is not None]
+
+
+def list_solid(model: mujoco.MjModel, body: int) -> list[int]:
+    """List the geoms of a body that collide."""
+    first = int(model.body_geomadr[body])
+    geoms = range(first, first + int(model.body_geomnum[body]))
+    return [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
 
 
 def _read_shape(model: mujoco.MjModel, geom: int, keep_hulls: bool) -> Shape | None:

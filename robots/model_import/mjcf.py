@@ -26,6 +26,7 @@ from robots.storage.validation import shown
 
 STANCES = ("home", "stand", "ready", "init")
 IN_RADIANS = "it is in degrees unless <compiler> has angle 'radian'"
+FAR = 2.0  # a hinge's point is far from the center of mass if the body's origin is so much nearer
 FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 
@@ -59,6 +60,7 @@ def read_mjcf(path: Path) -> ModelSource:
         model = spec.compile()
         moved = {m: j for each in folds for m, j in zip(each.motors, each.joints, strict=True)}
         actuators = {moved.get(name, name): figures for name, figures in actuators.items()}
+    _slide_anchors(model)
     notes += [*(_list_separate(ties, folds) if folds else ()), *_set_ranges(model, ranges)]
     return ModelSource(
         path=path,
@@ -82,6 +84,18 @@ def _find_range_problems(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator
             lower, upper = (float(end) for end in ends)
             for problem in find_range_problems(lower, upper, IN_RADIANS):
                 yield f"joint {shown(joint.name)} {problem}"
+
+
+def _slide_anchors(model: mujoco.MjModel) -> None:
+    """Move points of hinges that lie far from their bodies along their axes, which moves nothing.
+
+    A body's own origin counts as its place where its center of mass is much nearer to it.
+    """
+    for joint in np.flatnonzero(model.jnt_type == HINGE):
+        point, axis = model.jnt_pos[joint], model.jnt_axis[joint]
+        center = model.body_ipos[model.jnt_bodyid[joint]]
+        if np.linalg.norm(point - center) > FAR * np.linalg.norm(center):
+            model.jnt_pos[joint] = point - axis * (axis @ point)
 
 
 def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robots import quaternion
-from robots.body.shapes import read_shapes
+from robots.body.shapes import list_solid, read_shapes
 from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.tree import KinematicTree, name_joint
@@ -41,6 +41,7 @@ class Rebuilder:
         self._model = anatomy.tree.model
         self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
         self._boundless: list[str] = []
+        self._solid = {self.holder(b) for b in self._tree.bodies if list_solid(self._model, b)}
         root = self._tree.data.xmat[self._tree.root].reshape(3, 3)
         self._turn = np.zeros(4)
         mujoco.mju_mat2Quat(self._turn, (anatomy.axes.T @ root).ravel())
@@ -186,7 +187,9 @@ class Rebuilder:
         target.inertia = np.maximum(moments, LEAST_INERTIA)
 
     def _add_shapes(self, spec: mujoco.MjSpec, target: mujoco.MjsBody, body: int) -> None:
-        shapes = read_shapes(self._model, body, keep_hulls=self._keep_hulls)
+        shapes = read_shapes(
+            self._model, body, keep_hulls=self._keep_hulls, solid=self.holder(body) in self._solid
+        )
         for number, shape in enumerate(shapes):
             own = self.name(body)
             name = own if len(shapes) == 1 else f"{own}_{number}"

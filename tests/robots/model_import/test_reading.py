@@ -49,6 +49,18 @@ def test_a_mesh_without_volume_does_not_refuse_a_model(tmp_path: Path):
     assert read_model(path).notes == ("meshes are treated as shells, as some have no volume",)
 
 
+def test_a_hinges_point_far_off_its_body_slides_back_along_the_axis(tmp_path: Path):
+    """Its place counts, for the neck and for mirror pairs; the motion is the same."""
+    path = tmp_path / "model.xml"
+    text = LEGS.format(more="", knee='pos="0 0 0.4" axis="0 0 1"').replace(
+        '<geom size="0.05"/></body>', '<geom size="0.05" pos="0 0 -0.1"/></body>', 1
+    )
+    path.write_text(text)
+    assert read_model(path).model.joint("knee").pos == pytest.approx([0.0, 0.0, 0.0])
+    path.write_text(text.replace('pos="0 0 0.4"', 'pos="0.01 0 -0.15"'))
+    assert read_model(path).model.joint("knee").pos == pytest.approx([0.01, 0.0, -0.15])
+
+
 def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
     limit = 'actuatorfrcrange="-0.5 0.5"'
     assert read(tmp_path, knee=limit).actuators["knee"].effort == 0.5

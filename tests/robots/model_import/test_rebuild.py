@@ -125,6 +125,22 @@ def test_a_hinge_without_range_turns_half_a_turn_either_way():
     assert notes == ["-180 to 180 deg for joints without range, or of equal ends: head_joint"]
 
 
+def test_a_picture_does_not_collide_where_a_welded_part_does():
+    """The foot of some models is a picture, with the shape that stands welded to it."""
+
+    def split(spec: mujoco.MjSpec) -> None:
+        foot = spec.body("left_foot")
+        (picture,) = foot.geoms
+        picture.contype = picture.conaffinity = 0
+        plate = foot.add_body(name="plate")
+        plate.add_geom(type=picture.type, size=[0.05, 0.03, 0.005], pos=picture.pos, mass=0.0)
+
+    _, new, _ = rebuild(change=split)
+    foot = new.body("left_foot")
+    assert foot.geomnum[0] == 1
+    assert new.geom_size[foot.geomadr[0]] == pytest.approx([0.05, 0.03, 0.005])
+
+
 def test_contacts_that_were_switched_off_stay_so():
     def exclude(spec: mujoco.MjSpec) -> None:
         spec.add_exclude(bodyname1="torso", bodyname2="left_upper_arm")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from robots.body.ends import locate_end
+from robots.body.ends import LimbEnds
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
 from robots.robot import Robot
@@ -32,6 +32,7 @@ class JointView:
         self.model, self.data = model, mujoco.MjData(model)
         self.ids, self._passive = list(joints), tuple(passive)
         self._addresses = model.jnt_qposadr[self.ids]
+        self._ends = LimbEnds(model)
         root = int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
         self.torso = int(model.jnt_bodyid[root])
         """Body of the torso."""
@@ -66,7 +67,7 @@ class JointView:
 
     def end(self, joint: int) -> Array:
         """Return the end of the bodies that a joint moves, at the last angles, (3,) [m]."""
-        return locate_end(self.data, self.ids[joint])
+        return self._ends.locate(self.data, self.ids[joint])
 
     def twists(self, joint: int, way: Array) -> bool:
         """Tell whether a joint only turns what lies along a vector (3,) about itself."""

@@ -59,8 +59,9 @@ class _LimbFinder:
         anchors = {k: self._view.anchor(k).copy() for k in joints}
         sole = self._find_sole(chain) if kind == "leg" else None
         tip = self._locate_tip(joints, sole)
-        start, middle = self._find_bends(joints, anchors, tip)
-        below = joints[joints.index(middle) + 1 :]
+        bending = self._list_bending(joints)
+        start, middle = self._find_bends(joints, bending, anchors, tip)
+        below = [k for k in bending if joints.index(k) > joints.index(middle)]
         ends = [k for k in below if np.linalg.norm(anchors[k] - anchors[middle]) > SHORT]
         aside = float(anchors[joints[0]][1] + tip[1])
         limb = Limb(
@@ -74,12 +75,12 @@ class _LimbFinder:
         return aside, limb
 
     def _find_bends(
-        self, joints: list[int], anchors: dict[int, Array], tip: Array
+        self, joints: list[int], bending: list[int], anchors: dict[int, Array], tip: Array
     ) -> tuple[int, int]:
         """Find where the upper part begins, and where it ends: farthest from both ends."""
         first = anchors[joints[0]]
         middle = max(
-            self._list_bending(joints) or joints[1:],
+            bending,
             key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
         )
         above = joints[: joints.index(middle)]
@@ -87,13 +88,16 @@ class _LimbFinder:
         return (bends[-1] if bends else above[0]), middle
 
     def _list_bending(self, joints: list[int]) -> list[int]:
-        """List the joints after the first that do more than twist the limb, all joints at 0."""
+        """List the joints after the first that do more than twist the limb, all joints at 0.
+
+        Where all of them only twist it, these are all.
+        """
         robot, view = self._robot, self._view
         view.look(np.clip(0.0, robot.lower, robot.upper))
         tip = view.end(joints[-1])
         bending = [k for k in joints[1:] if not view.twists(k, tip - view.anchor(k))]
         view.look(robot.standing.joint_pos)
-        return bending
+        return bending or joints[1:]
 
     def _list_chain(self, first: Link) -> list[Link]:
         """List the links along a limb: to its sole, or else to its longest end."""

@@ -101,6 +101,12 @@ def list_solid(model: mujoco.MjModel, body: int) -> list[int]:
     return [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
 
 
+def sample_shapes(model: mujoco.MjModel, body: int) -> Array:
+    """Return points that span a body's shapes, in its frame [m], (p, 3)."""
+    shapes = read_shapes(model, body, keep_hulls=True)
+    return np.concatenate([np.zeros((0, 3)), *(shape.sample() for shape in shapes)])
+
+
 def _read_shape(model: mujoco.MjModel, geom: int, keep_hulls: bool) -> Shape | None:
     kind = int(model.geom_type[geom])
     position, orientation = model.geom_pos[geom].copy(), model.geom_quat[geom].copy()

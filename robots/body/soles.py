@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from robots import quaternion
-from robots.body.shapes import read_shapes
+from robots.body.shapes import sample_shapes
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.robot import Robot
@@ -46,7 +46,7 @@ def find_sole(
     """
     best: Sole | None = None
     rotation = data.xmat[body].reshape(3, 3)
-    points = _sample(model, body)
+    points = sample_shapes(model, body)
     for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
         area = _measure_area(face)
         if area > (best.area if best else least_area):
@@ -57,13 +57,7 @@ def find_sole(
 def find_lowest(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
     """Return the height of the lowest point of a body's shapes [m]; infinite without shapes."""
     up = data.xmat[body].reshape(3, 3)[2]
-    return float(data.xpos[body, 2] + np.min(_sample(model, body) @ up, initial=np.inf))
-
-
-def _sample(model: mujoco.MjModel, body: int) -> Array:
-    """Return points that span a body's shapes, in its frame [m], (p, 3)."""
-    shapes = read_shapes(model, body, keep_hulls=True)
-    return np.concatenate([np.zeros((0, 3)), *(shape.sample() for shape in shapes)])
+    return float(data.xpos[body, 2] + np.min(sample_shapes(model, body) @ up, initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +127,7 @@ def list_sole_points(model: mujoco.MjModel, site: str) -> Array:
     mujoco.mj_kinematics(model, data)
     foot = model.body_weldid[model.site_bodyid[number]]
     points = [
-        data.xpos[body] + _sample(model, int(body)) @ data.xmat[body].reshape(3, 3).T
+        data.xpos[body] + sample_shapes(model, int(body)) @ data.xmat[body].reshape(3, 3).T
         for body in np.flatnonzero(model.body_weldid == foot)
     ]
     axes = data.site_xmat[number].reshape(3, 3)

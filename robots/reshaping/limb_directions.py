@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robots.body.ends import locate_end
+from robots.body.ends import LimbEnds
 from robots.body.links import Link
 from robots.proportions import BodyError
 from robots.quaternion import Array
@@ -60,7 +60,7 @@ def _compute_reach(skeleton: Skeleton, link: Link, limb: Link) -> Array:
         return skeleton.sole(link) - start if link is limb else np.zeros(3)
     if link.children:
         return np.mean([skeleton.anchor_in(end, link) for end in link.children], axis=0) - start
-    end = locate_end(skeleton.data, link.joints[0])
+    end = LimbEnds(skeleton.model).locate(skeleton.data, link.joints[0])
     return skeleton.axes(link).T @ (end - skeleton.data.xanchor[link.joints[0]])
 
 

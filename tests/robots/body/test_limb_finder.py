@@ -50,10 +50,10 @@ SHIPPED = {
     "op3": (["l_sho_roll", "l_el", None], ["l_hip_pitch", "l_knee", "l_ank_pitch"]),
     "wolfgang": (["LShoulderRoll", "LElbow", None], ["LHipPitch", "LKnee", "LAnklePitch"]),
     "toddlerbot": (
-        ["left_shoulder_roll", "left_elbow_roll", "left_elbow_yaw"],
+        ["left_shoulder_roll", "left_elbow_roll", "left_wrist_pitch"],
         ["left_hip_roll", "left_knee", "left_ankle_pitch"],
     ),
-    "human": (["l_sho_roll", "l_elbow", "l_wrist_yaw"], ["l_hip_pitch", "l_knee", "l_ankle_yaw"]),
+    "human": (["l_sho_roll", "l_elbow", "l_wrist_roll"], ["l_hip_pitch", "l_knee", "l_ankle_yaw"]),
 }
 """Where the left arm and the left leg of each begin, bend and end."""
 

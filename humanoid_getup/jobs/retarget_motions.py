@@ -11,7 +11,7 @@ from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_fol
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.requests.motions import RetargetRequest
-from humanoid_getup.motions.build import build_unimproved, motion_file
+from humanoid_getup.motions.build import SOUND, build_unimproved, motion_file
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
@@ -29,25 +29,25 @@ class RetargetedMotions:
 
     known: tuple[str, ...]
     """Motions that the robot had already."""
-    sound: tuple[str, ...]
+    kept: tuple[str, ...]
     """Motions that stand as they are."""
     rest: tuple[str, ...]
     """Motions that do not."""
     wanting: tuple[str, ...]
     """Of the rest, one that rises from each side from which none stands."""
     improved: BuiltMotions | None
-    """Result of improving the rest; None if it was not improved."""
+    """Result of improving the rest, and what stands in few disturbed worlds; None without."""
 
     @property
     def is_complete(self) -> bool:
         """Return whether every motion stands."""
-        return not self.rest or (self.improved is not None and not self.improved.failures)
+        return set(self.rest) <= set(self.improved.built if self.improved else ())
 
 
 def retarget(
     request: RetargetRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> RetargetedMotions:
-    """Transfer the keys, keep the motions that stand as they are, and improve the others.
+    """Transfer the keys, keep the motions that stand, and improve those that rarely do.
 
     Motions that the robot has already stay as they are.
 
@@ -67,22 +67,24 @@ def retarget(
     if known:
         monitor.tell(f"kept as they are: {', '.join(known)}")
     new = [each for each in wanted if each.name not in known]
-    rest = [each for each in new if not _keep_if_sound(robot, each, request.seed, monitor)]
-    improves = bool(rest) and request.improve
+    shares = [_keep_if_standing(robot, each, request.seed, monitor) for each in new]
+    rest = [each for each, share in zip(new, shares, strict=True) if share is None]
+    weak = [each for each, share in zip(new, shares, strict=True) if (share or 0.0) < SOUND]
+    improves = bool(weak) and request.improve
     if new:
         monitor.tell(f"{len(new) - len(rest)} of {len(new)} stand as they are")
     return RetargetedMotions(
         known=tuple(known),
-        sound=tuple(each.name for each in new if each not in rest),
+        kept=tuple(each.name for each in new if each not in rest),
         rest=tuple(each.name for each in rest),
         wanting=_pick_wanting(rest, [each for each in wanted if each not in rest]),
-        improved=build_all(robot, rest, request, monitor) if improves else None,
+        improved=build_all(robot, weak, request, monitor) if improves else None,
     )
 
 
-def _pick_wanting(rest: Sequence[Keyframes], sound: Sequence[Keyframes]) -> tuple[str, ...]:
-    """Pick a motion that rises for each side, mirrored ones alike, from which none is sound."""
-    served = {_find_side(each) for each in sound}
+def _pick_wanting(rest: Sequence[Keyframes], kept: Sequence[Keyframes]) -> tuple[str, ...]:
+    """Pick a motion that rises for each side, mirrored ones alike, from which none is kept."""
+    served = {_find_side(each) for each in kept}
     first: dict[str, str] = {}
     for each in rest:
         if (side := _find_side(each)) and side not in served:
@@ -115,17 +117,23 @@ def _transfer(
     return find_keyframes(robot, tuple(each.name for each in wanted))
 
 
-def _keep_if_sound(robot: Robot, keyframes: Keyframes, seed: int, monitor: ProgressMonitor) -> bool:
-    """Keep a motion that stands in most disturbed worlds as it is; tell how it ended."""
+def _keep_if_standing(
+    robot: Robot, keyframes: Keyframes, seed: int, monitor: ProgressMonitor
+) -> float | None:
+    """Keep a motion that stands as it is; tell how it ended.
+
+    Returns:
+        The share of disturbed worlds in which it stands; None if it does not.
+    """
     monitor.begin(f"playing {keyframes.name}")
     build = build_unimproved(robot, keyframes, seed)
     if build.failure:
         monitor.tell(build.failure)
-        return False
+        return None
     keep(build, robot, keep_keys=False)
     share = float(build.motion.provenance["disturbed_success"])
     monitor.tell(
         f"motion '{keyframes.name}' stands, in {share:.0%} of disturbed worlds: "
         f"{Path(MOTION_FOLDER) / keyframes.name}.npz"
     )
-    return True
+    return share

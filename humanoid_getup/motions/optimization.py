@@ -87,8 +87,9 @@ class TrajectoryOptimizer:
                 finalists.append(candidates[int(np.argmin(found.cost))])
         finalists.append(population.mean)
         judged = [self.judge(finalist, seed) for finalist in finalists]
-        best = min(range(len(finalists)), key=lambda i: (-round(judged[i][1], 2), judged[i][0]))
-        return finalists[best], judged[best][1]
+        share = [compute_share(stood, UNDISTURBED) for _, stood in judged]
+        best = min(range(len(finalists)), key=lambda i: (-round(share[i], 2), judged[i][0]))
+        return finalists[best], share[best]
 
     def find_success(self, keyframes: Keyframes, generations: int, seed: int) -> Keyframes | None:
         """Change keyframes until they succeed once, undisturbed, at full torque.
@@ -134,15 +135,15 @@ class TrajectoryOptimizer:
         log.add(cost, float(stood.mean()))
         return log.generations[-1]
 
-    def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, float]:
-        """Compute mean cost and success share over disturbances not used by the search.
+    def judge(self, keyframes: Keyframes, seed: int) -> tuple[float, np.ndarray]:
+        """Compute mean cost and successes (K,) over disturbances not used by the search.
 
-        The share is 0 if it fails undisturbed, at its own torque limit or at full torque.
+        The first two are undisturbed: at its own torque limit and at full torque.
         """
         rng = np.random.default_rng([seed, 1])
         scenarios = self._make_scenarios(keyframes, FINAL_SCENARIOS, rng)
         cost, stood = self._roll_out(self._fine, [keyframes], scenarios, HOLD_TIME, self.preference)
-        return float(cost.mean()), compute_share(stood[0], UNDISTURBED)
+        return float(cost.mean()), stood[0]
 
     def _roll_out(
         self,

@@ -6,7 +6,8 @@ from authored import load_robot_keyframes
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.motions.build import settle
+from humanoid_getup.motions import build
+from humanoid_getup.motions.build import build_unimproved, settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import TrajectoryOptimizer, make_scenarios
 from humanoid_getup.motions.preference import Preference
@@ -48,6 +49,22 @@ def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, sta
     assert {LIMIT_MODES[mode] for mode in parameters.limit_by} == {TorqueLimit().on(world.robot).by}
     np.testing.assert_allclose(starts[:2], np.tile(start, (2, 1)), atol=0.01)
     assert len(np.unique(starts[2:], axis=0)) == len(starts) - 2
+
+
+def test_what_stands_at_full_torque_is_kept_with_its_true_share(op3, keyframes, monkeypatch):
+    """Whatever limit its keys wish for: at 0.3 N·m nothing stands."""
+    limits = []
+
+    def judge(_, judged, __):
+        limits.append(judged.torque_limit)
+        return 0.0, np.array([False, True, False, False])
+
+    monkeypatch.setattr(TrajectoryOptimizer, "judge", judge)
+    monkeypatch.setattr(build, "with_entries", lambda _, motion: motion)
+    built = build_unimproved(op3, replace(keyframes, torque_limit=0.3), 0)
+    assert (built.failure, built.motion.end_class) == ("", "standing")
+    assert built.motion.provenance["disturbed_success"] == 0.25
+    assert limits == [built.motion.provenance["torque_limit"]] == [4.1]
 
 
 @pytest.mark.parametrize("prefer", [None, "time", "torque", "impact", "robustness"])

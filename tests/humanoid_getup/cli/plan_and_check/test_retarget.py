@@ -44,11 +44,13 @@ def test_a_motion_that_stands_is_kept_once(run: Run, gnome: Path):
 def test_a_motion_for_each_side_without_one_can_be_built_next(
     run: Run, gnome: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    sound = ("squat_to_stand", "supine_roll_over")
+    shares = {"squat_to_stand": 0.9, "supine_roll_over": 0.2}
     monkeypatch.setattr(
-        retarget_motions, "_keep_if_sound", lambda _robot, keyframes, *_: keyframes.name in sound
+        retarget_motions,
+        "_keep_if_standing",
+        lambda _robot, keyframes, *_: shares.get(keyframes.name),
     )
-    names = (*sound, "prone_push_up_gentle", "prone_push_up_fast", "supine_long_sit")
+    names = (*shares, "prone_push_up_gentle", "prone_push_up_fast", "supine_long_sit")
     code, out, _ = run("motions", "retarget", *names, "--robot", str(gnome), "--no-improve")
     assert code == 1
     assert out.endswith(f"; next: getup motions build prone_push_up_gentle --robot {gnome}\n")

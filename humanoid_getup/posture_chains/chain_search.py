@@ -1,0 +1,180 @@
+"""A search for rises in physics: chains of resting postures from a fall to a stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.move_player import MovePlayer
+from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
+from humanoid_getup.posture_chains.resting_state import Chain, Move, RestingState
+from humanoid_getup.posture_chains.ways_up import WaysUp
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, TorqueLimit
+from robots.quaternion import Array
+
+WORLDS = 3  # in which a new state must be reached, the first undisturbed
+BATCH = 64  # moves that are tried at a time
+NEAR_STAND = 0.6  # progress from which rises to the stance are tried
+RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
+SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
+MOST_CHAINS = 16  # that are kept of each start
+TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
+"""Kinds of batches, in turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How a search for chains goes about it."""
+
+    batch: int = BATCH
+    worlds: int = WORLDS
+    limit: TorqueLimit = FULL_TORQUE
+    threads: int = 0
+    """Of the simulation; 0 are one per processor. The result does not depend on it."""
+
+
+class ChainTools:
+    """What searches from several starts of one robot share: its simulation, moves and ways up."""
+
+    def __init__(
+        self, world: World, rng: np.random.Generator, settings: SearchSettings | None = None
+    ) -> None:
+        """Find the balanced squats from which a robot stands up."""
+        self.settings = settings or SearchSettings()
+        self.world, self.rng = world, rng
+        self.player = MovePlayer(
+            world, rng, limit=self.settings.limit, threads=self.settings.threads
+        )
+        self.moves = RandomMoves(world.robot)
+        self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds)
+
+
+class ChainSearch:
+    """Searches chains of resting postures from one start.
+
+    A state is drawn from an archive, the servos' targets move to a random posture, and where the
+    robot rests afterwards, alike in several disturbed worlds, the new state is filed. From the
+    other end, ways up lead from the stance downwards; a chain is found where the two meet.
+    """
+
+    def __init__(self, tools: ChainTools, start: Array) -> None:
+        """Begin at MuJoCo positions (nq,) at rest."""
+        self._tools, self._player = tools, tools.player
+        robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
+        held = np.clip(start[layout.qpos], robot.lower, robot.upper)
+        self.archive = Archive()
+        self.archive.add(self._player.describe(start, held))
+        self.chains: list[Chain] = []
+        """The shortest chains found so far that stand in all worlds, the shortest first."""
+        self._turn = 0
+        self._risen: set[int] = set()
+
+    def advance(self) -> None:
+        """Play one batch of moves."""
+        kind = TURNS[self._turn % len(TURNS)]
+        self._turn += 1
+        count, rng = self._tools.settings.batch, self._tools.rng
+        if kind == "downward":
+            self._tools.ways_up.advance(count, rng)
+        elif kind == "connect" and (pairs := self._tools.ways_up.pair(list(self.archive), count)):
+            self._connect(pairs)
+        elif kind == "rise" and (near := self._list_near()):
+            self._try(*self._make_rises(near))
+        else:
+            states = self.archive.draw(count, rng)
+            self._try(states, self._tools.moves.draw_all(states, self._player.scale, rng))
+
+    def _try(self, states: list[RestingState], moves: list[Move]) -> None:
+        """Try moves; file where they lead if that is new, and the same in all worlds."""
+        tried, new = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
+        for k in np.flatnonzero(tried.rests[:, 0]):
+            fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
+            state = tried.state(int(k), moves[k].target, **fields)
+            if tried.stands[k, 0] or self.archive.wants(state):
+                new.append(state)
+        self._check(new)
+
+    def _check(self, new: list[RestingState]) -> None:
+        begun = [state.before for state in new if state.before is not None]
+        moves = [[state.move] for state in new if state.move is not None]
+        if not begun:
+            return
+        ends = self._player.check(begun, moves, self._tools.settings.worlds)
+        for k, alike in enumerate(ends.are_like(new)):
+            if ends.stands[k].all():
+                self._finish(new[k])
+            if alike:
+                self.archive.add(replace(new[k], qpos=ends.qpos[k, 0].copy()))
+
+    def _finish(self, last: RestingState) -> None:
+        """Note a chain that stands, one of the shortest."""
+        self.chains = sorted([*self.chains, last.chain], key=lambda chain: chain.duration)
+        del self.chains[MOST_CHAINS:]
+        self._tools.ways_up.add_chain(last)
+
+    def _list_near(self) -> list[RestingState]:
+        """List states near to a stand from which no rise was tried yet, the nearest first."""
+        near = [s for s in self.archive if s.progress > NEAR_STAND and id(s) not in self._risen]
+        each = 2 * len(RISE_TIMES) - 1
+        near = sorted(near, key=lambda s: -s.progress)[: self._tools.settings.batch // each]
+        self._risen |= {id(state) for state in near}
+        return near
+
+    def _make_rises(self, states: list[RestingState]) -> tuple[list[RestingState], list[Move]]:
+        """Make moves straight to the stance, and through higher squats."""
+        home, moves = self._tools.world.robot.standing.joint_pos, self._tools.moves
+        begun, rises = list[RestingState](), list[Move]()
+        for state in states:
+            neck = float(self._player.meter.measure(state.qpos[None]).neck[0])
+            higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN][::-1]
+            ways = [(home[None], time, "stance") for time in RISE_TIMES]
+            ways += [(np.vstack([higher, home]), time, "squats") for time in RISE_TIMES[1:]]
+            for knots, time, kind in ways:
+                begun.append(state)
+                rises.append(Move(knots=knots, duration=time * self._player.scale, kind=kind))
+        return begun, rises
+
+    def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
+        """Move to the targets of states with a way up; where that leads there, go on up."""
+        states, ups = [state for state, _ in pairs], [up for _, up in pairs]
+        moves = [self._aim(state, up) for state, up in pairs]
+        tried, other = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
+        linked = list[int]()
+        for k in np.flatnonzero(tried.rests[:, 0]):
+            fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
+            state = tried.state(int(k), moves[k].target, **fields)
+            if _is_like(state, ups[k]):
+                linked.append(int(k))
+            elif self.archive.wants(state):
+                other.append(state)
+        self._check(other)
+        if not linked:
+            return
+        sequences = [[moves[k], *ups[k].way_up] for k in linked]
+        ends = self._player.check(
+            [states[k] for k in linked], sequences, self._tools.settings.worlds
+        )
+        for row, k in enumerate(linked):
+            if ends.stands[row].all():
+                self._join(states[k], moves[k], ups[k])
+
+    def _aim(self, state: RestingState, up: RestingState) -> Move:
+        """Make the move to the targets of a state with a way up."""
+        least = self._tools.moves.least_duration(state.target, up.target)
+        drawn = float(self._tools.rng.choice(DURATIONS)) * self._player.scale
+        return Move(knots=up.target[None], duration=max(least, drawn), kind="connect")
+
+    def _join(self, state: RestingState, move: Move, up: RestingState) -> None:
+        """Note the chain that leads to a state with a way up, and on."""
+        last = replace(up, before=state, move=move, depth=state.depth + 1)
+        while up.after is not None:
+            up, onward = up.after, up.onward
+            last = replace(up, before=last, move=onward, depth=last.depth + 1)
+        self._finish(replace(last, after=None, onward=None))
+
+
+def _is_like(state: RestingState, other: RestingState) -> bool:
+    return all(abs(a - b) <= 1 for a, b in zip(state.cell, other.cell, strict=True))

@@ -1,0 +1,96 @@
+"""Features of resting robots: what tells how near they are to a stand, and which are alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.simulation.world import World
+from robots import quaternion
+from robots.body.lengths import leg_length
+from robots.quaternion import Array
+
+GRAVITY_STEP = 0.4  # of a cell, along each axis of the unit vector
+NECK_STEP = 0.09  # of standing height
+FLAT_STEPS = 3
+OFFSET_STEP, MOST_OFFSET = 0.3, 4  # leg lengths, and cells
+ON_GROUND = 0.004  # m that a sole on the ground may be above it
+SOLE_REACH = 0.1  # leg lengths over which a sole that is lifted counts less
+BALANCED = 0.35  # leg lengths from between the soles, over which balance counts less
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Features:
+    """What matters of resting robots, (K, ...)."""
+
+    up: Array
+    """The world's vertical in the torso's frame, (K, 3)."""
+    neck: Array
+    """Height of the neck over the ground as a share of that of the stance, (K,)."""
+    flatness: Array
+    """How flat the less flat sole is on the ground, from 0 to 1, (K,)."""
+    offset: Array
+    """Horizontal distance of the center of mass from between the soles [leg lengths], (K,)."""
+
+    @property
+    def progress(self) -> Array:
+        """Return how near robots are to a stand, from 0 to 1, (K,)."""
+        balance = np.exp(-((self.offset / BALANCED) ** 2))
+        on_soles = self.flatness * (0.3 + 0.7 * balance)
+        upright = np.maximum(self.up[:, 2], 0.0) * self.flatness * balance
+        return 0.35 * np.clip(self.neck, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright
+
+    @property
+    def cells(self) -> NDArray[np.int_]:
+        """Return the cells in which robots that are alike are filed, (K, 6)."""
+        gravity = np.round(self.up / GRAVITY_STEP)
+        flat = np.minimum(np.floor(self.flatness * FLAT_STEPS), FLAT_STEPS - 1)
+        offset = np.minimum(np.floor(self.offset / OFFSET_STEP), MOST_OFFSET)
+        neck = np.floor(self.neck / NECK_STEP)
+        return np.column_stack([gravity, neck, flat, offset]).astype(int)
+
+    @property
+    def places(self) -> Array:
+        """Return vectors that are near to each other for robots that are alike, (K, 6)."""
+        shares = [self.neck[:, None], 0.5 * self.flatness[:, None], 0.3 * self.offset[:, None]]
+        return np.hstack([self.up, *shares])
+
+
+class FeatureMeter:
+    """Measures features in one world."""
+
+    def __init__(self, world: World) -> None:
+        self._world, model = world, world.model
+        self._data = mujoco.MjData(model)
+        self._layout = world.robot.layout(model)
+        self._soles = [model.site(name).id for name in world.robot.sole_sites]
+        self._neck = model.site(world.robot.neck_site).id
+        self._leg = leg_length(world.robot)
+
+    def measure(self, qpos: Array) -> Features:
+        """Measure robots at MuJoCo positions (K, nq)."""
+        model, data, count = self._world.model, self._data, len(qpos)
+        soles, turned = np.zeros((count, len(self._soles), 3)), np.zeros((count, len(self._soles)))
+        center, neck = np.zeros((count, 3)), np.zeros((count, 3))
+        for k, row in enumerate(qpos):
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            soles[k], turned[k] = data.site_xpos[self._soles], data.site_xmat[self._soles, 8]
+            center[k], neck[k] = data.subtree_com[self._layout.torso], data.site_xpos[self._neck]
+        support = self._world.scene.support
+        lifted = np.maximum(soles[..., 2] - support(soles) - ON_GROUND, 0.0)
+        flat = np.clip(turned, 0.0, 1.0) * np.exp(-lifted / (SOLE_REACH * self._leg))
+        between = soles[..., :2].mean(axis=1)
+        up = quaternion.rotate(
+            quaternion.inverse(qpos[:, self._layout.root_orientation]), np.array([0.0, 0.0, 1.0])
+        )
+        return Features(
+            up=up,
+            neck=(neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height,
+            flatness=flat.min(axis=1),
+            offset=np.linalg.norm(center[:, :2] - between, axis=1) / self._leg,
+        )

@@ -1,0 +1,176 @@
+"""Plays moves from resting states, and measures where they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.posture_chains.features import FeatureMeter, Features
+from humanoid_getup.posture_chains.resting_state import Move, RestingState, sample_moves
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, TorqueLimit
+from robots.body.lengths import leg_length
+from robots.quaternion import Array
+
+ROUGH = Disturbance(ground_friction=Uniform(0.6, 1.2), supply=Uniform(0.95, 1.05))
+"""What a move has to withstand, beside `JOINT_NOISE`: all worlds must come to rest alike."""
+JOINT_NOISE = Normal(0.015)  # rad, at the start of a move
+OP3_LEG = 0.22  # m; times scale with the root of a leg's length
+SETTLING = 0.35  # s for OP3, the rest after each move
+REST_TIME = 0.06  # s at the end of a move over which a robot's speed is measured
+REST_JOINT_SPEED, REST_ROOT_SPEED = 0.6, 0.06  # rad/s, and m/s for OP3
+MOST_OVERLAP = 0.008  # m by which a robot may press into itself
+BEHIND = 0.05  # progress by which a robot may be behind one that is alike
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arrivals:
+    """Where M sequences of moves end, in K worlds each."""
+
+    qpos: Array
+    """MuJoCo positions, (M, K, nq)."""
+    features: Features
+    """Of all robots, (M * K,)."""
+    rests: Bools
+    """Which robots rest, (M, K)."""
+    stands: Bools
+    """Which ones are upright on their feet, (M, K)."""
+
+    def are_like(self, states: Sequence[RestingState]) -> Bools:
+        """Tell which sequences end in all worlds like their state, (M,): near, and not behind."""
+        shape = self.rests.shape
+        cells = np.array([state.cell for state in states])
+        progress = np.array([state.progress for state in states])
+        own = self.features.cells.reshape(*shape, -1)
+        near = (np.abs(own - cells[:, None]) <= 1).all(axis=2)
+        kept = self.features.progress.reshape(shape) >= progress[:, None] - BEHIND
+        return np.all(self.rests & near & kept, axis=1)
+
+    def state(self, row: int, target: Array, **fields: Any) -> RestingState:
+        """Return the state in the first world, with the targets that are held there (n,)."""
+        first = row * self.rests.shape[1]
+        return make_state(self.qpos[row, 0], target, self.features, first, **fields)
+
+
+def make_state(
+    qpos: Array, target: Array, features: Features, row: int, **fields: Any
+) -> RestingState:
+    """Make a state at MuJoCo positions (nq,) from one row of features."""
+    return RestingState(
+        qpos=qpos.copy(),
+        target=target,
+        cell=tuple(features.cells[row].tolist()),
+        progress=float(features.progress[row]),
+        place=features.places[row],
+        **fields,
+    )
+
+
+class MovePlayer:
+    """Plays moves in one world: roughly to try them, disturbed to check them.
+
+    A trial simulates one physics step a control period, which is enough to tell which moves are
+    worth a check; what is checked is simulated in the steps of the world.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        rng: np.random.Generator,
+        *,
+        limit: TorqueLimit = FULL_TORQUE,
+        threads: int = 0,
+    ) -> None:
+        """Prepare for a world, and for a torque limit of every servo."""
+        self.world, self._rng, self._limit = world, rng, limit
+        coarse = world.vary(timestep=world.robot.control_period)
+        self._experiment = Experiment(world, threads=threads)
+        self._trial = Experiment(coarse, threads=threads)
+        self._layout = world.robot.layout(world.model)
+        self.meter = FeatureMeter(world)
+        self.scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
+        """Times of this robot over those of OP3."""
+        self.simulated = 0.0
+        """Time simulated so far [s]."""
+
+    @property
+    def rest(self) -> float:
+        """Return the time of rest after each move [s]."""
+        return SETTLING * self.scale
+
+    def describe(self, qpos: Array, target: Array) -> RestingState:
+        """Describe a robot at rest at MuJoCo positions (nq,), with held targets (n,)."""
+        return make_state(qpos, target, self.meter.measure(qpos[None]), 0)
+
+    def try_out(self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]]) -> Arrivals:
+        """Play a sequence of moves from each of M states, undisturbed and coarsely."""
+        starts = np.array([state.qpos for state in states])
+        scenarios = Scenarios.nominal(self._trial.world, starts, self._limit)
+        return self._play(self._trial, scenarios, states, moves)
+
+    def check(
+        self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]], worlds: int
+    ) -> Arrivals:
+        """Play a sequence of moves from each of M states in K worlds, the first undisturbed."""
+        starts = np.repeat([state.qpos for state in states], worlds, axis=0)
+        nominal = Scenarios.nominal(self.world, starts[::worlds], self._limit)
+        parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
+        parameters.put(np.arange(0, len(starts), worlds), nominal.parameters)
+        noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)
+        noise[::worlds] = 0.0
+        starts[:, self._layout.qpos] += noise
+        scenarios = Scenarios(starts=starts, parameters=parameters)
+        return self._play(self._experiment, scenarios, states, moves)
+
+    def _play(
+        self,
+        experiment: Experiment,
+        scenarios: Scenarios,
+        states: Sequence[RestingState],
+        moves: Sequence[Sequence[Move]],
+    ) -> Arrivals:
+        each = len(scenarios) // len(states)
+        record = experiment.play(scenarios, np.repeat(self._sample(states, moves), each, axis=0))
+        self.simulated += record.duration
+        ends = record.qpos[:, -1]
+        return Arrivals(
+            qpos=ends.reshape(-1, each, ends.shape[1]),
+            features=self.meter.measure(ends),
+            rests=self._find_resting(record).reshape(-1, each),
+            stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
+        )
+
+    def _sample(self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]]) -> Array:
+        """Sample the targets of sequences of moves, all as long as the longest, (M, T, n)."""
+        period = self.world.robot.control_period
+        sampled = [
+            sample_moves(state.target, sequence, period, self.rest)
+            for state, sequence in zip(states, moves, strict=True)
+        ]
+        length = max(map(len, sampled))
+        return np.array([np.pad(s, ((0, length - len(s)), (0, 0)), "edge") for s in sampled])
+
+    @property
+    def _rest_steps(self) -> int:
+        return max(round(REST_TIME / self.world.robot.control_period), 2)
+
+    def _find_resting(self, record: Record) -> Bools:
+        """Tell which robots are at rest at the end, and never pressed into themselves, (N,)."""
+        steps, root = self._rest_steps, record.qpos[:, :, self._layout.root_position]
+        turned = np.abs(record.joint_pos[:, -1] - record.joint_pos[:, -1 - steps]).max(axis=1)
+        moved = np.linalg.norm(root[:, -1] - root[:, -1 - steps], axis=1)
+        time = steps * record.period
+        slow = (turned < REST_JOINT_SPEED * time) & (moved < REST_ROOT_SPEED * self.scale * time)
+        if record.overlap is not None:
+            slow &= record.overlap.max(axis=1) < MOST_OVERLAP
+        return slow & ~record.diverged

@@ -1,0 +1,142 @@
+"""Random moves: where the servos' targets go from a resting posture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from humanoid_getup.posture_chains.resting_state import Move, RestingState
+from robots import Robot
+from robots.body.limb import LEGS
+from robots.body.limbs import Limbs
+from robots.body.squats import list_squats
+from robots.body.statics import Statics
+from robots.quaternion import Array
+
+DURATIONS, DURATION_SHARES = (0.35, 0.6, 1.0), (0.45, 0.35, 0.2)  # s for OP3
+SPEED_SHARE, MOST_SPEED = 0.8, 4.8  # of the servos' speed, and rad/s; of targets on average
+SPREADS = (0.2, 0.5, 1.0)  # rad, standard deviation of a random change of joints
+PAIRED, SINGLE = (0.15, 0.3, 0.6), (0.1, 0.25, 0.5)  # shares of joints that change
+HOMEWARD = (0.3, 0.6, 1.0)  # shares of the way to the stance
+KEPT = 0.4  # probability that a limb does not go towards the stance
+PAIRED_LIMBS = 0.7  # probability that its partner goes with a limb that does
+SQUAT_SPREAD = 0.08  # rad
+ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
+
+
+class RandomMoves:
+    """Draws targets to move to, of several kinds; each kind with a share of its own."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._speed = np.minimum(SPEED_SHARE * robot.max_velocity, MOST_SPEED)
+        limbs = Limbs(robot)
+        self._groups = _group(limbs)
+        self._legs = np.array(sorted(k for name in LEGS for k in limbs.all[name].joints))
+        squats = list_squats(limbs, Statics(robot))
+        self.squats = np.array([squat.joint_pos for squat in squats]).reshape(-1, robot.n)
+        """Balanced squats from high to deep, (Q, n) [rad]."""
+        self.squat_necks = np.array([squat.neck_share for squat in squats])
+        """Heights of their necks as shares of that of the stance, (Q,)."""
+        kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
+            "mirrored joints": (0.30, self._change_pairs),
+            "joints": (0.12, self._change_joints),
+            "limb": (0.13, self._move_limb),
+            "limbs": (0.13, self._move_limbs),
+            "homeward": (0.12, self._go_homeward),
+            "squat": (0.12 if squats else 0.0, self._squat),
+            "anywhere": (0.08, self._go_anywhere),
+        }
+        self.kinds, self._draw = tuple(kinds), [draw for _, draw in kinds.values()]
+        share = np.array([share for share, _ in kinds.values()])
+        self.shares = share / share.sum()
+
+    def draw_all(
+        self, states: Sequence[RestingState], scale: float, rng: np.random.Generator
+    ) -> list[Move]:
+        """Draw a move from each state, all of one duration, which is scaled."""
+        duration = float(rng.choice(DURATIONS, p=DURATION_SHARES)) * scale
+        reach, moves = self._speed * duration, []
+        for state in states:
+            drawn, kind = self.draw(state.target, rng)
+            drawn = state.target + np.clip(drawn - state.target, -reach, reach)
+            moves.append(Move(knots=drawn[None], duration=duration, kind=kind))
+        return moves
+
+    def least_duration(self, before: Array, after: Array) -> float:
+        """Return the shortest time between targets (n,) [s]."""
+        return float((np.abs(after - before) / self._speed).max())
+
+    def draw(self, target: Array, rng: np.random.Generator) -> tuple[Array, str]:
+        """Draw targets (n,) to go to from those that are held, and name the kind of move."""
+        kind = int(rng.choice(len(self.kinds), p=self.shares))
+        drawn = self._draw[kind](target, rng)
+        return np.clip(drawn, self._robot.lower, self._robot.upper), self.kinds[kind]
+
+    def _change_pairs(self, target: Array, rng: np.random.Generator) -> Array:
+        change = self._change(PAIRED, rng)
+        return target + (change + self._robot.mirror_joints(change)) / np.sqrt(2.0)
+
+    def _change_joints(self, target: Array, rng: np.random.Generator) -> Array:
+        return target + self._change(SINGLE, rng)
+
+    def _change(self, shares: tuple[float, ...], rng: np.random.Generator) -> Array:
+        chosen = rng.random(self._robot.n) < rng.choice(shares)
+        return chosen * rng.normal(scale=rng.choice(SPREADS), size=self._robot.n)
+
+    def _move_limb(self, target: Array, rng: np.random.Generator) -> Array:
+        group = self._groups[int(rng.integers(len(self._groups)))]
+        moved = target.copy()
+        moved[group] = self._draw_anywhere(rng)[group]
+        return moved
+
+    def _move_limbs(self, target: Array, rng: np.random.Generator) -> Array:
+        group = self._groups[int(rng.integers(len(self._groups)))]
+        moved = target.copy()
+        moved[group] = self._draw_anywhere(rng)[group]
+        partner = self._robot.mirror_index[group]
+        moved[partner] = self._robot.mirror_joints(moved)[partner]
+        return moved
+
+    def _go_homeward(self, target: Array, rng: np.random.Generator) -> Array:
+        share, moved = rng.choice(HOMEWARD), target.copy()
+        home = target + share * (self._robot.standing.joint_pos - target)
+        for group in self._groups:
+            if rng.random() >= KEPT:
+                moved[group] = home[group]
+                if rng.random() < PAIRED_LIMBS:
+                    partner = self._robot.mirror_index[group]
+                    moved[partner] = home[partner]
+        return moved
+
+    def _squat(self, target: Array, rng: np.random.Generator) -> Array:
+        squat, moved, legs = (
+            self.squats[int(rng.integers(len(self.squats)))],
+            target.copy(),
+            self._legs,
+        )
+        moved[legs] = squat[legs] + rng.normal(scale=SQUAT_SPREAD, size=len(legs))
+        if rng.random() < 0.5:
+            moved[legs] = 0.5 * (moved + self._robot.mirror_joints(moved))[legs]
+        if rng.random() < 0.3:
+            others = np.setdiff1d(np.arange(self._robot.n), legs)
+            moved[others] = squat[others]
+        return moved
+
+    def _go_anywhere(self, _: Array, rng: np.random.Generator) -> Array:
+        home, drawn = self._robot.standing.joint_pos, self._draw_anywhere(rng)
+        if rng.random() < 0.6:
+            left = np.arange(self._robot.n) <= self._robot.mirror_index
+            drawn = np.where(left, drawn, self._robot.mirror_joints(drawn))
+        return home + rng.uniform(*ANYWHERE) * (drawn - home)
+
+    def _draw_anywhere(self, rng: np.random.Generator) -> Array:
+        return rng.uniform(self._robot.lower, self._robot.upper)
+
+
+def _group(limbs: Limbs) -> list[np.ndarray]:
+    """Group joints by limb; all others are one group."""
+    groups = [np.array(limb.joints) for limb in limbs.all.values()]
+    others = np.setdiff1d(np.arange(limbs.robot.n), np.concatenate(groups))
+    return [*groups, others] if len(others) else groups

@@ -1,0 +1,123 @@
+"""Resting states, the moves between them, and chains of moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robots.quaternion import Array
+from robots.smooth_step import smooth_step
+
+Cell = tuple[int, ...]
+"""Cell of an archive, in which states that are alike are filed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Move:
+    """Targets that go from posture to posture, then rest."""
+
+    knots: Array
+    """Targets after the one held before, (P, n) [rad]."""
+    duration: float
+    """Time until the last knot [s]."""
+    kind: str
+    """How it was drawn, such as "limb"."""
+
+    @property
+    def target(self) -> Array:
+        """Return the targets that are held at the end [rad], (n,)."""
+        return self.knots[-1]
+
+    def sample(self, held: Array, period: float, rest: float) -> Array:
+        """Sample the targets from those held (n,), and through a rest [s], (T, n)."""
+        knots = np.vstack([held, self.knots])
+        at = period * np.arange(1.0, round((self.duration + rest) / period) + 1)
+        share = smooth_step(at / self.duration) * (len(knots) - 1)
+        before = np.minimum(share.astype(int), len(knots) - 2)
+        part = (share - before)[:, None]
+        return (1.0 - part) * knots[before] + part * knots[before + 1]
+
+    def reverse(self, held: Array) -> Move:
+        """Return the move back to the targets held before it, (n,)."""
+        return replace(self, knots=np.vstack([self.knots[:-1][::-1], held]), kind="back")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chain:
+    """Moves from a start, with a rest after each."""
+
+    start: Array
+    """MuJoCo positions of the start, at rest, (nq,)."""
+    held: Array
+    """Targets that are held there [rad], (n,)."""
+    moves: tuple[Move, ...]
+
+    @property
+    def duration(self) -> float:
+        """Return the time of all moves, without rests [s]."""
+        return sum(move.duration for move in self.moves)
+
+    def sample(self, period: float, rest: float) -> Array:
+        """Sample the targets, with a rest [s] after each move, (T, n)."""
+        return sample_moves(self.held, self.moves, period, rest)
+
+
+def sample_moves(held: Array, moves: Sequence[Move], period: float, rest: float) -> Array:
+    """Sample the targets of moves from those held (n,), with a rest [s] after each, (T, n)."""
+    before = [held, *(move.target for move in moves)]
+    sampled = [
+        move.sample(target, period, rest) for target, move in zip(before, moves, strict=False)
+    ]
+    return np.concatenate(sampled)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RestingState:
+    """A robot at rest, how it came there, or how it gets up from there."""
+
+    qpos: Array
+    """MuJoCo positions, (nq,)."""
+    target: Array
+    """Targets that are held [rad], (n,)."""
+    cell: Cell
+    progress: float
+    """How near it is to a stand, from 0 to 1."""
+    place: Array
+    """Its place among all states; those that are alike are near to each other, (d,)."""
+    before: RestingState | None = None
+    """Where the move that led here began; None for a start."""
+    move: Move | None = None
+    """The move that led here."""
+    after: RestingState | None = None
+    """Where the next move on the way to a stand leads; None if none is known."""
+    onward: Move | None = None
+    """That move."""
+    depth: int = 0
+    """Moves since the start or, with a way up, until the stand."""
+
+    @property
+    def path(self) -> list[RestingState]:
+        """Return the states from the start to here."""
+        states, state = list[RestingState](), self
+        while state is not None:
+            states.append(state)
+            state = state.before
+        return states[::-1]
+
+    @property
+    def chain(self) -> Chain:
+        """Return the moves from the start to here."""
+        first, *others = self.path
+        moves = tuple(state.move for state in others if state.move is not None)
+        return Chain(start=first.qpos, held=first.target, moves=moves)
+
+    @property
+    def way_up(self) -> tuple[Move, ...]:
+        """Return the moves from here to a stand."""
+        moves, state = list[Move](), self
+        while state.after is not None and state.onward is not None:
+            moves.append(state.onward)
+            state = state.after
+        return tuple(moves)

@@ -1,0 +1,129 @@
+"""Ways up: resting states from which a chain of moves to a stand is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.move_player import MovePlayer
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import Move, RestingState
+from robots.kinematics import place
+from robots.quaternion import Array
+
+HOLDING = 0.3  # s for OP3 in which a squat comes to rest
+SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
+TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
+DEPTH_COST = 0.03  # of a move, in the same unit
+FARTHEST = 1.2  # distance over which states are paired
+
+
+class WaysUp:
+    """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
+
+    def __init__(self, player: MovePlayer, moves: RandomMoves, worlds: int) -> None:
+        """Begin with the stance and the balanced squats from which it is reached."""
+        self._player, self._moves, self._worlds = player, moves, worlds
+        world = player.world
+        stance = place(world.robot, world.model, world.robot.standing)
+        self.stance = player.describe(stance, world.robot.standing.joint_pos)
+        self._archive = Archive(downwards=True)
+        self._archive.add(self.stance)
+        self._paired: set[tuple[int, int]] = set()
+        self._add_squats()
+
+    def __iter__(self) -> Iterator[RestingState]:
+        return iter(self._archive)
+
+    def __len__(self) -> int:
+        return len(self._archive)
+
+    def advance(self, count: int, rng: np.random.Generator) -> None:
+        """Try a number of moves from states with a way up, and file where they lead."""
+        states = self._archive.draw(count, rng)
+        moves = self._moves.draw_all(states, self._player.scale, rng)
+        tried, new = self._player.try_out(states, [[move] for move in moves]), []
+        for k in np.flatnonzero(tried.rests[:, 0]):
+            back = moves[k].reverse(states[k].target)
+            fields = {"after": states[k], "onward": back, "depth": states[k].depth + 1}
+            state = tried.state(int(k), moves[k].target, **fields)
+            if self._archive.wants(state):
+                new.append(state)
+        self._check(new)
+
+    def add_chain(self, last: RestingState) -> None:
+        """File the states of a chain that ends in a stand: each has a way up now."""
+        after = self.stance
+        for state in last.path[:0:-1]:
+            if state.before is None:
+                return
+            after = replace(
+                state.before,
+                before=None,
+                move=None,
+                after=after,
+                onward=state.move,
+                depth=after.depth + 1,
+            )
+            self._archive.add(after)
+
+    def pair(
+        self, states: list[RestingState], most: int
+    ) -> list[tuple[RestingState, RestingState]]:
+        """Pair states with near ones that have a way up, each pair once, the nearest first."""
+        ups, pairs = list(self), []
+        distance = cdist(_locate(states), _locate(ups))
+        distance += DEPTH_COST * np.array([up.depth for up in ups])
+        for k in np.argsort(distance, axis=None, kind="stable"):
+            i, j = np.unravel_index(k, distance.shape)
+            if distance[i, j] > FARTHEST or len(pairs) == most:
+                break
+            names = id(states[i]), id(ups[j])
+            if names not in self._paired:
+                self._paired.add(names)
+                pairs.append((states[i], ups[j]))
+        return pairs
+
+    def _add_squats(self) -> None:
+        """File the balanced squats that hold, and from which higher ones lead to the stance."""
+        robot, model = self._player.world.robot, self._player.world.model
+        squats, scale = self._moves.squats, self._player.scale
+        placed = [
+            self._player.describe(place(robot, model, replace(robot.standing, joint_pos=q)), q)
+            for q in squats
+        ]
+        if not placed:
+            return
+        hold = [[Move(knots=q[None], duration=HOLDING * scale, kind="hold")] for q in squats]
+        held, new = self._player.try_out(placed, hold), []
+        for k in np.flatnonzero(held.rests[:, 0]):
+            knots = np.vstack([squats[:k][::-1], robot.standing.joint_pos])
+            onward = Move(knots=knots, duration=SQUAT_TIME * scale, kind="squats")
+            fields = {"after": self.stance, "onward": onward, "depth": 1}
+            new.append(held.state(int(k), squats[k], **fields))
+        self._check(new)
+
+    def _check(self, states: list[RestingState]) -> None:
+        """File states whose next move leads where it should in all worlds."""
+        if not states:
+            return
+        onward = [[state.onward] for state in states if state.onward is not None]
+        goals = [state.after for state in states if state.after is not None]
+        ends = self._player.check(states, onward, self._worlds)
+        for state, leads in zip(states, ends.are_like(goals), strict=True):
+            if leads:
+                self._archive.add(state)
+
+
+def _locate(states: list[RestingState]) -> Array:
+    """Locate states by their features and targets, (K, d)."""
+    rows = [[*state.place, *(TARGET_WEIGHT * _scale(state.target))] for state in states]
+    return np.array(rows)
+
+
+def _scale(target: Array) -> Array:
+    return target / np.sqrt(len(target))

@@ -1,0 +1,88 @@
+"""A search moves between resting states, from a fall upwards and from a stand downwards."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
+from humanoid_getup.posture_chains.resting_state import Move
+from humanoid_getup.simulation.world import World
+
+SMALL = SearchSettings(batch=12, worlds=2, threads=1)
+
+
+@pytest.fixture(scope="module")
+def lying(world: World) -> np.ndarray:
+    return lay_down(world, "supine", world.robot.standing.joint_pos)
+
+
+@pytest.fixture(scope="module")
+def tools(world: World) -> ChainTools:
+    return ChainTools(world, np.random.default_rng(0), SMALL)
+
+
+def test_ways_up_begin_with_squats_from_which_a_robot_stands_up(tools: ChainTools):
+    squats = [up for up in tools.ways_up if up.depth == 1]
+    assert len(squats) >= 2
+    ends = tools.player.check(squats, [up.way_up for up in squats], 2)
+    assert ends.stands.all()
+    assert all(up.progress < tools.ways_up.stance.progress for up in squats)
+
+
+def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(
+    tools: ChainTools, lying: np.ndarray
+):
+    search = ChainSearch(tools, lying)
+    for _ in range(2):
+        search.advance()
+    moved = [state for state in search.archive if state.before is not None]
+    assert len(moved) >= 2
+    begun = [state.before for state in moved if state.before is not None]
+    moves = [[state.move] for state in moved if state.move is not None]
+    ends = tools.player.check(begun, moves, 1)
+    assert ends.rests.all()
+    assert ends.are_like(moved).all()
+    assert np.allclose(ends.qpos[:, 0], [state.qpos for state in moved])
+
+
+def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools, world: World):
+    stance, home = tools.ways_up.stance, world.robot.standing.joint_pos
+    bent, robot = home.copy(), world.robot
+    left, right = (robot.joint_names.index(name) for name in ("l_ank_pitch", "r_ank_pitch"))
+    bent[left] += 0.7
+    bent[right] = robot.mirror_joints(bent)[right]
+    moves = [[Move(knots=knots[None], duration=0.5, kind="test")] for knots in (home, bent)]
+    ends = tools.player.check([stance, stance], moves, 2)
+    assert ends.stands.tolist() == [[True, True], [False, False]]
+    assert ends.are_like([stance, stance]).tolist() == [True, False]
+
+
+def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lying: np.ndarray):
+    found = []
+    for threads in (1, 2):
+        settings = SearchSettings(batch=8, worlds=2, threads=threads)
+        search = ChainSearch(ChainTools(world, np.random.default_rng(5), settings), lying)
+        search.advance()
+        search.advance()
+        found.append(np.array([state.qpos for state in search.archive]))
+    assert len(found[0]) > 1
+    assert np.array_equal(found[0], found[1])
+
+
+@pytest.mark.slow
+def test_op3_finds_rises_from_its_back_that_disturbances_do_not_break(
+    world: World, lying: np.ndarray
+):
+    tools = ChainTools(world, np.random.default_rng(6))
+    search = ChainSearch(tools, lying)
+    while not search.chains and tools.player.simulated < 10_000.0:
+        search.advance()
+    sent = search.chains[0].sample(world.robot.control_period, tools.player.rest)
+    held = hold_last(sent, len(sent) + 500)
+    scenarios = USUAL.sample(world, lying, 16, np.random.default_rng(1))
+    outcome = Outcome(Experiment(world).play(scenarios, [held] * 16), world.robot)
+    assert outcome.stood.mean() >= 0.5

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.preview_motion import preview
     from humanoid_getup.jobs.requests.bench import (
         BenchAll,
+        BenchBodies,
         BenchDisturbed,
         BenchFaults,
         BenchFilter,
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BenchAll": "humanoid_getup.jobs.requests.bench",
+    "BenchBodies": "humanoid_getup.jobs.requests.bench",
     "BenchDisturbed": "humanoid_getup.jobs.requests.bench",
     "BenchFaults": "humanoid_getup.jobs.requests.bench",
     "BenchFilter": "humanoid_getup.jobs.requests.bench",
@@ -164,6 +166,7 @@ _HOMES = {
 
 __all__ = [
     "BenchAll",
+    "BenchBodies",
     "BenchDisturbed",
     "BenchFaults",
     "BenchFilter",

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from humanoid_getup.motions.motion_database import MotionDatabase
+from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from robots import TorqueLimit
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.track_record import PLAN
+from robots import Robot, TorqueLimit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,3 +38,21 @@ class RiseMethod:
 
         is_baseline = name in (NEAREST, STRAIGHT)
         return RiseMethod(name=name, make=make, fingerprint=fingerprint, preflight=not is_baseline)
+
+
+def find_policies(robot: Robot) -> dict[str, Path]:
+    """Find the policies of a robot by name; none if the robot has another body."""
+    if not robot.body.is_original:
+        return {}
+    return {file.stem: file for file in list_policies(robot)}
+
+
+def list_methods(
+    world: World, database: MotionDatabase | None, policies: dict[str, Path]
+) -> Iterator[RiseMethod]:
+    """List plans and stored motions, if the robot has motions, and its policies."""
+    if database is not None:
+        fingerprint = compute_fingerprint(PlannedRise(world, database))
+        yield from (RiseMethod.of(name, database, fingerprint) for name in (PLAN, NEAREST))
+    for name, file in policies.items():
+        yield RiseMethod.of(name, fingerprint=hashlib.sha256(file.read_bytes()).hexdigest())

@@ -104,6 +104,12 @@ COMMANDS = {
         "bench.bench_all",
         json=True,
     ),
+    "bench bodies": TableEntry(
+        "Measure the bodies of others beside what they publish.",
+        "requests.bench.BenchBodies",
+        "bench.bench_bodies",
+        json=True,
+    ),
     "bench rise": TableEntry(
         "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench", json=True
     ),

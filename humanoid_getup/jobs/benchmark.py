@@ -22,10 +22,12 @@ from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
+from humanoid_getup.jobs.measure_bodies import measure_bodies
 from humanoid_getup.jobs.measure_robot import measure_robot
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.bench import (
     BenchAll,
+    BenchBodies,
     BenchDisturbed,
     BenchFaults,
     BenchFilter,
@@ -57,12 +59,15 @@ def benchmark(
 
     Raises:
         BadInputError: if something that it names cannot be used.
-        CancelledError: if ``cancel`` ended it; `BenchAll` keeps the parts that were finished.
+        CancelledError: if ``cancel`` ended it; `BenchAll` and `BenchBodies` keep the parts that
+            were finished.
     """
     if isinstance(request, BenchAll):
         result = measure_robot(request, report, cancel)
+    elif isinstance(request, BenchBodies):
+        result = measure_bodies(request, report, cancel)
     else:
-        accept_kind(request, BenchAll, *BENCHMARKS).check()
+        accept_kind(request, BenchAll, BenchBodies, *BENCHMARKS).check()
         monitor = ProgressMonitor(report, cancel)
         monitor.begin("loading")
         run = next(run for kind, run in BENCHMARKS.items() if isinstance(request, kind))

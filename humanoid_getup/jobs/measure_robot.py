@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-from msgspec import convert
 from msgspec.structs import replace
 
 from humanoid_getup.benchmarks import disturbed
-from humanoid_getup.benchmarks.part import MethodRises, Part, PartResult
-from humanoid_getup.benchmarks.rise_method import RiseMethod
+from humanoid_getup.benchmarks.part import MethodRises
+from humanoid_getup.benchmarks.rise_method import find_policies, list_methods
 from humanoid_getup.benchmarks.torque_cap import QUICK_SHARES, SHARES, make_caps
 from humanoid_getup.benchmarks.whole import (
     CASES,
@@ -36,31 +33,19 @@ from humanoid_getup.jobs.requests.bench import (
     WHOLE_ARTEFACTS,
     BenchAll,
 )
+from humanoid_getup.jobs.run_parts import Results, run_parts
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, MotionDatabase, load_database
-from humanoid_getup.policy.onnx_policy import list_policies
+from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
-from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
-from humanoid_getup.strategies.choice import NEAREST, make_strategy
+from humanoid_getup.strategies.choice import make_strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
-
-RESULT = "result"
-"""Key of the result in the ledger of a part."""
-Results = dict[str, PartResult]
-
-
-def is_begun(request: BenchAll) -> bool:
-    """Return whether there is a stored part of a benchmark."""
-    return any((request.out / PARTS).glob("*.json"))
 
 
 def measure_robot(
@@ -78,7 +63,7 @@ def measure_robot(
     with refusing():
         world = World(load_robot(request))
         whole = _load_whole(request, world)
-    results = _run_parts(request, whole, monitor)
+    results = run_parts(whole.parts(), request.out / PARTS, monitor, resume=request.resume)
     notes = _list_notes(world.robot, whole)
     result = summarize_parts(whole, results, notes=notes, command=_write_command(request))
     monitor.begin("drawing")
@@ -96,12 +81,12 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
     caps = make_caps(robot, request.limit_by, QUICK_SHARES if request.quick else SHARES)
     has_motions = any((robot.folder / MOTION_FOLDER).glob("*.npz"))
     database = load_database(robot) if has_motions else None
-    policies = _find_policies(robot)
+    policies = find_policies(robot)
     full = caps[0].limit
     own = database.motions if database else ()
     return Whole(
         world=world,
-        methods=list(_list_methods(world, database, policies)),
+        methods=list(list_methods(world, database, policies)),
         motions=[motion for motion in own if not motion.name.endswith(MIRRORED_SUFFIX)],
         caps=caps,
         planner=PlannedRise(world, database, torque_limit=full) if database else None,
@@ -110,72 +95,6 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
         seed=request.seed,
         each=request.each,
     )
-
-
-def _find_policies(robot: Robot) -> dict[str, Path]:
-    """Find the policies of a robot by name; none if the robot has another body."""
-    if not robot.body.is_original:
-        return {}
-    return {file.stem: file for file in list_policies(robot)}
-
-
-def _list_methods(
-    world: World, database: MotionDatabase | None, policies: dict[str, Path]
-) -> Iterator[RiseMethod]:
-    """List plans and stored motions, if the robot has motions, and its policies."""
-    if database is not None:
-        fingerprint = compute_fingerprint(PlannedRise(world, database))
-        yield from (RiseMethod.of(name, database, fingerprint) for name in (PLAN, NEAREST))
-    for name, file in policies.items():
-        yield RiseMethod.of(name, fingerprint=hashlib.sha256(file.read_bytes()).hexdigest())
-
-
-def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
-    """Open the ledger of a part: the existing one to resume, else a new one.
-
-    Raises:
-        ValueError: if it is damaged, or that of another benchmark.
-    """
-    short = re.sub(r"[^a-z0-9]+", "_", part.name.lower()).strip("_")[:60]
-    digest = hashlib.sha256(part.name.encode("utf-8", "replace")).hexdigest()[:6]
-    path = folder / f"{short}_{digest}.json"  # names that differ have files that differ
-    return Ledger.resume(path, part.depends) if resume else Ledger(path, part.depends)
-
-
-def _run_parts(request: BenchAll, whole: Whole, monitor: ProgressMonitor) -> Results:
-    """Run the unfinished parts; every finished one is checked before any work."""
-    parts, folder = whole.parts(), request.out / PARTS
-    if not request.resume:
-        for path in folder.glob("*.json"):
-            path.unlink()
-    with refusing():
-        ledgers = {part.name: open_part(folder, part, resume=request.resume) for part in parts}
-    left = [part for part in parts if RESULT not in ledgers[part.name].done]
-    if request.resume:
-        monitor.tell(f"{len(parts) - len(left)} of {len(parts)} parts are finished")
-    advance = monitor.count("rises", sum(part.count for part in left))
-    for part in left:
-        with refusing():
-            run_part(part, ledgers[part.name], advance)
-    return {part.name: read_result(part, ledgers[part.name]) for part in parts}
-
-
-def read_result(part: Part, ledger: Ledger) -> PartResult:
-    """Return the result of a finished part."""
-    return convert(ledger.done[RESULT], part.kind)
-
-
-def run_part(part: Part, ledger: Ledger, advance: Callable[[float], None]) -> None:
-    """Run a part, and store its result."""
-    steps = 0
-
-    def report(_result: object) -> None:
-        nonlocal steps
-        steps += 1
-        advance(1)
-
-    ledger.add(RESULT, part.run(report))
-    advance(part.count - steps)  # of classes in which the robot never lies
 
 
 def _list_notes(robot: Robot, whole: Whole) -> list[str]:

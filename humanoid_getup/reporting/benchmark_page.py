@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 from humanoid_getup.benchmarks.bench_result import RefusableSummary
+from humanoid_getup.benchmarks.conditions import Conditions
 from humanoid_getup.benchmarks.motions import MotionSummary
 from humanoid_getup.benchmarks.whole import CapSummary, WholeBench
-from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
+from humanoid_getup.reporting.page_cells import (
+    NONE,
+    write_count,
+    write_number,
+    write_rate,
+    write_spread,
+    write_table,
+)
 
-NONE = "–"
 DEFINITIONS = (
     "**Stood**: for 3.0 s without a break, torso tilt at most 15°, neck at least 90 % of its "
     "standing height, nothing but the feet touching the ground; judged by ground truth. Intervals "
@@ -37,7 +42,7 @@ def write_page(result: WholeBench) -> str:
         *_write_disturbed(result.disturbed),
         *_write_pictures(result),
         "## Conditions",
-        _write_table(("condition", "value"), _list_conditions(result)),
+        write_table(("condition", "value"), _list_conditions(result)),
         "Repeat it, falls and all, with:",
         f"```\n{result.command}\n```",
         "## Definitions",
@@ -59,11 +64,16 @@ def _write_results(result: WholeBench) -> list[str]:
     keys = ("stand_time_s", "peak_torque_nm", "torque_use", "rms_torque_nm", "head_impact_m_s")
     classes = list(dict.fromkeys(name for case in cases for name in case.classes))
     overall = [
-        (case.method, _name_cap(case), _rate(case), *(_spread(getattr(case, key)) for key in keys))
+        (
+            case.method,
+            _name_cap(case),
+            write_rate(case),
+            *(write_spread(getattr(case, key)) for key in keys),
+        )
         for case in cases
     ]
     by_class = [
-        (case.method, case.cap, *(_rate(case.classes.get(name)) for name in classes))
+        (case.method, case.cap, *(write_rate(case.classes.get(name)) for name in classes))
         for case in cases
     ]
     times = [
@@ -71,7 +81,7 @@ def _write_results(result: WholeBench) -> list[str]:
             case.method,
             case.cap,
             *(
-                _spread(case.classes[name].stand_time_s) if name in case.classes else NONE
+                write_spread(case.classes[name].stand_time_s) if name in case.classes else NONE
                 for name in classes
             ),
         )
@@ -79,11 +89,11 @@ def _write_results(result: WholeBench) -> list[str]:
     ]
     return [
         "## Results",
-        _write_table(("method", "torque cap", "stood", *columns), overall),
+        write_table(("method", "torque cap", "stood", *columns), overall),
         "### Stood, by class",
-        _write_table(("method", "torque cap", *classes), by_class),
+        write_table(("method", "torque cap", *classes), by_class),
         "### Time to stand [s], by class",
-        _write_table(("method", "torque cap", *classes), times),
+        write_table(("method", "torque cap", *classes), times),
     ]
 
 
@@ -95,12 +105,12 @@ def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
             name,
             f"{motion.start_class} to {motion.end_class}",
             "yes" if motion.succeeded else "no",
-            _number(motion.stand_time_s),
-            _number(motion.peak_torque_nm),
-            _number(motion.rms_torque_nm),
-            _number(motion.head_impact_m_s),
-            _number(motion.lowest_torque_limit_nm),
-            _count(
+            write_number(motion.stand_time_s),
+            write_number(motion.peak_torque_nm),
+            write_number(motion.rms_torque_nm),
+            write_number(motion.head_impact_m_s),
+            write_number(motion.lowest_torque_limit_nm),
+            write_count(
                 motion.disturbed_succeeded,
                 motion.disturbed_n,
                 motion.disturbed_interval_95,
@@ -113,7 +123,7 @@ def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
         "## Stored motions",
         "Each from its own start, at stall torque; then under ideal limits, from stall torque down "
         f"to the lowest under which it succeeds, and disturbed (n = {n}).",
-        _write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
+        write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
     ]
 
 
@@ -121,13 +131,13 @@ def _write_disturbed(cases: Mapping[str, RefusableSummary]) -> list[str]:
     if not cases:
         return []
     rows = [
-        (*name.split(": ", 1), _rate(case), case.refused, _spread(case.stand_time_s))
+        (*name.split(": ", 1), write_rate(case), case.refused, write_spread(case.stand_time_s))
         for name, case in cases.items()
     ]
     return [
         "## Disturbed",
         "At stall torque, in worlds of which neither plan nor policy knows; falls of their own.",
-        _write_table(("disturbance", "method", "stood", "refused", "to stand [s]"), rows),
+        write_table(("disturbance", "method", "stood", "refused", "to stand [s]"), rows),
     ]
 
 
@@ -149,12 +159,11 @@ def _write_pictures(result: WholeBench) -> list[str]:
 
 def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
     about = result.conditions
-    servos = ", ".join(f"{count} × {name}" for name, count in about.servos.items())
     return [
         ("robot", f"{result.robot}, {about.body or 'original'} body"),
         ("mass", f"{about.mass_kg:.2f} kg"),
         ("standing neck height", f"{about.neck_height_m:.3f} m"),
-        ("servos", f"{servos}; {about.joints} joints"),
+        ("servos", f"{list_servos(about)}; {about.joints} joints"),
         ("stall torque of the strongest", f"{about.stall_torque_nm:.2f} N·m"),
         ("supply", f"{about.supply_v:g} V"),
         ("torque caps act on", about.limit_by),
@@ -162,41 +171,20 @@ def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
         ("ground", about.scene),
         ("seed", str(result.seed)),
         ("falls of each class", str(result.n)),
-        (
-            "programs",
-            f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}, Python {about.python}",
-        ),
+        ("programs", name_programs(about)),
     ]
+
+
+def list_servos(about: Conditions) -> str:
+    """List the servos of a robot, with the count of each type."""
+    return ", ".join(f"{count} × {name}" for name, count in about.servos.items())
+
+
+def name_programs(about: Conditions) -> str:
+    """Name the programs of a benchmark, with their versions."""
+    return f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}, Python {about.python}"
 
 
 def _name_cap(case: CapSummary) -> str:
     limit = case.torque_limit_nm
     return case.cap if limit is None else f"{case.cap}, {limit:g} N·m"
-
-
-def _rate(case: RiseSummary | None) -> str:
-    if case is None:
-        return NONE
-    return _count(case.stood, case.n, case.stood_interval_95)
-
-
-def _count(stood: int, n: int, interval: Sequence[float]) -> str:
-    low, high = interval
-    return f"{stood} of {n} ({low:.0%} to {high:.0%})"
-
-
-def _spread(value: Quantiles) -> str:
-    if value.median is None:
-        return NONE
-    return f"{_number(value.median)} ({_number(value.p95)})"
-
-
-def _number(value: float | None) -> str:
-    return NONE if value is None or math.isnan(value) else f"{value:.2f}"
-
-
-def _write_table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Write a Markdown table; vertical bars in cells are escaped."""
-    lines = [tuple(headings), ("---",) * len(headings), *rows]
-    cells = [[str(cell).replace("|", "\\|") for cell in line] for line in lines]
-    return "\n".join(f"| {' | '.join(line)} |" for line in cells)

@@ -102,6 +102,9 @@ GROUPS: dict[str, list[Case]] = {
         case("bench all --limit-by luck", "--limit-by is 'luck', expected current, pwm or ideal"),
         case("bench all --out text.txt", "text.txt is not a folder"),
         case("bench all --out begun --quick --resume", "parts/plan_stall_torque", "starts over"),
+        case("bench bodies folder", "folder: no copy of github.com/utra-robosoccer/unified"),
+        case("bench bodies folder --bodies atlas", "--bodies is 'atlas', expected bez1, bez2, "),
+        case("bench bodies", "FOLDER is missing"),
         case(
             "play squat_to_stand --without-imu",
             "robot 'op3' has an IMU (board)",

@@ -11,14 +11,15 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.benchmark import benchmark
-from humanoid_getup.jobs.measure_robot import is_begun
-from humanoid_getup.jobs.requests.bench import PAGE, BenchAll
+from humanoid_getup.jobs.requests.bench import BODIES_PAGE, PAGE, BenchAll, BenchBodies
 from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.jobs.run_parts import is_begun
 
 SAFETY_FIGURES = ("n", "succeeded", "endings", "safe_max_s", "beyond_limits", "believed_wrong")
 LOAD_FIGURES = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 FIGURES = {
     "all": ("n", "stood", "stood_interval_95", *LOAD_FIGURES, "torque_use", "head_impact_m_s"),
+    "bodies": ("n", "stood", "stood_interval_95", "head_in_time", "head_at_end", *LOAD_FIGURES),
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
     "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
@@ -46,6 +47,8 @@ HEADINGS = {
     "stood_interval_95": "95 %",
     "interval_95": "95 %",
     "refused": "refused",
+    "head_in_time": "head up at 5 s",
+    "head_at_end": "head up",
     "stand_time_s": "stand [s]",
     "peak_torque_nm": "peak [N·m]",
     "rms_torque_nm": "RMS [N·m]",
@@ -79,9 +82,18 @@ def bench(command: JobRequest) -> int:
 
 def bench_all(command: BenchAll) -> int:
     """Run or resume the whole benchmark; print the place of its page."""
-    with hinting_resume("bench all", command, is_begun):
+    return _bench_page("bench all", command, PAGE)
+
+
+def bench_bodies(command: BenchBodies) -> int:
+    """Run or resume the benchmark over bodies; print the place of its page."""
+    return _bench_page("bench bodies", command, BODIES_PAGE)
+
+
+def _bench_page(name: str, command: BenchAll | BenchBodies, page: str) -> int:
+    with hinting_resume(name, command, is_begun):
         code = bench(command)
-    console_for(command).print(f"written to {command.out / PAGE}", markup=False)
+    console_for(command).print(f"written to {command.out / page}", markup=False)
     return code
 
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import arg
+from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.files import READ, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
+    JobRequest,
     MotionName,
     PreferenceOptions,
     RobotOption,
@@ -23,9 +24,13 @@ from humanoid_getup.jobs.requests.shared import (
 from humanoid_getup.jobs.requests.values import Items, at_least, between
 
 PAGE, FIGURES, PLOT, PARTS = "benchmark.md", "benchmark.json", "benchmark.png", "parts"
+ROBOTS, STARTS = "robots", "starts"
 STRIPS = tuple(f"strip_{name}.png" for name in ("supine", "prone", "left", "right"))
 WHOLE_ARTEFACTS = (PAGE, FIGURES, PLOT, *STRIPS)
 """Files of the whole benchmark."""
+BODIES_PAGE, BODIES_FIGURES = "bodies.md", "bodies.json"
+BODIES_ARTEFACTS = (BODIES_PAGE, BODIES_FIGURES)
+"""Files of the benchmark over bodies."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +57,41 @@ class BenchAll(BodyOption, RobotOption):
     def find_problems(self) -> list[str]:
         """Report a folder that cannot be written as well."""
         return super().find_problems() or find_folder_problems(self.out / PARTS, ())
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchBodies(JobRequest):
+    """Get up on the bodies of others, from their start states by their measure and from falls by
+    ours, as one page beside the figures that they publish."""
+
+    folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
+    """Copy of github.com/utra-robosoccer/unified-humanoid-getup."""
+    bodies: Annotated[tuple[str, ...], arg(metavar="BODY,...")] = ()
+    """Bodies by name; none for all seven."""
+    robots: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder with a robot folder for each body; what is missing there is imported from the model.
+    Default: robots in the output folder."""
+    n: Count = 20
+    """Falls of each class: supine, prone, left, right."""
+    starts: Count = 100
+    """Start states of each body."""
+    seed: Seed = 0
+    out: Annotated[Path, Written(BODIES_ARTEFACTS), arg(metavar="DIR")] = Path("out/bodies")
+    """Folder for bodies.md, bodies.json, the imported robots, the converted start states, and the
+    results of finished parts."""
+    resume: bool = False
+    """Keep the finished parts in the folder; they must be of the same benchmark."""
+
+    @property
+    def robots_folder(self) -> Path:
+        """Return the folder with a robot folder for each body."""
+        return self.out / ROBOTS if self.robots is None else self.robots
+
+    def find_problems(self) -> list[str]:
+        """Report folders that cannot be written as well."""
+        folders = (self.out / PARTS, self.out / STARTS, self.robots_folder)
+        found = super().find_problems()
+        return found or [text for path in folders for text in find_folder_problems(path, ())]
 
 
 @dataclass(frozen=True, kw_only=True)

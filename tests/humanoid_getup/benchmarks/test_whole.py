@@ -12,7 +12,7 @@ from humanoid_getup.benchmarks.torque_cap import make_caps
 from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.jobs.measure_robot import open_part, read_result, run_part
+from humanoid_getup.jobs.run_parts import open_part, read_result, run_part
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark

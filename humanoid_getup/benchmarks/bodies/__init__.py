@@ -1,0 +1,1 @@
+"""Benchmark over the bodies of others, from their start states and from falls."""

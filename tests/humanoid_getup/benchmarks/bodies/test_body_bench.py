@@ -1,0 +1,144 @@
+"""The benchmark over bodies: one page from a folder, and nothing from a folder that is wrong."""
+
+import json
+import os
+import pickle
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_repository import SMALL, Repository
+
+from drivers import Ending
+from humanoid_getup.benchmarks.bodies.body_bench import BodyBench
+from humanoid_getup.benchmarks.bodies.body_rise import BodyRise
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.measure_bodies import measure_bodies
+from humanoid_getup.jobs.requests.bench import BenchBodies
+from robots.storage.encoding import as_kept
+
+CASES = ("small: plan, their starts", "small: plan, falls")
+
+
+def measure(repository: Repository, out: Path, report=None, **more) -> BodyBench:
+    options = {"robots": repository.robots, "n": 1, "starts": 2} | more
+    request = BenchBodies(folder=repository.folder, out=out, **options)
+    return measure_bodies(request, report, published=(SMALL,))
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def result(repository, out) -> BodyBench:
+    return measure(repository, out)
+
+
+def test_a_body_without_motions_is_counted_with_honest_zeros(result):
+    assert tuple(result.cases) == CASES
+    for name, n in zip(CASES, (2, 4), strict=True):
+        case = result.cases[name]
+        assert (case.n, case.stood, case.head_in_time, case.head_at_end) == (n, 0, 0, 0)
+        assert sum(one.n for one in case.classes.values()) == n
+        assert case.head_at_end_interval_95[0] == 0.0
+    assert list(result.cases[CASES[1]].classes) == ["supine", "prone", "left", "right"]
+    assert result.notes[0].startswith("Without motions, and so without a plan that stands: small.")
+    assert "getup motions discover" in result.notes[0]
+    assert result.notes[1] == "Without a policy, and so with nothing learned: small."
+
+
+def test_the_page_has_their_figures_apart_from_ours(result, out, repository):
+    page = (out / "bodies.md").read_text()
+    ours, theirs = page.split("## What their makers report")
+    assert "| small | plan | 0 of 2 (0% to 66%) | 0 of 2 (0% to 66%) | 0 of 2 (0% to 66%) |" in ours
+    assert "specialists" not in ours
+    assert "| small | 0.50 (0.25 to 0.75) | 0.10 (0.10 to 0.10) |" in theirs
+    assert "commit 2d64e11" in theirs
+    assert f"--robots {repository.robots} --n 1 --starts 2 --seed 0" in theirs
+    assert json.loads((out / "bodies.json").read_text()) == as_kept(result)
+
+
+def test_a_finished_benchmark_is_resumed_without_a_rise(result, out, repository):
+    said = []
+    again = measure(repository, out, lambda progress: said.append(progress.message), resume=True)
+    assert as_kept(again) == as_kept(result)
+    assert "2 of 2 parts are finished" in said
+
+
+def test_starts_are_converted_once_and_again_if_their_file_changes(result, out, repository):
+    assert result.n_starts == 2
+    converted = out / "starts" / "small.npz"
+    before = converted.stat().st_mtime_ns
+    with pytest.raises(BadInputError, match="starts over"):  # another count; files are read first
+        measure(repository, out, resume=True, starts=3)
+    assert converted.stat().st_mtime_ns == before
+    own = Repository(out / "theirs", repository.robots, repository.model)
+    shutil.copytree(repository.folder, own.folder)
+    own.pickle_starts(5, seed=1)
+    with pytest.raises(BadInputError, match="made with another starts"):
+        measure(own, out, resume=True)
+    assert converted.stat().st_mtime_ns != before
+
+
+@dataclass(frozen=True)
+class Runs:
+    command: str
+
+    def __reduce__(self):
+        return os.system, (self.command,)
+
+
+def test_a_pickle_that_would_run_something_is_refused_and_nothing_is_written(repository, tmp_path):
+    own = Repository(tmp_path / "theirs", repository.robots, repository.model)
+    shutil.copytree(repository.folder, own.folder)
+    bad = [[np.zeros(3), Runs(f"touch {tmp_path / 'ran'}")]]
+    SMALL.find_starts(own.folder).write_bytes(pickle.dumps(bad))
+    with pytest.raises(BadInputError) as caught:
+        measure(own, tmp_path / "out")
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"{SMALL.find_starts(own.folder)}: it names ")
+    assert not (tmp_path / "ran").exists()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_no_copy_is_refused(repository, tmp_path):
+    own = Repository(tmp_path, repository.robots, repository.model)
+    with pytest.raises(BadInputError, match="no copy of github"):
+        measure(own, tmp_path / "out")
+    SMALL.find_model(tmp_path).parent.mkdir(parents=True)
+    SMALL.find_model(tmp_path).write_text("<mujoco/>")
+    with pytest.raises(BadInputError, match=f"{SMALL.find_starts(tmp_path)}: no such file"):
+        measure(own, tmp_path / "out")
+    with pytest.raises(BadInputError, match="--bodies is 'tall', expected small"):
+        measure(repository, tmp_path / "out", bodies=("tall",))
+
+
+@pytest.mark.parametrize(
+    ("shares", "stood", "ending", "in_time", "at_end"),
+    [
+        ([0.3] * 400 + [1.0] * 300, True, Ending.DONE, True, True),
+        ([0.3] * 800 + [1.0] * 300, True, Ending.DONE, False, True),  # later than 5 s
+        ([0.3] * 300 + [1.0] * 100, True, Ending.DONE, True, True),  # held, and so still up at 5 s
+        ([0.3] * 300 + [1.0] * 100, False, Ending.FAULT, False, False),
+        ([1.0] * 700 + [0.3], False, Ending.DONE, True, False),
+        ([], False, Ending.DONE, False, False),
+    ],
+)
+def test_a_head_counts_at_five_seconds_and_at_the_end(shares, stood, ending, in_time, at_end):
+    qpos = np.array(shares).reshape(-1, 1)
+    rise = SimpleNamespace(
+        outcome=SimpleNamespace(qpos=qpos, record=SimpleNamespace(period=0.008)),
+        run=SimpleNamespace(ending=ending),
+        attempts=[SimpleNamespace(abort=None)],
+        stood=stood,
+        figures=lambda: SimpleNamespace(start_class="prone", reason="", attempts=1, stood=stood),
+    )
+    gauge = SimpleNamespace(measure=lambda row: float(row[0]))
+    found = BodyRise.of(rise, gauge, "prone")
+    assert (found.head_in_time, found.head_at_end) == (in_time, at_end)
+    assert found.head_share == (shares[-1] if shares else None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.body.links import gather_links
 from robots.body.shapes import sample_shapes
@@ -18,7 +19,7 @@ class LimbEnds:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
-        self._points: dict[int, tuple[Array, Array]] = {}
+        self._points: dict[int, tuple[Array, NDArray[np.int_]]] = {}
 
     def locate(self, data: mujoco.MjData, joint: int) -> Array:
         """Locate the end of the bodies that a joint moves, in the world, (3,) [m].
@@ -44,7 +45,7 @@ class LimbEnds:
             return start.copy()
         return start + middle / length * np.max(ways @ middle) / length
 
-    def _sample(self, joint: int) -> tuple[Array, Array]:
+    def _sample(self, joint: int) -> tuple[Array, NDArray[np.int_]]:
         """Return points that span the bodies that a joint moves, (p, 3) [m], and their bodies."""
         if joint not in self._points:
             bodies = gather_links(self._model, int(self._model.jnt_bodyid[joint])).list_bodies()

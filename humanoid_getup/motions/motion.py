@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import Posture, Robot, quaternion
+from robots.arguments import expect
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
 from robots.storage.arrays import NUMBERS, load_arrays, save_arrays, to_text
@@ -167,6 +168,7 @@ class Motion(Trajectory):
         Raises:
             ValueError: one line that names the file, what is wrong and what is expected.
         """
+        expect("path", path, str | Path, "a motion file")
         try:
             return cls(**_read(Path(path)))
         except OSError as error:

@@ -144,7 +144,7 @@ class StartTable:
         """Make the region; ``unit`` is in meters.
 
         Raises:
-            ValueError: if a range ends before it begins.
+            ValueError: if a range ends before it begins, or no robot comes to rest in the region.
         """
         for key in ("x", "y", "z", "heading_deg"):
             low, high = getattr(self, key)
@@ -152,6 +152,11 @@ class StartTable:
                 raise ValueError(
                     f"start '{self.lying}': {key} is {low:g} to {high:g}, "
                     "expected the lower number first"
+                )
+            if low == high and key in ("x", "y") and not (self.margin or self.settled):
+                raise ValueError(
+                    f"start '{self.lying}': {key} is {low:g} alone and margin is 0, expected a "
+                    "range or a margin above 0: no robot that falls comes to rest exactly there"
                 )
         low, high = self.heading_deg
         return StartRegion(

@@ -225,6 +225,8 @@ WRONG_ARGUMENTS: list[tuple[Callable[[hg.World], object], str]] = [
     ),
     (lambda w: lib.LearnedRise(w.robot, "robust"), f"world is a Robot, {A_WORLD}"),
     (lambda w: lib.StoredMotion(w.robot, MOTION), f"world is a Robot, {A_WORLD}"),
+    (lambda _: lib.Motion.load(3), "path is 3, expected a motion file"),
+    (lambda _: lib.PlanCache(3), "folder is 3, expected a folder, or None"),
     (lambda _: lib.plan("prone"), "request is 'prone', expected a PlanRequest"),
     (
         lambda _: lib.plan(lib.PreflightRequest(motion=MOTION)),

@@ -21,6 +21,7 @@ import numpy as np
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.strategies.cache.solved_rise import SolvedRise, read_solved_rise
+from robots.arguments import expect
 from robots.storage.encoding import to_json
 from robots.storage.files import read_bounded, write_atomically
 from robots.storage.validation import parse_file
@@ -111,8 +112,9 @@ class PlanCache:
             capacity: Number of rises of each robot that are kept; the oldest go first.
 
         Raises:
-            ValueError: if the capacity is below 1.
+            ValueError: if the capacity is below 1, or the folder is none.
         """
+        expect("folder", folder, str | Path | None, "a folder, or None for the user's own")
         if capacity < 1:
             raise ValueError(f"capacity is {capacity}, expected 1 or more")
         self.folder = default_folder() if folder is None else Path(folder)

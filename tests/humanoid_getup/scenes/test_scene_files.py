@@ -167,3 +167,24 @@ def test_a_tilted_box_is_higher_where_it_points(turn: float):
     front = quaternion.rotate(table.build(1.0).orientation, np.array([1.0, 0.0, 0.0]))
     ahead = [np.cos(np.radians(turn)), np.sin(np.radians(turn))]
     assert front == pytest.approx([*(np.cos(np.radians(30.0)) * np.array(ahead)), 0.5])
+
+
+@pytest.mark.parametrize(
+    ("start", "refused"),
+    [
+        ("margin = 0", True),
+        ("margin = 0\nx = [-1, 1]", True),
+        ("margin = 0\nx = [-1, 1]\ny = [0, 0.1]", False),
+        ("margin = 0\nsettled = true", False),
+        ("margin = 0.01", False),
+    ],
+)
+def test_a_start_where_no_robot_comes_to_rest_is_refused_before_any_falls(
+    op3: Robot, tmp_path: Path, start: str, refused: bool
+):
+    file = write(tmp_path, f"[[starts]]\nlying = 'supine'\n{start}\n")
+    if not refused:
+        assert load_scene(str(file), op3).starts
+        return
+    with pytest.raises(ValueError, match=r"start 'supine': [xy] is 0 alone and margin is 0, expe"):
+        load_scene(str(file), op3)

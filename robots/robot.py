@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.actuators import PositionActuator
 from robots.bus_settings import BusSettings
@@ -108,6 +109,8 @@ class JointArrays:
     """Volts per speed of the actuators [V·s/rad], which is N·m/A as well, (n,)."""
     current_step: Array
     """Current of a count [A], (n,); 0 for servos without current sensor."""
+    trips: NDArray[np.bool_]
+    """Whether overload protection may switch a servo off, (n,)."""
     supply_range: tuple[float, float]
     """Lowest and highest supply that all servos accept [V]."""
 
@@ -122,6 +125,7 @@ class JointArrays:
             "p_gain": [servo.p_gain for servo in servos],
             "nominal_voltage": [m.nominal_voltage for m in models],
             "current_step": [m.current_step for m in models],
+            "trips": [m.trips for m in models],
         }
         torques = {
             "max_torque": [m.stall_torque for m in models],

@@ -68,6 +68,8 @@ class ServoModel:
     """Register value of the P gain per PWM count and tick of error."""
     damping: Annotated[float, positive(1000.0, "N·m·s/rad")] | None = None
     """Of current-based position mode [N·m·s/rad]; that of back-EMF in the other if left out."""
+    trips: bool = True
+    """Whether its overload protection may switch it off after a while at all its torque."""
     protocol: Protocol = "dynamixel"
     """What it speaks on its bus; the driver speaks Dynamixel Protocol 2.0 alone."""
 

@@ -12,8 +12,9 @@ from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Sce
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_share
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
-from humanoid_getup.experiments.rollouts.play import Feedback, FeedbackLaw
+from humanoid_getup.experiments.rollouts.play import Experiment, Feedback, FeedbackLaw
 from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
+from humanoid_getup.filtering.coarse_world import coarsen
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
@@ -47,6 +48,9 @@ HARD_DISTURBANCE = Disturbance(  # of a rise that must have a margin
 )
 TOUCH = 0.5 * DEEP_OVERLAP  # m; what a rollout avoids, so that the robot does not collide
 FEW = 2  # worlds in which a rise that stands is improved
+ENOUGH, ENOUGH_OF_BIG = 1.0, 0.9  # share of a check that must stand to stop searching
+HOPELESS = 0.4  # of the standing neck height: what never rose so far is not varied
+FIRST_CHECKS = 4  # rollouts of a check after which it may end, if it must be better than another
 
 
 class DynamicsFilter:
@@ -56,6 +60,10 @@ class DynamicsFilter:
     position servos, so the result can be sent to the robot as it is: the targets never
     leave the joints' ranges nor move faster than the servos, and the torques stay within
     the servos' limits because the simulated servos have the same.
+
+    Where physics is expensive, rollouts and searches are those of a `coarse_world`, a search ends
+    sooner, and limbs that touch are left to the improvement; checks are always those of the world
+    itself.
     """
 
     def __init__(
@@ -74,8 +82,15 @@ class DynamicsFilter:
         self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
-        self._search = TargetSearch(world, preference=self.preference, threads=threads)
-        self._experiment = self._search.experiment
+        self._search = TargetSearch(coarsen(world), preference=self.preference, threads=threads)
+        self._coarse = self._fine = self._search.experiment
+        self._is_coarse = self._coarse.world is not world
+        if self._is_coarse:
+            self._fine = Experiment(world, threads=threads)
+        self.enough = ENOUGH_OF_BIG if self._is_coarse else ENOUGH
+        """Share of the disturbed rollouts that must stand to stop searching."""
+        self.hopeless = HOPELESS * world.robot.standing_neck_height if self._is_coarse else 0.0
+        """Height of the neck [m] to which a failed rollout must have come to be varied."""
         self._separation = Separation(world)
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
@@ -83,7 +98,7 @@ class DynamicsFilter:
         world = self.world
         references = [self._refer(c) for c in candidates]
         tracker = _Tracker(world, self._limbs, start, references, candidates)
-        record = self._play_nominal(start, len(candidates), tracker)
+        record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 
     def follow(self, rollout: CandidateRollout) -> Candidate:
@@ -106,20 +121,56 @@ class DynamicsFilter:
         return reference if c.before is None else reference.after(c.before)
 
     def check(
-        self, start: Posture, target: Array, rng: np.random.Generator, worlds: int = CHECKS
+        self,
+        start: Posture,
+        target: Array,
+        rng: np.random.Generator,
+        worlds: int = CHECKS,
+        *,
+        least: float = 0.0,
     ) -> float:
         """Replay targets (T, n) without feedback, from the start and from disturbed ones.
 
-        Returns the share that ended in a held stand; 0 if the undisturbed one did not.
+        Returns the share that ended in a held stand; 0 if the undisturbed one did not, or if the
+        share would be below the ``least``.
         """
-        return self._check_in(self._disturb(start, rng, worlds), target)[0]
+        scenarios = self._disturb(start, rng, worlds)
+        if least == 0.0:
+            return self._check_in(self._fine, scenarios, target)[0]
+        first, rest = np.split(np.arange(worlds), [FIRST_CHECKS])
+        stood = self._compare(self._fine, scenarios.take(first), target).stood[0]
+        if compute_share(stood) == 0.0 or np.sum(~stood) > (1.0 - least) * worlds:
+            return 0.0
+        others = self._compare(self._fine, scenarios.take(rest), target, give_up=False).stood[0]
+        share = compute_share(np.concatenate([stood, others]))
+        return share if share >= least else 0.0
 
-    def _check_in(self, scenarios: Scenarios, target: Array) -> tuple[float, float]:
+    def _check_in(
+        self, experiment: Experiment, scenarios: Scenarios, target: Array
+    ) -> tuple[float, float]:
         """Return the share that stood, as a check does, and the time that was simulated [s]."""
-        outcome = self._experiment.compare(scenarios, [target], give_up=True)
+        outcome = self._compare(experiment, scenarios, target)
+        return compute_share(outcome.stood[0]), outcome.record.duration
+
+    def _compare(
+        self,
+        experiment: Experiment,
+        scenarios: Scenarios,
+        target: Array,
+        *,
+        give_up: bool = True,
+    ) -> Outcome:
+        """Play targets (T, n) in K scenarios and count them, (1, K)."""
+        outcome = experiment.compare(scenarios, [target], give_up=give_up)
         self.count += outcome.stood.size
-        simulated = outcome.record.duration
-        return compute_share(outcome.stood[0]), simulated
+        return outcome
+
+    def confirm(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
+        """Return a rollout as it is in the world itself: rollouts are those of a coarse one."""
+        if not self._is_coarse:
+            return rollout
+        target = rollout.target[: rollout.moving]
+        return self._replay(start, rollout.candidate, [target], LONG_HOLD, self._fine)[0]
 
     def search(
         self, start: Posture, rollout: CandidateRollout, budget: float, rng: np.random.Generator
@@ -136,18 +187,23 @@ class DynamicsFilter:
             found = self._search.search(worlds, target, budget, rng)
             self.count += found.rollouts
             target, worlds = found.target, self._disturb(start, rng)
-            share, simulated = self._check_in(worlds, target)
+            share, simulated = self._check_in(self._coarse, worlds, target)
             budget -= found.simulated + simulated
             self.searched += found.simulated + simulated
             if found.share < 1.0 or share == 1.0 or budget <= 0.0:
-                return self._replay(start, rollout.candidate, [target], LONG_HOLD)[0], share
+                break
+        if self._is_coarse:
+            share = self._check_in(self._fine, worlds, target)[0]
+        played = self._replay(start, rollout.candidate, [target], LONG_HOLD, self._fine)[0]
+        return played, share
 
     def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
         """Separate limbs that touch in a rollout that stands, by shifting its targets.
 
-        The result stands undisturbed; it is the rollout itself if no shift helps.
+        The result stands undisturbed; it is the rollout itself if no shift helps, or where physics
+        is expensive.
         """
-        margins = list(MARGINS)
+        margins = [] if self._is_coarse else list(MARGINS)
         while margins and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:
             target = rollout.target[: rollout.moving]
             shifts = self._separation.shift(
@@ -183,8 +239,8 @@ class DynamicsFilter:
         self.count += found.rollouts
         self.searched += found.simulated
         for one in better:
-            if self.check(start, one, rng) == 1.0:
-                played = self._replay(start, rollout.candidate, [one], LONG_HOLD)[0]
+            if self.check(start, one, rng, least=1.0) == 1.0:
+                played = self._replay(start, rollout.candidate, [one], LONG_HOLD, self._fine)[0]
                 if played.stood:
                     return played
         return rollout
@@ -205,13 +261,17 @@ class DynamicsFilter:
         candidate: Candidate,
         targets: list[Array],
         hold: float = FIRST_HOLD,
+        experiment: Experiment | None = None,
     ) -> list[CandidateRollout]:
-        """Play targets, each (T, n), in the undisturbed world, and hold the last for a time [s]."""
+        """Play targets, each (T, n), undisturbed, and hold the last for a time [s].
+
+        Without an experiment, in the coarse world.
+        """
         robot, n = self.world.robot, len(targets)
         moving = np.array([len(target) for target in targets])
         length = int(moving.max()) + round(hold / robot.control_period)
         longer = np.array([hold_last(target, length) for target in targets])
-        record = self._play_nominal(start, n, longer)
+        record = self._play_nominal(start, n, longer, experiment or self._coarse)
         return self._read(record, [candidate] * n, moving, np.zeros(n, dtype=int))
 
     def _disturb(
@@ -224,12 +284,14 @@ class DynamicsFilter:
         lying = place(self.world.robot, self.world.model, start)
         return disturbance.sample(self.world, lying, count, rng, self.torque_limit)
 
-    def _play_nominal(self, start: Posture, count: int, source: Array | FeedbackLaw) -> Record:
-        """Play robots from one posture in the undisturbed world, and count them."""
+    def _play_nominal(
+        self, start: Posture, count: int, source: Array | FeedbackLaw, experiment: Experiment
+    ) -> Record:
+        """Play robots from one posture, undisturbed, and count them."""
         self.count += count
         lying = place(self.world.robot, self.world.model, start)
         scenario = Scenarios.nominal(self.world, lying, self.torque_limit)
-        return self._experiment.play(scenario.tile(count), source)
+        return experiment.play(scenario.tile(count), source)
 
     def _read(
         self,

@@ -50,9 +50,20 @@ class World:
         self.limbs = tuple(model.body(int(body)).name for body in roots)
         """Bodies at the root of each limb."""
 
-    def vary(self, *, ground_friction: float | None = None, timestep: float | None = None) -> World:
-        """Return this world with another sliding friction of the ground, or physics step [s]."""
+    def vary(
+        self,
+        *,
+        ground_friction: float | None = None,
+        timestep: float | None = None,
+        dry_friction: bool = True,
+    ) -> World:
+        """Return this world with another sliding friction of the ground, or physics step [s].
+
+        ``dry_friction`` is that of the joints, each of which is a constraint in every step.
+        """
         model = copy.copy(self.model)
+        if not dry_friction:
+            model.dof_frictionloss[:] = model.tendon_frictionloss[:] = 0.0
         if ground_friction is not None:
             model.geom_friction[model.geom(GROUND).id, 0] = ground_friction
         if timestep is not None:

@@ -177,7 +177,8 @@ class PlannedRise:
         if not found.rolled_out:
             return replace(tried, detail=gap)
         share = found.highest / self.world.robot.standing_neck_height
-        detail = f"{rollouts} tried, the best raised the neck to {share:.0%}"
+        along = f", along {found.joined}," if found.joined else ""
+        detail = f"{rollouts} tried, the best{along} raised the neck to {share:.0%}"
         detail = "; ".join(filter(None, [detail, gap]))
         return replace(tried, status=RiseStatus.FELL, detail=detail)
 

@@ -36,7 +36,7 @@ def split_torque(torque: Array, velocity: Array) -> SplitTorque:
 def find_saturation(
     robot: Robot, torque: Array, velocity: Array, voltage: Array | float
 ) -> NDArray[np.bool_]:
-    """Find servos that have all the torque of their supply [V], (...), as (..., n).
+    """Find servos that have all the torque of their supply [V], (...), and may trip, as (..., n).
 
     Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
     torque-speed line of the supply is not saturation.
@@ -45,7 +45,7 @@ def find_saturation(
     stall = share * robot.max_torque
     along = np.maximum(np.sign(torque) * velocity, 0.0)
     line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
-    return np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall)
+    return robot.trips & (np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall))
 
 
 def find_longest(flags: NDArray[np.bool_]) -> NDArray[np.int_]:

@@ -56,7 +56,11 @@ class FreeRise:
         self._finalists = FINALISTS if self._is_flat else MORE_FINALISTS
 
     def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
-        """Search from a posture at rest; the same arguments give the same result."""
+        """Search from a posture at rest; the same arguments give the same result.
+
+        Raises:
+            KeyboardInterrupt: if it was interrupted, with what it had found.
+        """
         began = time.perf_counter()
         more = MORE_CONNECTIONS if self._is_flat else MORE_IN_SCENES
         connections = self._tools.database.select(start, FIRST_CONNECTIONS + more)
@@ -69,9 +73,15 @@ class FreeRise:
         first = approach.candidates(start, connections[:FIRST_CONNECTIONS], rng)
         plan_s = time.perf_counter() - began
         search = RiseSearch(self._tools, start, rng)
-        planned = self._try_first(search, first, start, connections, rng)
-        self._try_second(search, first, places, rng)
-        search.improve()
+        try:
+            planned = self._try_first(search, first, start, connections, rng)
+            self._try_second(search, first, places, rng)
+            search.improve()
+        except KeyboardInterrupt:
+            standing = self._tools.world.robot.standing_neck_height
+            raise KeyboardInterrupt(
+                f"planning was in round {search.found.rounds}, {search.found.describe(standing)}"
+            ) from None
         planned = approach.planning and (planned or bool(first))
         return replace(search.found, planned=planned, plan_s=plan_s)
 

@@ -16,7 +16,6 @@ from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.crawl import Crawl, Move
 from robots import Posture
 
-ENOUGH = 1.0  # share of the disturbed rollouts that must stand to stop searching
 FINALISTS = 3  # rollouts of a round that may be checked
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
 
@@ -64,6 +63,18 @@ class FoundRise:
     rounds: int = 0
     plan_s: float = 0.0
     """Wall time of selection and planning before the first rollout [s]."""
+    joined: str = ""
+    """Name of the motion along which the neck rose highest; empty if nothing was rolled out."""
+
+    def describe(self, standing: float) -> str:
+        """Describe the best rise so far, for a neck height in the stance [m]."""
+        if self.rollout is not None:
+            name = self.rollout.candidate.connection.motion.name
+            return f"the best, along {name}, stands in {self.robust:.0%} of its disturbed rollouts"
+        if not self.joined:
+            return "nothing was rolled out yet"
+        share = self.highest / standing
+        return f"none stands yet; the best, along {self.joined}, raised the neck to {share:.0%}"
 
 
 class RiseSearch:
@@ -88,12 +99,12 @@ class RiseSearch:
         self._best: CandidateRollout | None = None
         self._before: CandidateRollout | None = None
         self._robust = float("nan")
-        self._rounds, self._highest = 0, 0.0
+        self._rounds, self._highest, self._joined = 0, 0.0, ""
 
     @property
     def is_done(self) -> bool:
-        """Return whether there is a rise that stands under every disturbance."""
-        return self._best is not None and self._robust >= ENOUGH
+        """Return whether there is a rise that stands under enough disturbances."""
+        return self._best is not None and self._robust >= self._filter.enough
 
     @property
     def found(self) -> FoundRise:
@@ -105,6 +116,7 @@ class RiseSearch:
             rolled_out=bool(self.tried),
             highest=self._highest,
             rounds=self._rounds,
+            joined=self._joined,
         )
 
     def roll_out(self, candidates: list[Candidate]) -> list[CandidateRollout]:
@@ -112,7 +124,10 @@ class RiseSearch:
         self._rounds += 1
         candidates = [replace(c, assistance=self._tools.assistance) for c in candidates]
         self.tried = self._filter.roll_out(self._start, candidates)
-        self._highest = max(self._highest, *(r.peak_neck for r in self.tried))
+        highest = max(self.tried, key=lambda one: one.peak_neck)
+        if highest.peak_neck > self._highest:
+            self._highest = highest.peak_neck
+            self._joined = highest.candidate.connection.motion.name
         return self.tried
 
     def try_all(self, candidates: list[Candidate], finalists: int = FINALISTS) -> None:
@@ -140,7 +155,8 @@ class RiseSearch:
 
     def vary(self) -> None:
         """Vary the targets of the best rollout, or of the failed ones that rose highest."""
-        failed = sorted(self.tried, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
+        rose = [one for one in self.tried if one.peak_neck >= self._filter.hopeless]
+        failed = sorted(rose, key=lambda r: -r.peak_neck)[:SEARCH_STARTS]
         for base in [self._best] if self._best else failed:
             better, share = self._filter.search(self._start, base, self._tools.budget, self._rng)
             if self._replaces_best(better) and share > (self._robust if self._best else 0.0):
@@ -175,7 +191,8 @@ class RiseSearch:
             best, (lost, cost) = self._best, self._rank(one)
             if best and self.is_done and (lost, cost) >= self._rank(best):
                 return
-            share = self._filter.check(self._start, one.target, self._rng)
             known = (-self._count_lost(best), self._robust, -best.cost) if best else None
+            least = self._robust if known and -lost <= known[0] else 0.0
+            share = self._filter.check(self._start, one.target, self._rng, least=least)
             if share > 0.0 and (known is None or (-lost, share, -cost) > known):
-                self._best, self._robust = one, share
+                self._best, self._robust = self._filter.confirm(self._start, one), share

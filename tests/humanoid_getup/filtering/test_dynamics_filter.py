@@ -170,6 +170,37 @@ def test_a_check_is_the_share_of_sixteen_and_nothing_if_the_first_falls(
     assert checked.count == 16
 
 
+@pytest.mark.parametrize(
+    ("least", "falls", "share", "played"),
+    [
+        (0.5, (), 1.0, [4, 12]),
+        (0.5, (1, 2, 3, 4, 5, 6, 7, 8), 0.5, [4, 12]),
+        (0.5, (1, 2, 3, 4, 5, 6, 7, 8, 9), 0.0, [4, 12]),
+        (0.9, (1, 2), 0.0, [4]),
+        (0.9, (1,), 15 / 16, [4, 12]),
+        (0.1, (0,), 0.0, [4]),
+    ],
+)
+def test_a_check_ends_once_its_share_is_below_the_least(
+    world, fall, monkeypatch, least, falls, share, played
+):
+    """What stood in one world or another is the same as in a check to its end."""
+    checked = DynamicsFilter(world)
+    target, sizes, seen = np.tile(fall.joint_pos, (200, 1)), [], []
+
+    def compare(_, worlds, _motions, **_options):
+        first, count = len(seen), len(worlds.starts)
+        sizes.append(count)
+        seen.extend(worlds.starts)
+        stood = np.array([[k not in falls for k in range(first, first + count)]])
+        return SimpleNamespace(stood=stood, record=SimpleNamespace(duration=0.0))
+
+    monkeypatch.setattr(Experiment, "compare", compare)
+    assert checked.check(fall, target, np.random.default_rng(0), least=least) == share
+    assert (sizes, checked.count) == (played, sum(played))
+    assert len({row.tobytes() for row in seen}) == sum(played)
+
+
 def test_a_prone_fall_has_a_rollout_that_stands_and_survives_disturbance(fall, rollouts):
     dynamics_filter, _, results = rollouts
     standing = [r for r in results if r.stood]
@@ -311,6 +342,6 @@ def test_a_better_rise_that_stands_in_fewer_worlds_is_not_taken(fall, rollouts, 
     ):
         found = SimpleNamespace(targets=[target], rollouts=2, simulated=0.0)
         monkeypatch.setattr(TargetSearch, "improve", lambda *_, found=found: found)
-        monkeypatch.setattr(dynamics_filter, "check", lambda *_, share=share: share)
+        monkeypatch.setattr(dynamics_filter, "check", lambda *_, share=share, **_options: share)
         one = dynamics_filter.improve(fall, stands, 1.0, np.random.default_rng(0))
         assert (one is not stands) is is_taken

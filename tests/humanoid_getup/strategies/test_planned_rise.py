@@ -96,6 +96,18 @@ def test_a_side_without_motion_is_named_where_planning_fails(
     assert planner.describe_gap(None) == planner.describe_gap("fall.json") == ""
 
 
+def test_an_interrupted_plan_says_what_it_has_found(
+    world, database, fall, monkeypatch: pytest.MonkeyPatch
+):
+    def interrupt(*_args, **_options):
+        raise KeyboardInterrupt
+
+    planner = PlannedRise(world, database)
+    monkeypatch.setattr(planner.filter, "separate", interrupt)
+    with pytest.raises(KeyboardInterrupt, match=r"planning was in round 1, none stands yet; the b"):
+        planner.plan(fall, np.random.default_rng(0))
+
+
 def test_without_filter_the_path_and_the_motion_come_out_as_they_are(world, database, fall):
     raw = PlannedRise(world, database, options=PlannerOptions(filtering=False)).plan(
         fall, np.random.default_rng(0)

@@ -11,7 +11,7 @@ from humanoid_getup.experiments.judging.torque import (
     find_saturation,
     split_torque,
 )
-from robots import Robot
+from robots import Robot, load_robot
 
 
 @pytest.mark.parametrize("share", [1.0, 0.8])
@@ -32,6 +32,12 @@ def test_a_servo_at_its_no_load_speed_is_not_saturated_by_hardly_any_torque(op3:
     speed = 1.1 * op3.max_velocity
     assert not find_saturation(op3, 0.04 * op3.max_torque, speed, op3.supply_voltage).any()
     assert find_saturation(op3, 0.06 * op3.max_torque, speed, op3.supply_voltage).all()
+
+
+def test_a_motor_that_never_trips_is_not_saturated():
+    """Those of the human are no devices: its rises were dropped for an elbow at all its torque."""
+    human = load_robot("human")
+    assert not find_saturation(human, human.max_torque, np.zeros(human.n), 24.0).any()
 
 
 def test_a_torque_drives_or_brakes_and_never_both():

@@ -27,6 +27,10 @@ class Rolled:
     def target(self) -> str:
         return self.name
 
+    @property
+    def candidate(self) -> SimpleNamespace:
+        return SimpleNamespace(connection=SimpleNamespace(motion=self))
+
 
 @dataclass
 class Filter:
@@ -35,6 +39,8 @@ class Filter:
     rolled: list[Rolled]
     varied: Rolled | None = None
     is_demanding: bool = False
+    enough: float = 1.0
+    hopeless: float = 0.0
     checked: list[str] = field(default_factory=list)
     bases: list[str] = field(default_factory=list)
 
@@ -49,7 +55,11 @@ class Filter:
     def separate(self, _start, rollout: Rolled) -> Rolled:
         return rollout
 
-    def check(self, _start, target: str, _rng) -> float:
+    def confirm(self, _start, rollout: Rolled) -> Rolled:
+        return rollout
+
+    def check(self, _start, target: str, _rng, *, least: float) -> float:
+        assert least == 0.0 or self.checked
         self.checked.append(target)
         known = [*self.rolled, *([self.varied] if self.varied else [])]
         return next(one.share for one in known if one.name == target)
@@ -97,6 +107,14 @@ def test_the_best_is_kept_and_no_more_is_checked_than_needed(rolled, best, check
     assert (found.rounds, found.rolled_out, found.highest) == (1, True, 0.3)
 
 
+def test_where_physics_is_expensive_less_is_enough():
+    """15 of 16 rollouts, as docs/explanation/filtering.md says of what counts as solved."""
+    dynamics = Filter([Rolled("first", 1.0, 15 / 16), Rolled("second", 2.0)], enough=0.9)
+    search = search_with(dynamics)
+    assert search.is_done
+    assert dynamics.checked == ["first"]
+
+
 def test_what_stands_nowhere_is_varied_from_those_that_rose_highest():
     low, high, higher = (Rolled(f"{z}", stood=False, peak_neck=z) for z in (0.1, 0.2, 0.3))
     dynamics = Filter([low, high, higher])
@@ -104,6 +122,13 @@ def test_what_stands_nowhere_is_varied_from_those_that_rose_highest():
     search.vary()
     assert dynamics.bases == ["0.3", "0.2"]
     assert search.found.rollout is None
+
+
+def test_what_hardly_rose_is_not_varied_where_physics_is_expensive():
+    low, high = (Rolled(f"{z}", stood=False, peak_neck=z) for z in (0.1, 0.3))
+    dynamics = Filter([low, high], hopeless=0.2)
+    search_with(dynamics).vary()
+    assert dynamics.bases == ["0.3"]
 
 
 @pytest.mark.parametrize(("lost", "taken"), [(0, True), (1, False)])
@@ -129,3 +154,17 @@ def test_where_nothing_more_is_wanted_nothing_is_improved():
     search = search_with(Filter([plain], replace(plain, name="better", cost=0.5)))
     search.improve()
     assert search.found.rollout is plain
+
+
+@pytest.mark.parametrize(
+    ("rolled", "text"),
+    [
+        ([Rolled("roll", share=0.75)], "the best, along roll, stands in 75% of its disturbed"),
+        (
+            [Rolled("low", stood=False, peak_neck=0.1), Rolled("high", stood=False)],
+            "none stands yet; the best, along high, raised the neck to 60%",
+        ),
+    ],
+)
+def test_a_search_says_at_any_time_what_it_has_found(rolled: list[Rolled], text: str):
+    assert search_with(Filter(rolled)).found.describe(0.5).startswith(text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 
 import msgspec
 from rich.markup import escape
@@ -64,6 +65,9 @@ def retarget(command: RetargetRequest) -> int:
             markup=False,
             soft_wrap=True,
         )
+    if found.is_complete:
+        following = f"getup rise --robot {shlex.quote(command.robot)} --from supine"
+        console_for().print(f"next: {following}", markup=False, soft_wrap=True)
     return DID_IT if found.is_complete else DID_NOT_STAND
 
 

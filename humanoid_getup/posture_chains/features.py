@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
@@ -34,6 +34,17 @@ class Features:
     """How flat the less flat sole is on the ground, from 0 to 1, (K,)."""
     offset: Array
     """Horizontal distance of the center of mass from between the soles [leg lengths], (K,)."""
+
+    def join(self, others: Features, rows: int) -> Features:
+        """Join the features of the same number of rows of robots each."""
+
+        def both(name: str) -> Array:
+            parts = (getattr(self, name), getattr(others, name))
+            wide = [part.reshape(rows, -1, *part.shape[1:]) for part in parts]
+            joined = np.concatenate(wide, axis=1)
+            return joined.reshape(-1, *joined.shape[2:])
+
+        return Features(**{field.name: both(field.name) for field in fields(self)})
 
     @property
     def progress(self) -> Array:

@@ -28,6 +28,7 @@ SETTLING = 0.35  # s for OP3, the rest after each move
 REST_TIME = 0.06  # s at the end of a move over which a robot's speed is measured
 REST_JOINT_SPEED, REST_ROOT_SPEED = 0.6, 0.06  # rad/s, and m/s for OP3
 MOST_OVERLAP = 0.008  # m by which a robot may press into itself
+FINER = 2  # physics steps a control period of a check in the undisturbed world
 BEHIND = 0.05  # progress by which a robot may be behind one that is alike
 
 Bools = NDArray[np.bool_]
@@ -56,6 +57,15 @@ class Arrivals:
         kept = self.features.progress.reshape(shape) >= progress[:, None] - BEHIND
         return np.all(self.rests & near & kept, axis=1)
 
+    def join(self, others: Arrivals) -> Arrivals:
+        """Join the ends of the same sequences in further worlds."""
+        return Arrivals(
+            qpos=np.concatenate([self.qpos, others.qpos], axis=1),
+            features=self.features.join(others.features, len(self.qpos)),
+            rests=np.concatenate([self.rests, others.rests], axis=1),
+            stands=np.concatenate([self.stands, others.stands], axis=1),
+        )
+
     def state(self, row: int, target: Array, **fields: Any) -> RestingState:
         """Return the state in the first world, with the targets that are held there (n,)."""
         first = row * self.rests.shape[1]
@@ -80,7 +90,8 @@ class MovePlayer:
     """Plays moves in one world: roughly to try them, disturbed to check them.
 
     A trial simulates one physics step a control period, which is enough to tell which moves are
-    worth a check; what is checked is simulated in the steps of the world.
+    worth a check; a check simulates the undisturbed world in finer steps. A whole chain has to be
+    judged in the world's own steps.
     """
 
     def __init__(
@@ -93,9 +104,9 @@ class MovePlayer:
     ) -> None:
         """Prepare for a world, and for a torque limit of every servo."""
         self.world, self._rng, self._limit = world, rng, limit
-        coarse = world.vary(timestep=world.robot.control_period)
-        self._experiment = Experiment(world, threads=threads)
-        self._trial = Experiment(coarse, threads=threads)
+        period = world.robot.control_period
+        self._trial = Experiment(world.vary(timestep=period), threads=threads)
+        self._finer = Experiment(world.vary(timestep=period / FINER), threads=threads)
         self._layout = world.robot.layout(world.model)
         self.meter = FeatureMeter(world)
         self.scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
@@ -122,15 +133,18 @@ class MovePlayer:
         self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]], worlds: int
     ) -> Arrivals:
         """Play a sequence of moves from each of M states in K worlds, the first undisturbed."""
-        starts = np.repeat([state.qpos for state in states], worlds, axis=0)
-        nominal = Scenarios.nominal(self.world, starts[::worlds], self._limit)
+        starts = np.array([state.qpos for state in states])
+        nominal = Scenarios.nominal(self.world, starts, self._limit)
+        first = self._play(self._finer, nominal, states, moves)
+        if worlds == 1:
+            return first
+        starts = np.repeat(starts, worlds - 1, axis=0)
         parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
-        parameters.put(np.arange(0, len(starts), worlds), nominal.parameters)
         noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)
-        noise[::worlds] = 0.0
         starts[:, self._layout.qpos] += noise
         scenarios = Scenarios(starts=starts, parameters=parameters)
-        return self._play(self._experiment, scenarios, states, moves)
+        others = self._play(self._trial, scenarios, states, moves)
+        return first.join(others)
 
     def _play(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,13 +55,30 @@ def _describe_fall(world: World, record: Record) -> CheckFinding:
     on = f", on the ground: {bodies}" if bodies else ""
     height = float(stance.neck_height[-1] / world.robot.standing_neck_height)
     tilt = float(np.degrees(stance.tilt[-1]))
+    servos = ", ".join(dict.fromkeys(joint.servo.model.name for joint in world.robot.joints))
+    is_weak = bool(_stand(World(_strengthen(world.robot))).upright.all())
     return CheckFinding(
         level="fault",
         subject="stance",
-        text=f"does not hold for {HOLD_TIME:g} s on its servos: neck at {height:.0%} of its "
-        f"height, tilted by {tilt:.0f}°{on}",
-        remedy="change [standing]; getup hold shows the fall",
+        text=f"does not hold for {HOLD_TIME:g} s on its servos ({servos}): neck at {height:.0%} of "
+        f"its height, tilted by {tilt:.0f}°{on}",
+        remedy="it holds with twice the torque: set stronger types in robot.toml, or import it "
+        "with --servo TYPE"
+        if is_weak
+        else "change [standing]; getup hold shows the fall",
     )
+
+
+def _strengthen(robot: Robot) -> Robot:
+    """Return a robot whose servos have twice the torque, and so twice the stiffness."""
+    joints = []
+    for joint in robot.joints:
+        model = joint.servo.model
+        strong = replace(
+            model, stall_torque=2.0 * model.stall_torque, stall_current=2.0 * model.stall_current
+        )
+        joints.append(replace(joint, servo=replace(joint.servo, model=strong)))
+    return replace(robot, joints=tuple(joints))
 
 
 def _check_heat(robot: Robot, torque: Array) -> Iterator[CheckFinding]:

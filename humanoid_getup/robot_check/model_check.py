@@ -18,6 +18,7 @@ DENSITY = (5.0, 300.0)
 """Mass over the neck height cubed [kg/m³]; OP3 has 46, a person of 70 kg about 25."""
 LIGHTEST = 1e-4  # share of the robot's mass; a lighter link was given none
 WIDEST = 0.5  # radius of gyration of a link over the neck height; placeholders are wider
+FLOATING = 0.1  # of the neck height, by which a shape is not part of what is around it
 FARTHEST_IMU = 0.5  # from the torso's center of mass, over the neck height
 CLEAR = 0.5  # cosine from which an axis is said to turn one way or the other
 FAR = 0.15  # share of the neck height by which a joint may be off its mirror image's place
@@ -27,7 +28,8 @@ FULL_TURN = 2.0 * np.pi - 1e-3  # rad; shoulders may turn so far, legs do not
 
 def check_body(limbs: Limbs) -> Iterator[CheckFinding]:
     """Find implausible masses, inertias and sites."""
-    found = [*_check_mass(limbs), *_check_links(limbs), *_check_imu(limbs), *_check_neck(limbs)]
+    found = [*_check_mass(limbs), *_check_links(limbs), *_check_shapes(limbs)]
+    found += [*_check_imu(limbs), *_check_neck(limbs)]
     yield from found
     if not found:
         height = limbs.robot.standing_neck_height
@@ -57,30 +59,66 @@ def _check_mass(limbs: Limbs) -> Iterator[CheckFinding]:
 def _check_links(limbs: Limbs) -> Iterator[CheckFinding]:
     """Compare mass and inertia of each moving link; what is welded to it is part of it."""
     model, height = limbs.model, limbs.robot.standing_neck_height
+    least, widest = LIGHTEST * limbs.mass, WIDEST * height
+    light, wide = list[str](), list[str]()
     for link in np.setdiff1d(model.body_weldid, [0]):
         bodies = np.flatnonzero(model.body_weldid == link)
-        mass = float(model.body_mass[bodies].sum())
-        subject = f"body '{_name(model, int(link))}'"
-        wide = max(_measure_gyration(model, int(body)) for body in bodies)
-        if mass < LIGHTEST * limbs.mass:
-            least = 1e3 * LIGHTEST * limbs.mass
-            yield CheckFinding.warning(
-                subject,
-                f"weighs {1e3 * mass:.2g} g, expected at least {least:.2g} g",
-                "give it its mass, or weld it to its parent",
-            )
-        elif wide > WIDEST * height:
-            yield CheckFinding.warning(
-                subject,
-                f"has the inertia of something of {wide:.2f} m radius, expected at most "
-                f"{WIDEST * height:.2f} m",
-                "give it its own inertia: this one looks like a placeholder",
-            )
+        mass, name = float(model.body_mass[bodies].sum()), _name(model, int(link))
+        radius = max(_measure_gyration(model, int(body)) for body in bodies)
+        if mass < least:
+            light.append(f"{name} ({1e3 * mass:.2g} g)")
+        elif radius > widest:
+            wide.append(f"{name} ({radius:.2f} m)")
+    if light:
+        yield CheckFinding.warning(
+            "masses",
+            f"below {1e3 * least:.2g} g: {', '.join(light)}",
+            "give links their mass, or weld them to their parents",
+        )
+    if wide:
+        yield CheckFinding.warning(
+            "inertias",
+            f"radius of gyration above {widest:.2f} m: {', '.join(wide)}",
+            "give links their own inertias: these look like placeholders",
+        )
 
 
 def _measure_gyration(model: mujoco.MjModel, body: int) -> float:
     mass = float(model.body_mass[body])
     return float(np.sqrt(model.body_inertia[body].max() / mass)) if mass > 0.0 else 0.0
+
+
+def _check_shapes(limbs: Limbs) -> Iterator[CheckFinding]:
+    """Find shapes that are far from all others, and from the joints of their links."""
+    model, most = limbs.model, FLOATING * limbs.robot.standing_neck_height
+    limbs.look(limbs.robot.standing.joint_pos)
+    for geom in range(model.ngeom):
+        away = min(_measure_gaps(limbs, geom, most), default=most)
+        if away >= most:
+            name = model.geom(geom).name or f"number {geom}"
+            yield CheckFinding.warning(
+                f"shape '{name}'",
+                f"of body '{_name(model, int(model.geom_bodyid[geom]))}' is more than "
+                f"{1e3 * most:.0f} mm from all others, and from its joints",
+                "remove it from the model if it is no part of the robot",
+            )
+
+
+def _measure_gaps(limbs: Limbs, geom: int, most: float) -> Iterator[float]:
+    """Measure the gaps, up to a most, between a shape and joints of its link, and all others [m].
+
+    Joints count as near as the ball about the shape is.
+    """
+    model, data = limbs.model, limbs.data
+    link = model.body_weldid[model.geom_bodyid[geom]]
+    moved = model.jnt_bodyid
+    own = (moved == link) | (model.body_weldid[model.body_parentid[moved]] == link)
+    own &= model.jnt_type != mujoco.mjtJoint.mjJNT_FREE
+    ways = data.xanchor[own] - data.geom_xpos[geom]
+    yield from np.linalg.norm(ways, axis=1) - model.geom_rbound[geom]
+    for other in range(model.ngeom):
+        if other != geom:
+            yield mujoco.mj_geomDistance(model, data, geom, other, most, None)
 
 
 def _check_imu(limbs: Limbs) -> Iterator[CheckFinding]:

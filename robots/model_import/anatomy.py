@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -249,13 +250,35 @@ def _turn_forward(
     legs = (_leg(tree, one, other), _leg(tree, other, one))
     by_knees = np.sign(sum(_measure_bend(tree, leg, lateral) for leg in legs))
     sign = np.sign(named) or by_toes or by_knees or 1.0
-    if named and by_toes and np.sign(named) != by_toes:
-        notes.append("names and feet disagree about left and right: the names are used")
+    notes += _find_contradictions(sign, by_toes, by_knees)
     if not named and not by_toes and not by_knees:
         notes.append("neither names nor feet nor knees show where the front is: x is assumed")
         sign = 1.0 if forward[0] >= 0.0 else -1.0
     left, right = (one, other) if sign > 0.0 else (other, one)
     return left, right, np.column_stack([sign * forward, sign * lateral, UP])
+
+
+def _find_contradictions(sign: float, by_toes: float, by_knees: float) -> Iterator[str]:
+    """Say what stands against the front that was found; feet alone may be longer behind the ankle.
+
+    Each is 1 or -1 for a front, or 0 if it shows none.
+    """
+    feet, knees = by_toes == -sign, by_knees == -sign
+    if feet and knees:
+        yield (
+            "feet and knees point backwards, going by left and right in the names: swap the names "
+            "if the robot has its front there"
+        )
+    elif knees:
+        yield (
+            "the knees bend backwards: correct their ranges or axes in the model, unless the "
+            "robot's do"
+        )
+    elif feet and not by_knees:
+        yield (
+            "the feet are longer behind the ankles, going by left and right in the names: swap "
+            "the names if the robot has its front there"
+        )
 
 
 def _measure_bend(tree: KinematicTree, leg: tuple[int, ...], lateral: Array) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -11,6 +12,7 @@ from robots import quaternion
 from robots.body.shapes import list_solid, read_shapes
 from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
+from robots.model_import.inertias import compute_box_inertia, find_excess
 from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
 
@@ -40,7 +42,10 @@ class Rebuilder:
         self._tree: KinematicTree = anatomy.tree
         self._model = anatomy.tree.model
         self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
+        self._height = anatomy.height
         self._boundless: list[str] = []
+        self._points: dict[int, list[Array]] = {}
+        self._excess: dict[str, float] = {}
         self._solid = {self.holder(b) for b in self._tree.bodies if list_solid(self._model, b)}
         root = self._tree.data.xmat[self._tree.root].reshape(3, 3)
         self._turn = np.zeros(4)
@@ -79,6 +84,11 @@ class Rebuilder:
             listed = ", ".join(self._boundless)
             self._notes.append(
                 f"-180 to 180 deg for joints without range, or of equal ends: {listed}"
+            )
+        if self._excess:
+            self._notes.append(
+                f"inertias up to {max(self._excess.values()):.0f} times those of boxes of their "
+                f"size are replaced by these: {', '.join(self._excess)}"
             )
         return spec
 
@@ -178,6 +188,10 @@ class Rebuilder:
             inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
             away = position - center
             inertia += model.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
+        points = np.concatenate([np.zeros((0, 3)), *self._points.get(body, ())]) - center
+        if excess := find_excess(inertia, mass, points, self._height):
+            inertia = compute_box_inertia(mass, points)
+            self._excess[self.name(body)] = excess
         moments, axes = np.linalg.eigh(inertia)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         orientation = np.zeros(4)
@@ -194,6 +208,8 @@ class Rebuilder:
             own = self.name(body)
             name = own if len(shapes) == 1 else f"{own}_{number}"
             position, orientation = self._place_in(body, shape.position, shape.orientation)
+            placed = replace(shape, position=position, orientation=orientation)
+            self._points.setdefault(self.holder(body), []).append(placed.sample())
             geom = target.add_geom(
                 name=name,
                 type=shape.kind,

@@ -195,13 +195,29 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
                 f"{source.path}: body {shown(model.body(body).name)} has an inertia of "
                 f"{moment:g} kg·m², expected at most {MOST_INERTIA:g} kg·m²"
             )
+        if span <= SPANS[1] and (reach := _measure_reach(model, body)) > SPANS[1]:
+            yield (
+                f"{source.path}: a shape of body {shown(model.body(body).name)} reaches "
+                f"{reach:.3g} m from it, expected at most {SPANS[1]:g} m: a mesh in mm needs scale "
+                "0.001"
+            )
     if not SPANS[0] <= span <= SPANS[1]:
+        is_mm = SPANS[0] <= span / 1e3 <= SPANS[1]
         yield (
             f"{source.path}: its joints span {span:.3g} m of height, expected {SPANS[0]:g} to "
-            f"{SPANS[1]:g} m: lengths are in m, and z points up"
+            f"{SPANS[1]:g} m: "
+            + ("these look like mm" if is_mm else "lengths are in m, and z points up")
         )
     if not MASSES[0] <= mass <= MASSES[1]:
         yield (
             f"{source.path}: its mass is {mass:.3g} kg, expected {MASSES[0]:g} to {MASSES[1]:g} "
             "kg: masses are in kg"
         )
+
+
+def _measure_reach(model: mujoco.MjModel, body: int) -> float:
+    """Measure how far the shapes of a body reach from its origin [m]; planes do not count."""
+    first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+    own = slice(first, first + count)
+    reach = np.linalg.norm(model.geom_pos[own], axis=1) + model.geom_rbound[own]
+    return float(reach.max(initial=0.0))

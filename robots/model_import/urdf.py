@@ -19,6 +19,7 @@ from robots.model_import.source import (
 )
 from robots.model_import.ties import Tie
 from robots.model_import.urdf_shapes import UrdfShapes
+from robots.model_import.urdf_tree import find_tree_problems
 from robots.model_import.urdf_values import INERTIA, find_value_problems, read_number
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS
@@ -41,7 +42,8 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
     check_size(path, links=len(root.findall("link")), joints=len(root.findall("joint")))
     notes: list[str] = []
     shapes = UrdfShapes(path, root, notes)
-    problems = [f"{path}: {problem}" for problem in find_value_problems(root)]
+    problems = find_value_problems(root) or [*find_tree_problems(root)]
+    problems = [f"{path}: {problem}" for problem in problems]
     problems += [] if problems else shapes.resolve()
     if problems:
         raise ModelImportError(problems)

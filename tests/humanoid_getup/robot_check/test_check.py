@@ -108,12 +108,17 @@ FAULTS = {
     "a link has an inertia of 1 kg m²": (
         [(MODEL, INERTIA, 'mass="0.01176" diaginertia="1 1 1"')],
         "warning",
-        "body 'head_pan_link': has the inertia of something of 9.22 m radius",
+        "inertias: radius of gyration above 0.20 m: head_pan_link (9.22 m)",
     ),
     "a link weighs nothing": (
         [(MODEL, INERTIA, 'mass="1e-6" diaginertia="1e-9 1e-9 1e-9"')],
         "warning",
-        "body 'head_pan_link': weighs 0.001 g, expected at least 0.31 g",
+        "masses: below 0.31 g: head_pan_link (0.001 g)",
+    ),
+    "a shape floats behind the back": (
+        [(MODEL, '<site name="imu"/>', '<site name="imu"/><geom size="0.01" pos="-0.3 0 0"/>')],
+        "warning",
+        "shape 'number 0': of body 'body_link' is more than 39 mm from all others, and from its",
     ),
     "a joint mirrors one of another name": (
         [

@@ -72,9 +72,22 @@ def test_a_fall_is_reported_with_height_and_tilt_and_nothing_of_heat(world: Worl
     upright = np.arange(CYCLES)[None] < CYCLES - 1  # it falls at the very end
     (found,) = check(hold(world, strain(world.robot, 4.0), stance=stance, upright=upright))
     assert found.level == "fault"
-    assert "does not hold for 3 s on its servos: neck at 40% of its height, tilted by 80°" in str(
-        found
-    )
+    text = "does not hold for 3 s on its servos (XM430-W350): neck at 40% of its height, tilted by"
+    assert f"{text} 80°" in str(found)
+    assert "change [standing]" in found.remedy
+
+
+def test_servos_that_are_too_weak_for_the_stance_are_to_blame(world: World, monkeypatch):
+    """With twice their torque it stands: the fault rests on their types, which may be guessed."""
+
+    def play(played: World, *_) -> Record:
+        is_strong = played.robot.max_torque.max() > world.robot.max_torque.max()
+        upright = np.full((1, CYCLES), is_strong)
+        return hold(world, strain(world.robot, 4.0), upright=upright)
+
+    monkeypatch.setattr(hold_check, "play", play)
+    (found,) = hold_check.check_hold(world)
+    assert (found.level, "it holds with twice the torque" in found.remedy) == ("fault", True)
 
 
 def test_a_hot_servo_is_reported_and_when_it_switches_itself_off(world: World, check):

@@ -61,17 +61,47 @@ def test_knees_tell_the_front_where_feet_do_not():
     assert notes == []
 
 
-def test_names_count_more_than_feet_and_that_is_said():
-    notes: list[str] = []
+def swap_sides(name: str) -> str:
+    side, _, part = name.partition("_")
     swap = {"left": "right", "right": "left"}
+    return f"{swap[side]}_{part}" if side in swap else name
 
-    def swapped(name: str) -> str:
-        side, _, part = name.partition("_")
-        return f"{swap[side]}_{part}" if side in swap else name
 
-    anatomy = find(notes, rename=swapped)
-    assert anatomy.axes[:, 0] == pytest.approx([-1.0, 0.0, 0.0])
-    assert notes == ["names and feet disagree about left and right: the names are used"]
+def reverse_knees(spec: mujoco.MjSpec) -> None:
+    for joint in spec.joints:
+        if "shank" in joint.name:
+            joint.range = -joint.range[::-1]
+
+
+def open_knees(spec: mujoco.MjSpec) -> None:
+    for joint in spec.joints:
+        if "shank" in joint.name:
+            joint.range = [-90.0, 90.0]
+
+
+def reverse_feet(spec: mujoco.MjSpec) -> None:
+    for body in spec.bodies:
+        if "foot" in body.name:
+            body.geoms[0].pos[0] *= -1.0
+
+
+@pytest.mark.parametrize(
+    ("rename", "change", "words"),
+    [
+        (str, None, None),
+        (swap_sides, None, "feet and knees point backwards, going by left and right"),
+        (str, reverse_knees, "the knees bend backwards: correct their ranges or axes"),
+        (hide_sides, reverse_knees, "the knees bend backwards: correct their ranges or axes"),
+        (swap_sides, open_knees, "the feet are longer behind the ankles, going by left"),
+        # Bez2 has such feet: names and knees agree.
+        (str, reverse_feet, None),
+    ],
+)
+def test_what_stands_against_the_names_is_said(rename, change, words: str | None):
+    notes: list[str] = []
+    anatomy = find(notes, rename=rename, change=change or (lambda _: None))
+    assert anatomy.axes[0, 0] == pytest.approx(-1.0 if rename is swap_sides else 1.0)
+    assert [note[: len(words)] for note in notes] == [words] if words else notes == []
 
 
 def add_ends(spec: mujoco.MjSpec) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from humanoid_getup.motions.scoring import SEARCH_TIMESTEP
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 
 MANY_DOFS = 40  # OP3 has 26 and steps in 24 µs, the human 55 and 95 µs
 

@@ -18,12 +18,11 @@ from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import (
     SEARCH_HOLD,
-    SEARCH_TIMESTEP,
     SWAY_TIME,
     score,
 )
 from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import TorqueLimit
 from robots.quaternion import Array
 

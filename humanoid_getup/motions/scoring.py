@@ -18,7 +18,6 @@ ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step sizes: rad, and share of a dura
 SEARCH_HOLD = 1.0  # s of stand or of lying still that a candidate must show; 3.0 when judged
 TRAVEL_COST = 0.02  # per radian that targets travel, mean of all joints
 SWAY_TIME = 0.2  # s between the last target and the stand that counts
-SEARCH_TIMESTEP = 0.004  # s; the result is judged, recorded and verified at 0.002
 OVERLAP_COST = 1.0  # of a rollout that overlaps itself from start to end
 FAILURE = 6.0  # least cost of a failure; every success costs less
 PREFERENCE_SHARE = 0.3  # of a preference's cost, so that no success costs as much as a failure

@@ -17,6 +17,7 @@ from robots.arguments import expect
 from robots.ground import GROUND
 from robots.quaternion import Array
 
+SEARCH_TIMESTEP = 0.004  # s; what a search finds is judged and recorded in the world's own steps
 ROBOT_CONTACT = "whole"
 """Name of the sensor that counts the contacts of the whole robot with the world."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
-from humanoid_getup.posture_chains.resting_state import Chain, Move, RestingState
+from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
@@ -67,10 +67,10 @@ class ChainSearch:
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
         self.archive = Archive()
         self.archive.add(self._player.describe(start, held))
-        self.chains: list[Chain] = []
+        self.chains: list[PostureChain] = []
         """The shortest chains found so far that stand in all worlds, the shortest first."""
         self._turn = 0
-        self._risen: set[int] = set()
+        self._risen: set[RestingState] = set()
 
     def advance(self) -> None:
         """Play one batch of moves."""
@@ -87,7 +87,7 @@ class ChainSearch:
             states = self.archive.draw(count, rng)
             self._try(states, self._tools.moves.draw_all(states, self._player.scale, rng))
 
-    def _try(self, states: list[RestingState], moves: list[Move]) -> None:
+    def _try(self, states: list[RestingState], moves: list[PostureMove]) -> None:
         """Try moves; file where they lead if that is new, and the same in all worlds."""
         tried, new = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
         for k in np.flatnonzero(tried.rests[:, 0]):
@@ -117,16 +117,18 @@ class ChainSearch:
 
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
-        near = [s for s in self.archive if s.progress > NEAR_STAND and id(s) not in self._risen]
+        near = [s for s in self.archive if s.progress > NEAR_STAND and s not in self._risen]
         each = 2 * len(RISE_TIMES) - 1
         near = sorted(near, key=lambda s: -s.progress)[: self._tools.settings.batch // each]
-        self._risen |= {id(state) for state in near}
+        self._risen |= {*near}
         return near
 
-    def _make_rises(self, states: list[RestingState]) -> tuple[list[RestingState], list[Move]]:
+    def _make_rises(
+        self, states: list[RestingState]
+    ) -> tuple[list[RestingState], list[PostureMove]]:
         """Make moves straight to the stance, and through higher squats."""
         home, moves = self._tools.world.robot.standing.joint_pos, self._tools.moves
-        begun, rises = list[RestingState](), list[Move]()
+        begun, rises = list[RestingState](), list[PostureMove]()
         for state in states:
             neck = float(self._player.meter.measure(state.qpos[None]).neck[0])
             higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN][::-1]
@@ -134,11 +136,13 @@ class ChainSearch:
             ways += [(np.vstack([higher, home]), time, "squats") for time in RISE_TIMES[1:]]
             for knots, time, kind in ways:
                 begun.append(state)
-                rises.append(Move(knots=knots, duration=time * self._player.scale, kind=kind))
+                rises.append(
+                    PostureMove(knots=knots, duration=time * self._player.scale, kind=kind)
+                )
         return begun, rises
 
     def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
-        """Move to the targets of states with a way up; where that leads there, go on up."""
+        """PostureMove to the targets of states with a way up; where that leads there, go on up."""
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
         moves = [self._aim(state, up) for state, up in pairs]
         tried, other = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
@@ -146,7 +150,7 @@ class ChainSearch:
         for k in np.flatnonzero(tried.rests[:, 0]):
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
             state = tried.state(int(k), moves[k].target, **fields)
-            if _is_like(state, ups[k]):
+            if state.is_near(ups[k]):
                 linked.append(int(k))
             elif self.archive.wants(state):
                 other.append(state)
@@ -161,20 +165,16 @@ class ChainSearch:
             if ends.stands[row].all():
                 self._join(states[k], moves[k], ups[k])
 
-    def _aim(self, state: RestingState, up: RestingState) -> Move:
+    def _aim(self, state: RestingState, up: RestingState) -> PostureMove:
         """Make the move to the targets of a state with a way up."""
         least = self._tools.moves.least_duration(state.target, up.target)
         drawn = float(self._tools.rng.choice(DURATIONS)) * self._player.scale
-        return Move(knots=up.target[None], duration=max(least, drawn), kind="connect")
+        return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
 
-    def _join(self, state: RestingState, move: Move, up: RestingState) -> None:
+    def _join(self, state: RestingState, move: PostureMove, up: RestingState) -> None:
         """Note the chain that leads to a state with a way up, and on."""
         last = replace(up, before=state, move=move, depth=state.depth + 1)
         while up.after is not None:
             up, onward = up.after, up.onward
             last = replace(up, before=last, move=onward, depth=last.depth + 1)
         self._finish(replace(last, after=None, onward=None))
-
-
-def _is_like(state: RestingState, other: RestingState) -> bool:
-    return all(abs(a - b) <= 1 for a, b in zip(state.cell, other.cell, strict=True))

@@ -14,7 +14,12 @@ from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Sce
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.features import FeatureMeter, Features
-from humanoid_getup.posture_chains.resting_state import Move, RestingState, sample_moves
+from humanoid_getup.posture_chains.resting_state import (
+    PostureMove,
+    RestingState,
+    are_near,
+    sample_moves,
+)
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.body.lengths import leg_length
@@ -53,7 +58,7 @@ class Arrivals:
         cells = np.array([state.cell for state in states])
         progress = np.array([state.progress for state in states])
         own = self.features.cells.reshape(*shape, -1)
-        near = (np.abs(own - cells[:, None]) <= 1).all(axis=2)
+        near = are_near(own, cells[:, None])
         kept = self.features.progress.reshape(shape) >= progress[:, None] - BEHIND
         return np.all(self.rests & near & kept, axis=1)
 
@@ -123,14 +128,16 @@ class MovePlayer:
         """Describe a robot at rest at MuJoCo positions (nq,), with held targets (n,)."""
         return make_state(qpos, target, self.meter.measure(qpos[None]), 0)
 
-    def try_out(self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]]) -> Arrivals:
+    def try_out(
+        self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]]
+    ) -> Arrivals:
         """Play a sequence of moves from each of M states, undisturbed and coarsely."""
         starts = np.array([state.qpos for state in states])
         scenarios = Scenarios.nominal(self._trial.world, starts, self._limit)
         return self._play(self._trial, scenarios, states, moves)
 
     def check(
-        self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]], worlds: int
+        self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]], worlds: int
     ) -> Arrivals:
         """Play a sequence of moves from each of M states in K worlds, the first undisturbed."""
         starts = np.array([state.qpos for state in states])
@@ -151,7 +158,7 @@ class MovePlayer:
         experiment: Experiment,
         scenarios: Scenarios,
         states: Sequence[RestingState],
-        moves: Sequence[Sequence[Move]],
+        moves: Sequence[Sequence[PostureMove]],
     ) -> Arrivals:
         each = len(scenarios) // len(states)
         record = experiment.play(scenarios, np.repeat(self._sample(states, moves), each, axis=0))
@@ -164,7 +171,9 @@ class MovePlayer:
             stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
         )
 
-    def _sample(self, states: Sequence[RestingState], moves: Sequence[Sequence[Move]]) -> Array:
+    def _sample(
+        self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]]
+    ) -> Array:
         """Sample the targets of sequences of moves, all as long as the longest, (M, T, n)."""
         period = self.world.robot.control_period
         sampled = [

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from humanoid_getup.posture_chains.resting_state import Move, RestingState
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots import Robot
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
@@ -19,6 +19,9 @@ SPEED_SHARE, MOST_SPEED = 0.8, 4.8  # of the servos' speed, and rad/s; of target
 SPREADS = (0.2, 0.5, 1.0)  # rad, standard deviation of a random change of joints
 PAIRED, SINGLE = (0.15, 0.3, 0.6), (0.1, 0.25, 0.5)  # shares of joints that change
 HOMEWARD = (0.3, 0.6, 1.0)  # shares of the way to the stance
+EVEN = 0.5  # probability that both legs move to a squat alike
+ARMS_TOO = 0.3  # probability that arms and head move to the squat's, too
+SYMMETRIC = 0.6  # probability that a random posture is symmetric
 KEPT = 0.4  # probability that a limb does not go towards the stance
 PAIRED_LIMBS = 0.7  # probability that its partner goes with a limb that does
 SQUAT_SPREAD = 0.08  # rad
@@ -54,14 +57,14 @@ class RandomMoves:
 
     def draw_all(
         self, states: Sequence[RestingState], scale: float, rng: np.random.Generator
-    ) -> list[Move]:
+    ) -> list[PostureMove]:
         """Draw a move from each state, all of one duration, which is scaled."""
         duration = float(rng.choice(DURATIONS, p=DURATION_SHARES)) * scale
         reach, moves = self._speed * duration, []
         for state in states:
             drawn, kind = self.draw(state.target, rng)
             drawn = state.target + np.clip(drawn - state.target, -reach, reach)
-            moves.append(Move(knots=drawn[None], duration=duration, kind=kind))
+            moves.append(PostureMove(knots=drawn[None], duration=duration, kind=kind))
         return moves
 
     def least_duration(self, before: Array, after: Array) -> float:
@@ -117,16 +120,16 @@ class RandomMoves:
             self._legs,
         )
         moved[legs] = squat[legs] + rng.normal(scale=SQUAT_SPREAD, size=len(legs))
-        if rng.random() < 0.5:
+        if rng.random() < EVEN:
             moved[legs] = 0.5 * (moved + self._robot.mirror_joints(moved))[legs]
-        if rng.random() < 0.3:
+        if rng.random() < ARMS_TOO:
             others = np.setdiff1d(np.arange(self._robot.n), legs)
             moved[others] = squat[others]
         return moved
 
     def _go_anywhere(self, _: Array, rng: np.random.Generator) -> Array:
         home, drawn = self._robot.standing.joint_pos, self._draw_anywhere(rng)
-        if rng.random() < 0.6:
+        if rng.random() < SYMMETRIC:
             left = np.arange(self._robot.n) <= self._robot.mirror_index
             drawn = np.where(left, drawn, self._robot.mirror_joints(drawn))
         return home + rng.uniform(*ANYWHERE) * (drawn - home)

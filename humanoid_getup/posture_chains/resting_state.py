@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
@@ -15,7 +16,7 @@ Cell = tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Move:
+class PostureMove:
     """Targets that go from posture to posture, then rest."""
 
     knots: Array
@@ -39,20 +40,20 @@ class Move:
         part = (share - before)[:, None]
         return (1.0 - part) * knots[before] + part * knots[before + 1]
 
-    def reverse(self, held: Array) -> Move:
+    def reverse(self, held: Array) -> PostureMove:
         """Return the move back to the targets held before it, (n,)."""
         return replace(self, knots=np.vstack([self.knots[:-1][::-1], held]), kind="back")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Chain:
+class PostureChain:
     """Moves from a start, with a rest after each."""
 
     start: Array
     """MuJoCo positions of the start, at rest, (nq,)."""
     held: Array
     """Targets that are held there [rad], (n,)."""
-    moves: tuple[Move, ...]
+    moves: tuple[PostureMove, ...]
 
     @property
     def duration(self) -> float:
@@ -64,13 +65,18 @@ class Chain:
         return sample_moves(self.held, self.moves, period, rest)
 
 
-def sample_moves(held: Array, moves: Sequence[Move], period: float, rest: float) -> Array:
+def sample_moves(held: Array, moves: Sequence[PostureMove], period: float, rest: float) -> Array:
     """Sample the targets of moves from those held (n,), with a rest [s] after each, (T, n)."""
     before = [held, *(move.target for move in moves)]
     sampled = [
         move.sample(target, period, rest) for target, move in zip(before, moves, strict=False)
     ]
     return np.concatenate(sampled)
+
+
+def are_near(cells: ArrayLike, others: ArrayLike) -> NDArray[np.bool_]:
+    """Tell which cells (..., 6) are the same or next to each other, (...)."""
+    return np.all(np.abs(np.subtract(cells, others)) <= 1, axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,14 +94,18 @@ class RestingState:
     """Its place among all states; those that are alike are near to each other, (d,)."""
     before: RestingState | None = None
     """Where the move that led here began; None for a start."""
-    move: Move | None = None
+    move: PostureMove | None = None
     """The move that led here."""
     after: RestingState | None = None
     """Where the next move on the way to a stand leads; None if none is known."""
-    onward: Move | None = None
+    onward: PostureMove | None = None
     """That move."""
     depth: int = 0
     """Moves since the start or, with a way up, until the stand."""
+
+    def is_near(self, other: RestingState) -> bool:
+        """Tell whether another state is in the same cell or the next."""
+        return bool(are_near(self.cell, other.cell))
 
     @property
     def path(self) -> list[RestingState]:
@@ -107,16 +117,16 @@ class RestingState:
         return states[::-1]
 
     @property
-    def chain(self) -> Chain:
+    def chain(self) -> PostureChain:
         """Return the moves from the start to here."""
         first, *others = self.path
         moves = tuple(state.move for state in others if state.move is not None)
-        return Chain(start=first.qpos, held=first.target, moves=moves)
+        return PostureChain(start=first.qpos, held=first.target, moves=moves)
 
     @property
-    def way_up(self) -> tuple[Move, ...]:
+    def way_up(self) -> tuple[PostureMove, ...]:
         """Return the moves from here to a stand."""
-        moves, state = list[Move](), self
+        moves, state = list[PostureMove](), self
         while state.after is not None and state.onward is not None:
             moves.append(state.onward)
             state = state.after

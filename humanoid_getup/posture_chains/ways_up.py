@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
-from humanoid_getup.posture_chains.resting_state import Move, RestingState
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots.kinematics import place
 from robots.quaternion import Array
 
@@ -33,7 +33,7 @@ class WaysUp:
         self.stance = player.describe(stance, world.robot.standing.joint_pos)
         self._archive = Archive(downwards=True)
         self._archive.add(self.stance)
-        self._paired: set[tuple[int, int]] = set()
+        self._paired: set[tuple[RestingState, RestingState]] = set()
         self._add_squats()
 
     def __iter__(self) -> Iterator[RestingState]:
@@ -82,10 +82,10 @@ class WaysUp:
             i, j = np.unravel_index(k, distance.shape)
             if distance[i, j] > FARTHEST or len(pairs) == most:
                 break
-            names = id(states[i]), id(ups[j])
-            if names not in self._paired:
-                self._paired.add(names)
-                pairs.append((states[i], ups[j]))
+            pair = states[i], ups[j]
+            if pair not in self._paired:
+                self._paired.add(pair)
+                pairs.append(pair)
         return pairs
 
     def _add_squats(self) -> None:
@@ -98,11 +98,11 @@ class WaysUp:
         ]
         if not placed:
             return
-        hold = [[Move(knots=q[None], duration=HOLDING * scale, kind="hold")] for q in squats]
+        hold = [[PostureMove(knots=q[None], duration=HOLDING * scale, kind="hold")] for q in squats]
         held, new = self._player.try_out(placed, hold), []
         for k in np.flatnonzero(held.rests[:, 0]):
             knots = np.vstack([squats[:k][::-1], robot.standing.joint_pos])
-            onward = Move(knots=knots, duration=SQUAT_TIME * scale, kind="squats")
+            onward = PostureMove(knots=knots, duration=SQUAT_TIME * scale, kind="squats")
             fields = {"after": self.stance, "onward": onward, "depth": 1}
             new.append(held.state(int(k), squats[k], **fields))
         self._check(new)
@@ -120,10 +120,6 @@ class WaysUp:
 
 
 def _locate(states: list[RestingState]) -> Array:
-    """Locate states by their features and targets, (K, d)."""
-    rows = [[*state.place, *(TARGET_WEIGHT * _scale(state.target))] for state in states]
-    return np.array(rows)
-
-
-def _scale(target: Array) -> Array:
-    return target / np.sqrt(len(target))
+    """Locate states by their features and the RMS of their targets, (K, d)."""
+    weight = TARGET_WEIGHT / np.sqrt(len(states[0].target))
+    return np.array([[*state.place, *(weight * state.target)] for state in states])

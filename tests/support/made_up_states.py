@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.posture_chains.resting_state import Move, RestingState
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 
 
-def make_move(*knots: float, duration: float = 1.0) -> Move:
-    return Move(knots=np.array([[k] for k in knots]), duration=duration, kind="test")
+def make_move(*knots: float, duration: float = 1.0) -> PostureMove:
+    return PostureMove(knots=np.array([[k] for k in knots]), duration=duration, kind="test")
 
 
 def make_state(progress: float, **fields: Any) -> RestingState:

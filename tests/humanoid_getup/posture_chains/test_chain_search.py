@@ -9,7 +9,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
-from humanoid_getup.posture_chains.resting_state import Move
+from humanoid_getup.posture_chains.resting_state import PostureMove
 from humanoid_getup.simulation.world import World
 
 SMALL = SearchSettings(batch=12, worlds=2, threads=1)
@@ -55,7 +55,7 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     left, right = (robot.joint_names.index(name) for name in ("l_ank_pitch", "r_ank_pitch"))
     bent[left] += 0.7
     bent[right] = robot.mirror_joints(bent)[right]
-    moves = [[Move(knots=knots[None], duration=0.5, kind="test")] for knots in (home, bent)]
+    moves = [[PostureMove(knots=knots[None], duration=0.5, kind="test")] for knots in (home, bent)]
     ends = tools.player.check([stance, stance], moves, 2)
     assert ends.stands.tolist() == [[True, True], [False, False]]
     assert ends.are_like([stance, stance]).tolist() == [True, False]

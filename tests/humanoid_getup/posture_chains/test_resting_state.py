@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up_states import make_move, make_state
 
-from humanoid_getup.posture_chains.resting_state import Chain
+from humanoid_getup.posture_chains.resting_state import PostureChain
 
 
 def test_a_move_passes_its_postures_in_time_and_then_rests():
@@ -29,7 +29,7 @@ def test_a_chain_is_the_way_from_its_start():
     third = make_state(1.0, before=second, move=make_move(1.0, duration=2.0), depth=2)
     assert third.path == [first, second, third]
     chain = third.chain
-    assert isinstance(chain, Chain)
+    assert isinstance(chain, PostureChain)
     assert chain.duration == 3.0
     assert chain.start is first.qpos
     sampled = chain.sample(period=0.1, rest=0.2)[:, 0]

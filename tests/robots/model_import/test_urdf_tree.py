@@ -15,8 +15,8 @@ STRUT = '<joint name="strut" type="fixed"><parent link="{}"/><child link="{}"/><
     [
         (
             "left_foot",
-            "nobody",
-            ["joint 'strut' joins 'left_foot' and 'nobody', expected two links"],
+            "unknown",
+            ["joint 'strut' joins 'left_foot' and 'unknown', expected two links"],
         ),
         (
             "left_shank",

@@ -20,6 +20,7 @@ BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
+MOST_JUDGED = 8  # chains of a batch that are played whole
 MOST_CHAINS = 16  # that are kept of each start
 TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
 """Kinds of batches, in turn."""
@@ -104,16 +105,20 @@ class ChainSearch:
             return
         ends = self._player.check(begun, moves, self._tools.settings.worlds)
         for k, alike in enumerate(ends.are_like(new)):
-            if ends.stands[k].all():
-                self._finish(new[k])
             if alike:
                 self.archive.add(replace(new[k], qpos=ends.qpos[k, 0].copy()))
+        self._finish([new[k] for k in np.flatnonzero(ends.stands.all(axis=1))])
 
-    def _finish(self, last: RestingState) -> None:
-        """Note a chain that stands, one of the shortest."""
-        self.chains = sorted([*self.chains, last.chain], key=lambda chain: chain.duration)
-        del self.chains[MOST_CHAINS:]
-        self._tools.ways_up.add_chain(last)
+    def _finish(self, stands: list[RestingState]) -> None:
+        """Note the shortest chains to stands, if they lead there from their start, played whole."""
+        stands = sorted(stands, key=lambda state: state.chain.duration)[:MOST_JUDGED]
+        if not stands:
+            return
+        chains = [state.chain for state in stands]
+        for k in np.flatnonzero(self._player.judge(chains, self._tools.settings.worlds)):
+            self.chains.append(chains[k])
+            self._tools.ways_up.add_chain(stands[k])
+        self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
 
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
@@ -161,9 +166,8 @@ class ChainSearch:
         ends = self._player.check(
             [states[k] for k in linked], sequences, self._tools.settings.worlds
         )
-        for row, k in enumerate(linked):
-            if ends.stands[row].all():
-                self._join(states[k], moves[k], ups[k])
+        joined = [linked[row] for row in np.flatnonzero(ends.stands.all(axis=1))]
+        self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
 
     def _aim(self, state: RestingState, up: RestingState) -> PostureMove:
         """Make the move to the targets of a state with a way up."""
@@ -171,10 +175,11 @@ class ChainSearch:
         drawn = float(self._tools.rng.choice(DURATIONS)) * self._player.scale
         return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
 
-    def _join(self, state: RestingState, move: PostureMove, up: RestingState) -> None:
-        """Note the chain that leads to a state with a way up, and on."""
-        last = replace(up, before=state, move=move, depth=state.depth + 1)
-        while up.after is not None:
-            up, onward = up.after, up.onward
-            last = replace(up, before=last, move=onward, depth=last.depth + 1)
-        self._finish(replace(last, after=None, onward=None))
+
+def _join(state: RestingState, move: PostureMove, up: RestingState) -> RestingState:
+    """Return the stand to which a move to a state with a way up leads, at the end of its chain."""
+    last = replace(up, before=state, move=move, depth=state.depth + 1)
+    while up.after is not None:
+        up, onward = up.after, up.onward
+        last = replace(up, before=last, move=onward, depth=last.depth + 1)
+    return replace(last, after=None, onward=None)

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
 from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.features import FeatureMeter, Features
 from humanoid_getup.posture_chains.resting_state import (
+    PostureChain,
     PostureMove,
     RestingState,
     are_near,
@@ -95,8 +98,8 @@ class MovePlayer:
     """Plays moves in one world: roughly to try them, disturbed to check them.
 
     A trial simulates one physics step a control period, which is enough to tell which moves are
-    worth a check; a check simulates the undisturbed world in finer steps. A whole chain has to be
-    judged in the world's own steps.
+    worth a check; a check simulates the undisturbed world in finer steps. A whole chain is
+    judged in the world's own steps, by a held stand.
     """
 
     def __init__(
@@ -111,6 +114,7 @@ class MovePlayer:
         self.world, self._rng, self._limit = world, rng, limit
         period = world.robot.control_period
         self._trial = Experiment(world.vary(timestep=period), threads=threads)
+        self._experiment = Experiment(world, threads=threads)
         self._finer = Experiment(world.vary(timestep=period / FINER), threads=threads)
         self._layout = world.robot.layout(world.model)
         self.meter = FeatureMeter(world)
@@ -132,36 +136,59 @@ class MovePlayer:
         self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]]
     ) -> Arrivals:
         """Play a sequence of moves from each of M states, undisturbed and coarsely."""
-        starts = np.array([state.qpos for state in states])
-        scenarios = Scenarios.nominal(self._trial.world, starts, self._limit)
-        return self._play(self._trial, scenarios, states, moves)
+        return self._arrive(self._trial, self._make_nominal(states), self._sample(states, moves))
 
     def check(
         self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]], worlds: int
     ) -> Arrivals:
         """Play a sequence of moves from each of M states in K worlds, the first undisturbed."""
-        starts = np.array([state.qpos for state in states])
-        nominal = Scenarios.nominal(self.world, starts, self._limit)
-        first = self._play(self._finer, nominal, states, moves)
+        targets = self._sample(states, moves)
+        first = self._arrive(self._finer, self._make_nominal(states), targets)
         if worlds == 1:
             return first
-        starts = np.repeat(starts, worlds - 1, axis=0)
+        return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
+
+    def judge(self, chains: Sequence[PostureChain], worlds: int) -> Bools:
+        """Play M whole chains in K worlds in the world's own physics steps, the first undisturbed.
+
+        Returns which ones end in a held stand in all of them, (M,).
+        """
+        starts = [self.describe(chain.start, chain.held) for chain in chains]
+        targets = self._sample(starts, [chain.moves for chain in chains])
+        hold = round(HOLD_TIME / self.world.robot.control_period) + 1
+        targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
+        stands = self._count_stands(self._make_nominal(starts), targets)
+        standing = np.flatnonzero(stands)
+        if len(standing) and worlds > 1:
+            rest = self._disturb([starts[k] for k in standing], worlds - 1)
+            held = self._count_stands(rest, targets[standing]).reshape(len(standing), -1)
+            stands[standing] = held.all(axis=1)
+        return stands
+
+    def _count_stands(self, scenarios: Scenarios, targets: Array) -> Bools:
+        """Play targets (M, T, n) in scenarios; tell which end in a held stand, (M * K,)."""
+        each = len(scenarios) // len(targets)
+        sent = np.repeat(targets, each, axis=0)
+        record = self._experiment.play(scenarios, sent, stop_early=True)
+        self.simulated += record.duration
+        return Outcome(record, self.world.robot).stood
+
+    def _make_nominal(self, states: Sequence[RestingState]) -> Scenarios:
+        starts = np.array([state.qpos for state in states])
+        return Scenarios.nominal(self.world, starts, self._limit)
+
+    def _disturb(self, states: Sequence[RestingState], worlds: int) -> Scenarios:
+        """Make disturbed scenarios from M states, K of each, (M * K,)."""
+        starts = np.repeat([state.qpos for state in states], worlds, axis=0)
         parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
         noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)
         starts[:, self._layout.qpos] += noise
-        scenarios = Scenarios(starts=starts, parameters=parameters)
-        others = self._play(self._trial, scenarios, states, moves)
-        return first.join(others)
+        return Scenarios(starts=starts, parameters=parameters)
 
-    def _play(
-        self,
-        experiment: Experiment,
-        scenarios: Scenarios,
-        states: Sequence[RestingState],
-        moves: Sequence[Sequence[PostureMove]],
-    ) -> Arrivals:
-        each = len(scenarios) // len(states)
-        record = experiment.play(scenarios, np.repeat(self._sample(states, moves), each, axis=0))
+    def _arrive(self, experiment: Experiment, scenarios: Scenarios, targets: Array) -> Arrivals:
+        """Play targets (M, T, n) in scenarios (M * K,); measure where robots end."""
+        each = len(scenarios) // len(targets)
+        record = experiment.play(scenarios, np.repeat(targets, each, axis=0))
         self.simulated += record.duration
         ends = record.qpos[:, -1]
         return Arrivals(

@@ -206,7 +206,11 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
         yield (
             f"{source.path}: its joints span {span:.3g} m of height, expected {SPANS[0]:g} to "
             f"{SPANS[1]:g} m: "
-            + ("these look like mm" if is_mm else "lengths are in m, and z points up")
+            + (
+                "lengths are in m, these look like mm"
+                if is_mm
+                else "lengths are in m, and z points up"
+            )
         )
     if not MASSES[0] <= mass <= MASSES[1]:
         yield (

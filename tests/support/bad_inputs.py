@@ -616,7 +616,10 @@ GROUPS: dict[str, list[Case]] = {
         case("robots import scene.sdf --out new", "its root is <sdf>, expected <mujoco> (MJCF)"),
         case("robots import one_leg.xml --out new", "expected two legs of at least 3 hinges"),
         case("robots import hangs.xml --out new", "hangs on the world by hinge 'string'"),
-        case("robots import mm.urdf --out new", "expected 0.1 to 3 m: lengths are in m"),
+        case(
+            "robots import mm.urdf --out new",
+            "expected 0.1 to 3 m: lengths are in m, these look like mm",
+        ),
         case("robots import degrees.urdf --out new", "at most 12.6 rad", "of a URDF are in rad"),
         case(
             "robots import meshes.urdf --out new",

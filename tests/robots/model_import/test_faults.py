@@ -82,7 +82,7 @@ def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, messa
         (b"<sdf/>", "its root is <sdf>, expected <mujoco> (MJCF) or <robot> (URDF)"),
         (b"<mujoco/>", "it has no hinges"),
         (b"<mujoco><worldbody><body><geom/></body></worldbody></mujoco>", "model.xml: "),
-        (small_urdf(scale=1000.0), "expected 0.1 to 3 m: these look like mm"),
+        (small_urdf(scale=1000.0), "expected 0.1 to 3 m: lengths are in m, these look like mm"),
         (small_urdf(angle=1.0), "rad, expected at most 12.6 rad: limits of a URDF are in rad"),
         (small_urdf(mesh="package://small/torso.stl"), "of link 'torso' is not found"),
         (small_urdf(mesh="torso.step"), "is of kind '.step', expected .stl, .obj, .msh, .dae"),

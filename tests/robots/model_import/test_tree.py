@@ -84,7 +84,11 @@ def test_a_torso_that_hangs_on_the_world_is_refused(joint: str, message: str):
     ("old", "new", "message"),
     [
         ('name="hip" axis', 'name="hip" type="slide" axis', "'hip' of body 'leg' is a slide joint"),
-        ('pos="0 0 -0.3"', 'pos="0 0 -300"', "expected 0.1 to 3 m: these look like mm"),
+        (
+            'pos="0 0 -0.3"',
+            'pos="0 0 -300"',
+            "expected 0.1 to 3 m: lengths are in m, these look like mm",
+        ),
         ('size="0.05"', 'size="200"', "of body 'torso' reaches 200 m .* a mesh in mm needs scale"),
         ('mass="0.5"', 'mass="500"', "expected 0.1 to 500 kg: masses are in kg"),
     ],

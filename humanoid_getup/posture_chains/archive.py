@@ -47,6 +47,12 @@ class Archive:
             self._draws[state.cell] = 0
         return wanted
 
+    def drop(self, state: RestingState) -> None:
+        """Remove a state, and all that are reached through it."""
+        lost = [cell for cell, other in self._states.items() if state in other.path]
+        for cell in lost:
+            del self._states[cell], self._draws[cell]
+
     def draw(self, count: int, rng: np.random.Generator) -> list[RestingState]:
         """Draw states to move on from."""
         states = list(self._states.values())

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.posture_chains.archive import Archive
-from humanoid_getup.posture_chains.move_player import MovePlayer
+from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.posture_chains.ways_up import WaysUp
@@ -104,20 +104,26 @@ class ChainSearch:
         if not begun:
             return
         ends = self._player.check(begun, moves, self._tools.settings.worlds)
-        for k, alike in enumerate(ends.are_like(new)):
-            if alike:
-                self.archive.add(replace(new[k], qpos=ends.qpos[k, 0].copy()))
-        self._finish([new[k] for k in np.flatnonzero(ends.stands.all(axis=1))])
+        checked = [replace(state, qpos=ends.qpos[k, 0].copy()) for k, state in enumerate(new)]
+        for k in np.flatnonzero(ends.are_like(new)):
+            self.archive.add(checked[k])
+        self._finish([checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))])
 
     def _finish(self, stands: list[RestingState]) -> None:
-        """Note the shortest chains to stands, if they lead there from their start, played whole."""
+        """Note the shortest chains to stands that lead there from their start, played whole.
+
+        A state that is missed then is removed, with all that were reached through it.
+        """
         stands = sorted(stands, key=lambda state: state.chain.duration)[:MOST_JUDGED]
         if not stands:
             return
-        chains = [state.chain for state in stands]
-        for k in np.flatnonzero(self._player.judge(chains, self._tools.settings.worlds)):
-            self.chains.append(chains[k])
-            self._tools.ways_up.add_chain(stands[k])
+        lost = self._player.follow(stands, self._tools.settings.worlds)
+        for stand, number in zip(stands, lost, strict=True):
+            if number == STANDS:
+                self.chains.append(stand.chain)
+                self._tools.ways_up.add_chain(stand)
+            else:
+                self.archive.drop(stand.path[number])
         self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
 
     def _list_near(self) -> list[RestingState]:

@@ -17,7 +17,6 @@ from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.features import FeatureMeter, Features
 from humanoid_getup.posture_chains.resting_state import (
-    PostureChain,
     PostureMove,
     RestingState,
     are_near,
@@ -37,6 +36,8 @@ REST_TIME = 0.06  # s at the end of a move over which a robot's speed is measure
 REST_JOINT_SPEED, REST_ROOT_SPEED = 0.6, 0.06  # rad/s, and m/s for OP3
 MOST_OVERLAP = 0.008  # m by which a robot may press into itself
 FINER = 2  # physics steps a control period of a check in the undisturbed world
+STANDS = -1
+"""Of a chain that ends in a held stand."""
 BEHIND = 0.05  # progress by which a robot may be behind one that is alike
 
 Bools = NDArray[np.bool_]
@@ -148,30 +149,53 @@ class MovePlayer:
             return first
         return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
 
-    def judge(self, chains: Sequence[PostureChain], worlds: int) -> Bools:
-        """Play M whole chains in K worlds in the world's own physics steps, the first undisturbed.
+    def follow(self, ends: Sequence[RestingState], worlds: int) -> NDArray[np.int_]:
+        """Play whole chains in K worlds in the world's own physics steps, the first undisturbed.
 
-        Returns which ones end in a held stand in all of them, (M,).
+        Args:
+            ends: Stands at the ends of M chains.
+            worlds: K.
+
+        Returns:
+            `STANDS` where a chain ends in a held stand in all of them; else the number of the
+            first state of its path that it does not reach alike, (M,).
         """
-        starts = [self.describe(chain.start, chain.held) for chain in chains]
-        targets = self._sample(starts, [chain.moves for chain in chains])
+        paths = [end.path for end in ends]
+        targets = self._sample([path[0] for path in paths], [end.chain.moves for end in ends])
         hold = round(HOLD_TIME / self.world.robot.control_period) + 1
         targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
-        stands = self._count_stands(self._make_nominal(starts), targets)
-        standing = np.flatnonzero(stands)
+        lost = self._find_lost(paths, self._make_nominal([path[0] for path in paths]), targets)
+        standing = np.flatnonzero(lost == STANDS)
         if len(standing) and worlds > 1:
-            rest = self._disturb([starts[k] for k in standing], worlds - 1)
-            held = self._count_stands(rest, targets[standing]).reshape(len(standing), -1)
-            stands[standing] = held.all(axis=1)
-        return stands
+            begun = [paths[k][0] for k in standing]
+            rest = self._disturb(begun, worlds - 1)
+            lost[standing] = self._find_lost([paths[k] for k in standing], rest, targets[standing])
+        return lost
 
-    def _count_stands(self, scenarios: Scenarios, targets: Array) -> Bools:
-        """Play targets (M, T, n) in scenarios; tell which end in a held stand, (M * K,)."""
+    def _find_lost(
+        self, paths: Sequence[list[RestingState]], scenarios: Scenarios, targets: Array
+    ) -> NDArray[np.int_]:
+        """Play targets (M, T, n) in scenarios; find the first state of each path that is missed."""
         each = len(scenarios) // len(targets)
-        sent = np.repeat(targets, each, axis=0)
-        record = self._experiment.play(scenarios, sent, stop_early=True)
+        record = self._experiment.play(scenarios, np.repeat(targets, each, axis=0), stop_early=True)
         self.simulated += record.duration
-        return Outcome(record, self.world.robot).stood
+        stood = Outcome(record, self.world.robot).stood.reshape(-1, each).all(axis=1)
+        lost = np.full(len(paths), STANDS)
+        for k in np.flatnonzero(~stood):
+            rows = slice(each * k, each * (k + 1))
+            lost[k] = self._find_missed(paths[k], record.qpos[rows])
+        return lost
+
+    def _find_missed(self, path: list[RestingState], qpos: Array) -> int:
+        """Find the first state of a path that is missed in one of K worlds, (K, T, nq)."""
+        period, at = self.world.robot.control_period, 0
+        for number, state in enumerate(path[1:-1], start=1):
+            assert state.move is not None
+            at += len(state.move.sample(state.target, period, self.rest))
+            cells = self.meter.measure(qpos[:, min(at, qpos.shape[1]) - 1]).cells
+            if not are_near(cells, state.cell).all():
+                return number
+        return len(path) - 1
 
     def _make_nominal(self, states: Sequence[RestingState]) -> Scenarios:
         starts = np.array([state.qpos for state in states])

@@ -25,6 +25,7 @@ SYMMETRIC = 0.6  # probability that a random posture is symmetric
 KEPT = 0.4  # probability that a limb does not go towards the stance
 PAIRED_LIMBS = 0.7  # probability that its partner goes with a limb that does
 SQUAT_SPREAD = 0.08  # rad
+BOTH_FOLD = 0.75  # probability that both legs fold alike, rather than one
 ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
 
 
@@ -37,6 +38,8 @@ class RandomMoves:
         limbs = Limbs(robot)
         self._groups = _group(limbs)
         self._legs = np.array(sorted(k for name in LEGS for k in limbs.all[name].joints))
+        limbs.look(robot.standing.joint_pos)
+        self._bending = [np.array(limbs.leg(name).list_pitch()) for name in LEGS]
         squats = list_squats(limbs, Statics(robot))
         self.squats = np.array([squat.joint_pos for squat in squats]).reshape(-1, robot.n)
         """Balanced squats from high to deep, (Q, n) [rad]."""
@@ -47,6 +50,7 @@ class RandomMoves:
             "joints": (0.12, self._change_joints),
             "limb": (0.13, self._move_limb),
             "limbs": (0.13, self._move_limbs),
+            "folded legs": (0.15, self._fold_legs),
             "homeward": (0.12, self._go_homeward),
             "squat": (0.12 if squats else 0.0, self._squat),
             "anywhere": (0.08, self._go_anywhere),
@@ -100,6 +104,18 @@ class RandomMoves:
         moved[group] = self._draw_anywhere(rng)[group]
         partner = self._robot.mirror_index[group]
         moved[partner] = self._robot.mirror_joints(moved)[partner]
+        return moved
+
+    def _fold_legs(self, target: Array, rng: np.random.Generator) -> Array:
+        """Bend legs within their plane: hip, knee and ankle anywhere, all else as in the stance."""
+        bent, moved = self._robot.standing.joint_pos.copy(), target.copy()
+        leg = self._bending[int(rng.integers(len(self._bending)))]
+        bent[leg] = self._draw_anywhere(rng)[leg]
+        group = next(group for group in self._groups if leg[0] in group)
+        moved[group] = bent[group]
+        if rng.random() < BOTH_FOLD:
+            partner = self._robot.mirror_index[group]
+            moved[partner] = self._robot.mirror_joints(moved)[partner]
         return moved
 
     def _go_homeward(self, target: Array, rng: np.random.Generator) -> Array:

@@ -1,5 +1,7 @@
 """A search moves between resting states, from a fall upwards and from a stand downwards."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
-from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
+from humanoid_getup.posture_chains.move_player import STANDS
+from humanoid_getup.posture_chains.resting_state import PostureMove
 from humanoid_getup.simulation.world import World
 
 SMALL = SearchSettings(batch=12, worlds=2, threads=1)
@@ -59,10 +62,8 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     ends = tools.player.check([stance, stance], moves, 2)
     assert ends.stands.tolist() == [[True, True], [False, False]]
     assert ends.are_like([stance, stance]).tolist() == [True, False]
-    chains = [
-        PostureChain(start=stance.qpos, held=stance.target, moves=tuple(each)) for each in moves
-    ]
-    assert tools.player.judge(chains, 2).tolist() == [True, False]
+    stands = [replace(stance, before=stance, move=move) for [move] in moves]
+    assert tools.player.follow(stands, 2).tolist() == [STANDS, 1]
 
 
 def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lying: np.ndarray):

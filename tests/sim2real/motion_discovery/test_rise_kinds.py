@@ -44,7 +44,7 @@ def test_a_kind_names_the_sides_passed_but_for_the_first(op3):
     world = World(op3)
     assert name_kind(world, make_replay(world, ["supine", "standing"])) == "learned"
     over = make_replay(world, ["supine", "left", "prone", "squat"])
-    assert name_kind(world, over) == "learned, over left and prone"
+    assert name_kind(world, over) == "learned, over left, prone"
 
 
 def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):

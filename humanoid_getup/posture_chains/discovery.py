@@ -1,0 +1,130 @@
+"""Discovery: searches chains from each side, and makes motions of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.posture_chains.chain_search import (
+    TURNS,
+    ChainSearch,
+    ChainTools,
+    SearchSettings,
+)
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker
+from humanoid_getup.posture_chains.resting_state import PostureChain
+from humanoid_getup.posture_chains.rise_kind import are_same
+from humanoid_getup.simulation.world import World
+
+FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
+"""Sides from which rises are searched; those from the right mirror those from the left."""
+PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
+LEAST_PATIENCE = 2000.0  # s simulated
+
+Accept = Callable[[Motion], str]
+"""Returns why a motion cannot be kept; "" if it can."""
+
+
+@dataclass(eq=False)
+class SideSearch:
+    """The search from one side, and what came of it."""
+
+    side: LyingSide
+    search: ChainSearch
+    kept: list[MadeMotion] = field(default_factory=list)
+    refused: list[MadeMotion] = field(default_factory=list)
+    spent: float = 0.0
+    """Simulated time of its own batches [s]."""
+    first: float = np.inf
+    """That time when its first motion was kept [s]."""
+    tried: set[PostureChain] = field(default_factory=set)
+
+    def list_new(self) -> list[PostureChain]:
+        """List chains of which no motion was tried yet, the shortest first."""
+        return [chain for chain in self.search.chains if chain not in self.tried]
+
+    def is_done(self, most: int) -> bool:
+        """Tell whether it has so many motions, or was searched long enough since the first."""
+        patience = max(PATIENCE * self.first, LEAST_PATIENCE)
+        return len(self.kept) >= most or self.spent > self.first + patience
+
+
+class ChainDiscovery:
+    """Finds motions of one robot in one world by a search over resting postures."""
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        seed: int,
+        sides: tuple[LyingSide, ...] = FOUND_SIDES,
+        most: int = 2,
+        settings: SearchSettings | None = None,
+        accept: Accept = lambda _: "",
+    ) -> None:
+        """Prepare to find up to ``most`` motions from each side, of different ways."""
+        settings = settings or SearchSettings()
+        self.tools = ChainTools(world, np.random.default_rng(seed), settings)
+        self._maker = MotionMaker(
+            world, seed=seed, limit=settings.limit, threads=settings.threads
+        )
+        self._most, self._accept = most, accept
+        home = world.robot.standing.joint_pos
+        self.sides = [
+            SideSearch(side, ChainSearch(self.tools, lay_down(world, side, home)))
+            for side in sides
+        ]
+
+    @property
+    def simulated(self) -> float:
+        """Return the time simulated so far [s]."""
+        return self.tools.player.simulated + self._maker.simulated
+
+    @property
+    def is_done(self) -> bool:
+        """Tell whether nothing is left to search."""
+        return all(each.is_done(self._most) for each in self.sides)
+
+    def advance(self) -> Iterator[tuple[SideSearch, MadeMotion]]:
+        """Search from each side that is not done for one round; yield the motions tried."""
+        for each in self.sides:
+            if each.is_done(self._most):
+                continue
+            before = self.simulated
+            for _ in TURNS:
+                each.search.advance()
+            each.spent += self.simulated - before
+            if made := self._make(each):
+                yield each, made
+
+    def _make(self, each: SideSearch) -> MadeMotion | None:
+        """Make a motion of the shortest new chain, if there is one; keep it if it can be."""
+        new = each.list_new()
+        if not new:
+            return None
+        each.tried.add(new[0])
+        name = f"{each.side}_found_{len(each.kept) + 1}"
+        made = self._maker.make(
+            new[0], self.tools.player.rest, name=name, start_class=each.side
+        )
+        made = self._check(each, made)
+        if made.motion is None:
+            each.refused.append(made)
+        else:
+            each.kept.append(made)
+            each.first = min(each.first, each.spent)
+        return made
+
+    def _check(self, each: SideSearch, made: MadeMotion) -> MadeMotion:
+        """Refuse a motion that takes a known way, or that is not accepted."""
+        if made.motion is None:
+            return made
+        if any(are_same(made.way, other.way) for other in each.kept):
+            return made.refuse("takes the way of another one")
+        reason = self._accept(made.motion)
+        return made.refuse(reason) if reason else made

@@ -1,0 +1,166 @@
+"""Shortening: cuts the keys of a found rise that are not needed, and its times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.optimization import MARGIN
+from humanoid_getup.motions.preference import Preference
+from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
+from robots import TorqueLimit
+from robots.quaternion import Array
+
+WORLDS, FEW = 8, 2  # in which a shortened rise must stand, and each change alone
+REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
+PACES = (0.5, 0.65, 0.8)  # of all times
+SHORTER = 0.6  # of the time of one key
+LEAST_TIME = 0.08  # s between two keys
+ROUNDS = 4
+FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
+RMS_COST, IMPACT_COST = 8.0, 4.0  # s for the servos' full torque, and for 1 m/s
+STILL = np.radians(0.01)
+SWAY = 0.3  # s of hold after the last key, from which early stops count
+
+Change = Callable[[Keyframes], Keyframes]
+Simulated = Callable[[float], None]
+
+
+class Shortener:
+    """Shortens keyframes as long as the robot still stands in disturbed worlds."""
+
+    def __init__(
+        self,
+        world: World,
+        start: Array,
+        rng: np.random.Generator,
+        *,
+        limit: TorqueLimit,
+        threads: int = 0,
+    ) -> None:
+        """Prepare to shorten rises from MuJoCo positions (nq,), under a torque limit."""
+        coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
+        self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
+        self._scenarios: Scenarios = MARGIN.sample(world, start, WORLDS, rng, limit)
+        self._preference = Preference(
+            time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
+        )
+        self._cost = np.full(WORLDS, np.inf)
+        self.simulated = 0.0
+        """Time simulated so far [s]."""
+
+    def shorten(self, keyframes: Keyframes) -> list[Keyframes]:
+        """Return ever cheaper keyframes, the given ones first; all but these stand."""
+        found = [keyframes]
+        self._cost = self._judge(found, WORLDS)[0]
+        for candidates in (self._shorten_rests, self._quicken):
+            found += self._pick_first(candidates(found[-1]))
+        for _ in range(ROUNDS):
+            before = len(found)
+            found += self._combine(found[-1], self._list_cuts(found[-1]))
+            found += self._combine(found[-1], self._list_hurries(found[-1]))
+            if len(found) == before:
+                break
+        return found
+
+    def _shorten_rests(self, keyframes: Keyframes) -> list[Keyframes]:
+        rests = find_rests(keyframes)
+        return [
+            replace(keyframes, duration=np.where(rests, share, 1.0) * keyframes.duration)
+            if share
+            else _without(keyframes, np.flatnonzero(rests) + 1)
+            for share in REST_SHARES
+        ]
+
+    def _quicken(self, keyframes: Keyframes) -> list[Keyframes]:
+        return [replace(keyframes, duration=pace * keyframes.duration) for pace in PACES]
+
+    def _list_cuts(self, keyframes: Keyframes) -> list[Change]:
+        """List the changes that cut one key, by that key."""
+        return [_Cut(keyframes.keys[k]) for k in range(1, len(keyframes.keys) - 1)]
+
+    def _list_hurries(self, keyframes: Keyframes) -> list[Change]:
+        return [
+            _Hurry(keyframes.keys[k + 1])
+            for k, time in enumerate(keyframes.duration)
+            if SHORTER * time > LEAST_TIME
+        ]
+
+    def _combine(self, keyframes: Keyframes, changes: Sequence[Change]) -> list[Keyframes]:
+        """Make as many of the changes at once as still stand, of those that do alone."""
+        if not changes:
+            return []
+        alone = [change(keyframes) for change in changes]
+        cost = self._judge(alone, FEW).mean(axis=1)
+        better = np.sum(cost < self._cost[:FEW].mean())
+        order = np.argsort(cost, kind="stable")[:better]
+        if not len(order):
+            return []
+        some = [order[: max(round(share * len(order)), 1)] for share in FEWER]
+        together = [_apply(keyframes, [changes[k] for k in each]) for each in some]
+        return self._pick_first([*together, alone[order[0]]])
+
+    def _pick_first(self, candidates: Sequence[Keyframes]) -> list[Keyframes]:
+        """Return the first of some keyframes that stand and cost less, if there is one."""
+        cost = self._judge(candidates, WORLDS)
+        better = np.flatnonzero(cost.mean(axis=1) < self._cost.mean())[:1]
+        for k in better:
+            self._cost = cost[k]
+        return [candidates[k] for k in better]
+
+    def _judge(self, candidates: Sequence[Keyframes], worlds: int) -> Array:
+        """Compute the costs of keyframes in the first worlds, (C, K); infinite where one falls."""
+        sent = [each.targets(self._robot, SWAY) for each in candidates]
+        outcome = self._experiment.compare(self._scenarios.take(np.arange(worlds)), sent)
+        self.simulated += outcome.record.duration
+        cost = self._preference.cost(outcome)
+        return np.where(outcome.stood, cost, np.inf)
+
+
+class _Cut:
+    """Cuts a key, and the way to it."""
+
+    def __init__(self, key: Array) -> None:
+        self._key = key
+
+    def __call__(self, keyframes: Keyframes) -> Keyframes:
+        inner = keyframes.keys[1:-1]
+        where = np.flatnonzero((inner == self._key).all(axis=1))[:1] + 1
+        return _without(keyframes, where)
+
+
+class _Hurry:
+    """Shortens the way to a key."""
+
+    def __init__(self, key: Array) -> None:
+        self._key = key
+
+    def __call__(self, keyframes: Keyframes) -> Keyframes:
+        there = (keyframes.keys[1:] == self._key).all(axis=1)
+        shorter = np.maximum(SHORTER * keyframes.duration, LEAST_TIME)
+        duration = np.where(there, np.minimum(shorter, keyframes.duration), keyframes.duration)
+        return replace(keyframes, duration=duration)
+
+
+def _apply(keyframes: Keyframes, changes: Iterable[Change]) -> Keyframes:
+    for change in changes:
+        keyframes = change(keyframes)
+    return keyframes
+
+
+def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:
+    """Tell between which keys the targets rest, (K-1,)."""
+    return np.abs(np.diff(keyframes.keys, axis=0)).max(axis=1) < STILL
+
+
+def _without(keyframes: Keyframes, keys: NDArray[np.int_]) -> Keyframes:
+    """Cut keys by number, each with the time of the way to it; the last is never cut."""
+    last = len(keyframes.keys) - 1
+    kept = np.setdiff1d(np.arange(last + 1), keys[keys < last])
+    return replace(keyframes, keys=keyframes.keys[kept], duration=keyframes.duration[kept[1:] - 1])

@@ -90,7 +90,7 @@ COMMANDS = {
         "make_motions.retarget",
     ),
     "motions discover": TableEntry(
-        "Make motions from the rises of a policy.",
+        "Find motions by a search in physics, or in a policy's rises.",
         "requests.motions.DiscoverRequest",
         "make_motions.discover",
     ),

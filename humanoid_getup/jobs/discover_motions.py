@@ -1,37 +1,92 @@
-"""Discovers motions of a robot in the rises of its policy."""
+"""Discovers motions of a robot: by a search in physics, or in the rises of its policy."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.motions.build import SOUND, motion_file
-from humanoid_getup.motions.motion import NAME
+from humanoid_getup.jobs.search_motions import MotionSearch, describe_motion
+from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
+from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.policy.onnx_policy import find_policy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.reporting.film_strip import NoRendererError
+from humanoid_getup.reporting.motion_strip import draw_motions
 from humanoid_getup.simulation.world import World
 from robots import Robot
 
 if TYPE_CHECKING:  # its evaluation of policies is slow to import
     from sim2real.motion_discovery.discovery import Discovery
 
+RISES = 48
+DEFAULT_ROBOT = "op3"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DiscoveredMotions:
+    """Motions that were found, and what could not be."""
+
+    robot: Robot
+    motions: tuple[Motion, ...]
+    wanting: tuple[str, ...]
+    """Sides without a motion."""
+    goes_on: bool
+    """Whether a search can go on from where it ended."""
+    picture: Path | None
+    """Film strips of all motions; None where there is no motion, or nothing to draw with."""
+
 
 def discover(
     request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> tuple[Discovery, ...]:
-    """Search from each side, and store the motions; return the findings of each side.
+) -> DiscoveredMotions:
+    """Find motions from each side, and store them with their keys and a picture.
 
     Raises:
-        BadInputError: if the policy follows style curves, or its motions are there already.
-        CancelledError: if ``cancel`` ended it; motions of the sides that were finished are kept.
+        BadInputError: if motions of that name are there already, files cannot be written, a policy
+            follows style curves, or there is no search to resume.
+        CancelledError: if ``cancel`` ended it; motions that were found are kept, and a search can
+            be resumed.
     """
     DiscoverRequest.accept(request)
-    request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
+    monitor = ProgressMonitor(report, cancel)
+    found = _harvest(request, monitor) if request.policy else _search(request, monitor)
+    monitor.begin("drawing")
+    return _draw(found, request)
+
+
+def is_begun(request: DiscoverRequest) -> bool:
+    """Tell whether there is a search to resume."""
+    robot = load_robot(replace(request, robot=request.robot or DEFAULT_ROBOT))
+    return not request.policy and MotionSearch.file(robot).exists()
+
+
+def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
+    """Search in physics."""
+    request = replace(request, robot=request.robot or DEFAULT_ROBOT)
+    robot = load_robot(request)
+    _check_files(robot, request)
+    searching = MotionSearch(robot, request, monitor)
+    searching.run()
+    return DiscoveredMotions(
+        robot=robot,
+        motions=tuple(motion for each in searching.sides for motion in each.kept),
+        wanting=tuple(each.side for each in searching.sides if not each.kept),
+        goes_on=searching.file(robot).exists(),
+        picture=None,
+    )
+
+
+def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
+    """Make motions of the rises of a policy."""
+    from humanoid_getup.jobs.policies import load_policy, name_robot
+    from humanoid_getup.policy.onnx_policy import find_policy
+
+    request = name_robot(request, request.policy)
     robot = load_robot(request)
     policy = load_policy(robot, request.policy, None)
     if policy.contract.style is not None:
@@ -40,28 +95,58 @@ def discover(
             "of recipe quick"
         )
     name = find_policy(robot, request.policy).stem
-    _check_names(robot, name)
+    _check_files(robot, request)
+    _check_policy(robot, name)
     monitor.begin("loading")
-    from sim2real.motion_discovery.discovery import SIDES, MotionDiscovery
+    from sim2real.motion_discovery.discovery import MotionDiscovery
 
     discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
     found: list[Discovery] = []
-    for side in SIDES:
-        count = monitor.count(f"rises ({side})", request.rises)
-        found.append(discovery.search(side, request.rises, request.most, count))
+    rises = request.rises or RISES
+    for side in request.sides:
+        count = monitor.count(f"rises ({side})", rises)
+        found.append(discovery.search(side, rises, request.most, count))
         for motion in found[-1].motions:
             motion_file(robot.folder, motion.name).parent.mkdir(exist_ok=True)
             motion.save(motion_file(robot.folder, motion.name))
         for line in _describe(found[-1]):
             monitor.tell(line)
-    return tuple(found)
+    return DiscoveredMotions(
+        robot=robot,
+        motions=tuple(motion for each in found for motion in each.motions),
+        wanting=tuple(each.start_class for each in found if not each.motions),
+        goes_on=False,
+        picture=None,
+    )
 
 
-def _check_names(robot: Robot, policy: str) -> None:
+def _draw(found: DiscoveredMotions, request: DiscoverRequest) -> DiscoveredMotions:
+    """Draw the motions, if there are any and there is a GL to draw with."""
+    picture = _find_picture(found.robot, request)
+    if not found.motions:
+        return found
+    try:
+        draw_motions(found.robot, found.motions, picture)
+    except NoRendererError:
+        return found
+    return replace(found, picture=picture)
+
+
+def _find_picture(robot: Robot, request: DiscoverRequest) -> Path:
+    return request.picture or Path(f"{robot.name}_motions.png")
+
+
+def _check_files(robot: Robot, request: DiscoverRequest) -> None:
+    """Refuse what cannot be written."""
+    folders = [robot.folder / MOTION_FOLDER, robot.folder / UNFINISHED]
+    problems = [text for folder in folders for text in find_folder_problems(folder, ())]
+    if problems := problems + find_file_problems(_find_picture(robot, request)):
+        raise BadInputError(*problems)
+
+
+def _check_policy(robot: Robot, policy: str) -> None:
     """Refuse a policy whose name is no name of a motion, or whose motions exist already."""
     folder = robot.folder / MOTION_FOLDER
-    if problems := find_folder_problems(folder, ()):
-        raise BadInputError("; ".join(problems))
     if not NAME.fullmatch(policy):
         raise BadInputError(
             f"policy file is named {policy!r}, expected letters, digits, '_', '-' and '.': motions "
@@ -81,12 +166,7 @@ def _describe(found: Discovery) -> list[str]:
         f"{found.start_class}: the policy stood in {found.learned} of {found.tried} rises, "
         f"{found.replayed} stand without it"
     ]
-    for motion in found.motions:
-        share = float(motion.provenance["disturbed_success"])
-        lines.append(
-            f"motion '{motion.name}' ({motion.strategy}) stands after {motion.stand_time:.2f} s, "
-            f"in {share:.0%} of disturbed worlds"
-        )
+    lines += [describe_motion(motion) for motion in found.motions]
     if not found.motions:
         lines.append(
             f"no motion from {found.start_class}: the best stood in {found.best_share:.0%} of "

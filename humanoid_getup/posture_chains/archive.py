@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -62,12 +62,22 @@ class Archive:
             self._draws[state.cell] += 1
         return drawn
 
+    @property
+    def draws(self) -> list[int]:
+        """Return how often each state was drawn since it was filed."""
+        return list(self._draws.values())
+
+    def restore(self, states: Sequence[RestingState], draws: Sequence[int]) -> None:
+        """Replace all states, in their order, and how often each was drawn."""
+        self._states = {state.cell: state for state in states}
+        self._draws = {state.cell: n for state, n in zip(states, draws, strict=True)}
+
     def _weigh(self) -> Array:
         """Weigh states by the rank of their progress and by how often they were drawn."""
         progress = self._sign * np.array([state.progress for state in self])
         rank = np.argsort(np.argsort(-progress, kind="stable"), kind="stable")
         leaders = LEADERS + LEADING_SHARE * len(self)
-        draws = np.array(list(self._draws.values()), dtype=float)
+        draws = np.array(self.draws, dtype=float)
         return (LEAST_WEIGHT + np.exp(-rank / leaders)) / np.sqrt(1.0 + draws)
 
     @property

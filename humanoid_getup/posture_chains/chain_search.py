@@ -67,16 +67,21 @@ class ChainSearch:
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
         self.archive = Archive()
-        self.archive.add(self._player.describe(start, held))
+        self.start = self._player.describe(start, held)
+        self.archive.add(self.start)
         self.chains: list[PostureChain] = []
         """The shortest chains found so far that stand in all worlds, the shortest first."""
-        self._turn = 0
-        self._risen: set[RestingState] = set()
+        self.fresh: list[PostureChain] = []
+        """Those that nobody has taken yet."""
+        self.turn = 0
+        """Batches so far."""
+        self.risen: set[RestingState] = set()
+        """States from which rises to the stance were tried."""
 
     def advance(self) -> None:
         """Play one batch of moves."""
-        kind = TURNS[self._turn % len(TURNS)]
-        self._turn += 1
+        kind = TURNS[self.turn % len(TURNS)]
+        self.turn += 1
         count, rng = self._tools.settings.batch, self._tools.rng
         if kind == "downward":
             self._tools.ways_up.advance(count, rng)
@@ -121,17 +126,19 @@ class ChainSearch:
         for stand, number in zip(stands, lost, strict=True):
             if number == STANDS:
                 self.chains.append(stand.chain)
+                self.fresh.append(self.chains[-1])
                 self._tools.ways_up.add_chain(stand)
             else:
                 self.archive.drop(stand.path[number])
         self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
+        self.fresh = sorted(self.fresh, key=lambda chain: chain.duration)[:MOST_CHAINS]
 
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
-        near = [s for s in self.archive if s.progress > NEAR_STAND and s not in self._risen]
+        near = [s for s in self.archive if s.progress > NEAR_STAND and s not in self.risen]
         each = 2 * len(RISE_TIMES) - 1
         near = sorted(near, key=lambda s: -s.progress)[: self._tools.settings.batch // each]
-        self._risen |= {*near}
+        self.risen |= {*near}
         return near
 
     def _make_rises(

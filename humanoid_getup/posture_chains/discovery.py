@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -10,6 +11,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import Motion
+from humanoid_getup.posture_chains.chain_keyframes import FOUND
 from humanoid_getup.posture_chains.chain_search import (
     TURNS,
     ChainSearch,
@@ -18,7 +20,7 @@ from humanoid_getup.posture_chains.chain_search import (
 )
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker
 from humanoid_getup.posture_chains.resting_state import PostureChain
-from humanoid_getup.posture_chains.rise_kind import are_same
+from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.simulation.world import World
 
 FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
@@ -36,22 +38,27 @@ class SideSearch:
 
     side: LyingSide
     search: ChainSearch
-    kept: list[MadeMotion] = field(default_factory=list)
-    refused: list[MadeMotion] = field(default_factory=list)
+    kept: list[Motion] = field(default_factory=list)
+    tried: int = 0
+    """Chains of which a motion was tried."""
+    best: MadeMotion | None = None
+    """That which stands most often of those that were not kept."""
     spent: float = 0.0
     """Simulated time of its own batches [s]."""
-    first: float = np.inf
+    first: float = math.inf
     """That time when its first motion was kept [s]."""
-    tried: set[PostureChain] = field(default_factory=set)
-
-    def list_new(self) -> list[PostureChain]:
-        """List chains of which no motion was tried yet, the shortest first."""
-        return [chain for chain in self.search.chains if chain not in self.tried]
 
     def is_done(self, most: int) -> bool:
         """Tell whether it has so many motions, or was searched long enough since the first."""
         patience = max(PATIENCE * self.first, LEAST_PATIENCE)
         return len(self.kept) >= most or self.spent > self.first + patience
+
+    def take_new(self) -> PostureChain | None:
+        """Take the shortest chain of which no motion was tried yet, if there is one."""
+        if not self.search.fresh:
+            return None
+        self.tried += 1
+        return self.search.fresh.pop(0)
 
 
 class ChainDiscovery:
@@ -70,20 +77,17 @@ class ChainDiscovery:
         """Prepare to find up to ``most`` motions from each side, of different ways."""
         settings = settings or SearchSettings()
         self.tools = ChainTools(world, np.random.default_rng(seed), settings)
-        self._maker = MotionMaker(
-            world, seed=seed, limit=settings.limit, threads=settings.threads
-        )
-        self._most, self._accept = most, accept
+        self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)
+        self._world, self._most, self._accept = world, most, accept
         home = world.robot.standing.joint_pos
         self.sides = [
-            SideSearch(side, ChainSearch(self.tools, lay_down(world, side, home)))
-            for side in sides
+            SideSearch(side, ChainSearch(self.tools, lay_down(world, side, home))) for side in sides
         ]
 
     @property
     def simulated(self) -> float:
         """Return the time simulated so far [s]."""
-        return self.tools.player.simulated + self._maker.simulated
+        return self.tools.player.simulated + self.maker.simulated
 
     @property
     def is_done(self) -> bool:
@@ -99,32 +103,28 @@ class ChainDiscovery:
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before
-            if made := self._make(each):
-                yield each, made
+            if chain := each.take_new():
+                yield each, self._try(each, chain)
 
-    def _make(self, each: SideSearch) -> MadeMotion | None:
-        """Make a motion of the shortest new chain, if there is one; keep it if it can be."""
-        new = each.list_new()
-        if not new:
-            return None
-        each.tried.add(new[0])
-        name = f"{each.side}_found_{len(each.kept) + 1}"
-        made = self._maker.make(
-            new[0], self.tools.player.rest, name=name, start_class=each.side
-        )
-        made = self._check(each, made)
-        if made.motion is None:
-            each.refused.append(made)
-        else:
-            each.kept.append(made)
+    def _try(self, each: SideSearch, chain: PostureChain) -> MadeMotion:
+        """Make a motion of a chain; keep it if it can be."""
+        name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
+        rest = self.tools.player.rest
+        made = self._check(each, self.maker.make(chain, rest, name=name, start_class=each.side))
+        if made.motion is not None:
+            each.kept.append(made.motion)
             each.first = min(each.first, each.spent)
+        elif each.best is None or made.share > each.best.share:
+            each.best = made
         return made
 
     def _check(self, each: SideSearch, made: MadeMotion) -> MadeMotion:
         """Refuse a motion that takes a known way, or that is not accepted."""
         if made.motion is None:
             return made
-        if any(are_same(made.way, other.way) for other in each.kept):
-            return made.refuse("takes the way of another one")
+        way = sample_way(made.motion)
+        for other in each.kept:
+            if are_same(way, sample_way(other)):
+                return made.refuse(f"takes the way of '{other.name}'")
         reason = self._accept(made.motion)
         return made.refuse(reason) if reason else made

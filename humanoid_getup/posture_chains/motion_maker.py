@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from humanoid_getup.motions.motion import Motion, StartClass
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_keyframes import FOUND, make_keyframes
 from humanoid_getup.posture_chains.resting_state import PostureChain
-from humanoid_getup.posture_chains.rise_kind import KindNamer, sample_way
+from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.posture_chains.shortening import SWAY, Shortener
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
@@ -37,8 +37,6 @@ class MadeMotion:
     """None where it is not kept."""
     failure: str = ""
     """Why it is not kept."""
-    way: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """Joint angles on the way up, to compare rises, (S, n)."""
 
     def refuse(self, failure: str) -> MadeMotion:
         """Return it without the motion."""
@@ -103,7 +101,9 @@ class MotionMaker:
         trial = Trial.of(world, found.keyframes, start)
         if not trial.succeeded:
             return replace(found, failure=f"at full torque it {trial.describe()}")
-        risen = trial.outcome.qpos[: max(round(float(trial.stand.start_time) / world.robot.control_period), 1)]
+        risen = trial.outcome.qpos[
+            : max(round(float(trial.stand.start_time) / world.robot.control_period), 1)
+        ]
         passed = self._namer.name(risen, found.keyframes.start_class)
         strategy = FOUND + (f", over {passed}" if passed else "")
         keyframes = replace(found.keyframes, strategy=strategy)
@@ -112,8 +112,7 @@ class MotionMaker:
             motion = with_entries(world, motion)
         except NoEntryError as error:
             return replace(found, failure=str(error))
-        way = sample_way(world, risen)
-        return replace(found, keyframes=keyframes, motion=motion, failure="", way=way)
+        return replace(found, keyframes=keyframes, motion=motion, failure="")
 
     def _describe(self, found: MadeMotion) -> dict[str, str | float | int]:
         limit = self._limit.value

@@ -167,9 +167,11 @@ class MovePlayer:
         lost = self._find_lost(paths, self._make_nominal([path[0] for path in paths]), targets)
         standing = np.flatnonzero(lost == STANDS)
         if len(standing) and worlds > 1:
-            begun = [paths[k][0] for k in standing]
+            begun = [paths[int(k)][0] for k in standing]
             rest = self._disturb(begun, worlds - 1)
-            lost[standing] = self._find_lost([paths[k] for k in standing], rest, targets[standing])
+            lost[standing] = self._find_lost(
+                [paths[int(k)] for k in standing], rest, targets[standing]
+            )
         return lost
 
     def _find_lost(
@@ -183,7 +185,7 @@ class MovePlayer:
         lost = np.full(len(paths), STANDS)
         for k in np.flatnonzero(~stood):
             rows = slice(each * k, each * (k + 1))
-            lost[k] = self._find_missed(paths[k], record.qpos[rows])
+            lost[k] = self._find_missed(paths[int(k)], record.qpos[rows])
         return lost
 
     def _find_missed(self, path: list[RestingState], qpos: Array) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.features import FeatureMeter
 from humanoid_getup.simulation.world import World
 from robots.body.lengths import leg_length
@@ -83,10 +84,16 @@ class KindNamer:
         return float((world[:, 2] - self._world.scene.support(world)).min()) / self._leg
 
 
-def sample_way(world: World, qpos: Array) -> Array:
-    """Sample the joint angles of a rise (T, nq) at equal shares of its time, (SAMPLES, n)."""
-    rows = np.linspace(0, len(qpos) - 1, SAMPLES).round().astype(int)
-    return qpos[rows][:, world.robot.layout(world.model).qpos]
+def sample_way(motion: Motion) -> Array:
+    """Sample the joint angles of a motion at equal shares of its way up, (SAMPLES, n)."""
+    stand = motion.duration if motion.stand_time is None else motion.stand_time
+    last = int(np.searchsorted(motion.time, motion.time[0] + stand))
+    return sample_rows(motion.joint_pos[: max(last, 1)])
+
+
+def sample_rows(joint_pos: Array) -> Array:
+    """Sample joint angles (T, n) at equal shares of their time, (SAMPLES, n)."""
+    return joint_pos[np.linspace(0, len(joint_pos) - 1, SAMPLES).round().astype(int)]
 
 
 def are_same(way: Array, other: Array) -> bool:

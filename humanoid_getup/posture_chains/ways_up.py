@@ -31,27 +31,28 @@ class WaysUp:
         world = player.world
         stance = place(world.robot, world.model, world.robot.standing)
         self.stance = player.describe(stance, world.robot.standing.joint_pos)
-        self._archive = Archive(downwards=True)
-        self._archive.add(self.stance)
-        self._paired: set[tuple[RestingState, RestingState]] = set()
+        self.archive = Archive(downwards=True)
+        self.archive.add(self.stance)
+        self.paired: set[tuple[RestingState, RestingState]] = set()
+        """Pairs whose connection was tried."""
         self._add_squats()
 
     def __iter__(self) -> Iterator[RestingState]:
-        return iter(self._archive)
+        return iter(self.archive)
 
     def __len__(self) -> int:
-        return len(self._archive)
+        return len(self.archive)
 
     def advance(self, count: int, rng: np.random.Generator) -> None:
         """Try a number of moves from states with a way up, and file where they lead."""
-        states = self._archive.draw(count, rng)
+        states = self.archive.draw(count, rng)
         moves = self._moves.draw_all(states, self._player.scale, rng)
         tried, new = self._player.try_out(states, [[move] for move in moves]), []
         for k in np.flatnonzero(tried.rests[:, 0]):
             back = moves[k].reverse(states[k].target)
             fields = {"after": states[k], "onward": back, "depth": states[k].depth + 1}
             state = tried.state(int(k), moves[k].target, **fields)
-            if self._archive.wants(state):
+            if self.archive.wants(state):
                 new.append(state)
         self._check(new)
 
@@ -69,7 +70,7 @@ class WaysUp:
                 onward=state.move,
                 depth=after.depth + 1,
             )
-            self._archive.add(after)
+            self.archive.add(after)
 
     def pair(
         self, states: list[RestingState], most: int
@@ -83,8 +84,8 @@ class WaysUp:
             if distance[i, j] > FARTHEST or len(pairs) == most:
                 break
             pair = states[i], ups[j]
-            if pair not in self._paired:
-                self._paired.add(pair)
+            if pair not in self.paired:
+                self.paired.add(pair)
                 pairs.append(pair)
         return pairs
 
@@ -116,7 +117,7 @@ class WaysUp:
         ends = self._player.check(states, onward, self._worlds)
         for state, leads in zip(states, ends.are_like(goals), strict=True):
             if leads:
-                self._archive.add(state)
+                self.archive.add(state)
 
 
 def _locate(states: list[RestingState]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,17 +26,38 @@ def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
     Raises:
         NoRendererError: if there is no OpenGL.
     """
+    pictures, times = _render(robot, motion, film_strip.FRAMES)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
+
+
+def draw_motions(robot: Robot, motions: Sequence[Motion], path: Path) -> None:
+    """Draw motions into one PNG file, a row each.
+
+    Raises:
+        NoRendererError: if there is no OpenGL.
+    """
+    pictures, captions = list[np.ndarray](), list[str]()
+    for motion in motions:
+        frames, times = _render(robot, motion, film_strip.COLUMNS)
+        blank = np.full_like(frames[:1], 255)
+        pictures += [frames, *[blank] * (film_strip.COLUMNS - len(frames))]
+        shown = [f"{time:.1f} s" for time in times]
+        shown[0] = f"{motion.name}"
+        captions += [*shown, *[""] * (film_strip.COLUMNS - len(frames))]
+    film_strip.save_sheet(np.concatenate(pictures), captions, path, title=f"{robot.name}: motions")
+
+
+def _render(robot: Robot, motion: Motion, frames: int) -> tuple[np.ndarray, Array]:
+    """Render frames until a motion stands; return pictures and their times [s]."""
     model = World(robot, FLAT_SCENE).model
-    # The frames until the motion stands, or all where that is not known.
+    # All frames where it is not known when it stands.
     stands = motion.duration if motion.stand_time is None else motion.stand_time
     end = motion.time[0] + stands + film_strip.AFTERMATH
     count = int(np.searchsorted(motion.time, min(end, motion.time[-1]), side="right"))
-    rows = film_strip.pick_frames(count)
+    rows = film_strip.pick_frames(count, frames)
     qpos = np.array([place(robot, model, motion.posture(int(row))) for row in rows])
-    pictures = film_strip.render_frames(robot, model, qpos)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    times = motion.time[rows] - motion.time[0]
-    film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
+    return film_strip.render_frames(robot, model, qpos), motion.time[rows] - motion.time[0]
 
 
 def draw_trial(trial: Trial, path: Path) -> None:

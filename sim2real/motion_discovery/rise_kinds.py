@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from humanoid_getup.posture_chains.rise_kind import KindNamer, label_ways, sample_way
+from humanoid_getup.posture_chains.rise_kind import KindNamer, label_ways, sample_rows
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 from sim2real.motion_discovery.replay import Replay
@@ -13,8 +13,8 @@ from sim2real.motion_discovery.replay import Replay
 def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
     """Group rises that pass the same postures with similar joint angles."""
     groups: dict[tuple[str, int], list[Replay]] = {}
-    namer = KindNamer(world)
-    labels = label_ways([sample_way(world, _until_stand(world, each)) for each in rises])
+    namer, joints = KindNamer(world), world.robot.layout(world.model).qpos
+    labels = label_ways([sample_rows(_until_stand(world, each)[:, joints]) for each in rises])
     for each, label in zip(rises, labels, strict=True):
         groups.setdefault((_name(namer, world, each), label), []).append(each)
     return list(groups.values())

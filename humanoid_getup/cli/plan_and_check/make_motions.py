@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from dataclasses import replace
 
 import msgspec
 from rich.markup import escape
@@ -14,7 +15,9 @@ from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume, write_command
 from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
+from humanoid_getup.jobs.discover_motions import DiscoveredMotions
 from humanoid_getup.jobs.discover_motions import discover as search_all
+from humanoid_getup.jobs.discover_motions import is_begun as is_searched
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.preview_motion import preview as play_keys
@@ -30,6 +33,7 @@ from humanoid_getup.jobs.requests.motions import (
 from humanoid_getup.jobs.requests.shared import RobotOption
 from humanoid_getup.jobs.retarget_motions import retarget as transfer_all
 from humanoid_getup.motions.mocap.retarget_clip import RetargetedClip
+from humanoid_getup.motions.motion_database import name_robot
 
 SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
 
@@ -81,9 +85,22 @@ def _print_built(found: BuiltMotions) -> int:
 
 def discover(command: DiscoverRequest) -> int:
     """Search from each side; return 1 if a side has no motion."""
-    with showing() as report:
+    with hinting_resume("motions discover", command, is_searched), showing() as report:
         found = search_all(command, report)
-    return DID_IT if all(each.motions for each in found) else DID_NOT_STAND
+    console = console_for()
+    if found.picture is not None:
+        console.print(f"film strips in {found.picture}", markup=False)
+    if found.wanting:
+        console.print(f"no motion from: {', '.join(found.wanting)}", markup=False)
+    console.print(f"next: {_name_next(found, command)}", markup=False, soft_wrap=True)
+    return DID_NOT_STAND if found.wanting else DID_IT
+
+
+def _name_next(found: DiscoveredMotions, command: DiscoverRequest) -> str:
+    """Name the command after a discovery."""
+    if found.wanting and found.goes_on:
+        return write_command("motions discover", replace(command, resume=True))
+    return f"getup rise {name_robot(found.robot)} --from supine"
 
 
 def import_motion(command: ImportKeysRequest) -> int:

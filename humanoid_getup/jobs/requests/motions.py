@@ -18,7 +18,6 @@ from humanoid_getup.jobs.requests.shared import (
     JobRequest,
     Jobs,
     MotionName,
-    PolicyName,
     Prefer,
     RobotOption,
     SceneOptions,
@@ -69,18 +68,54 @@ class RetargetRequest(BuildRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscoverRequest(RobotOption):
-    """Make motions from the rises of a learned policy: replay them open loop, as smooth as they
-    still stand, in disturbed worlds, and keep the best of each kind."""
+class DiscoverRequest(TorqueOptions, RobotOption):
+    """Find motions of a robot that has none: search in physics how it gets up from each side.
 
-    policy: Positional[PolicyName]
+    From lying, the servos' targets move from one posture in which the robot rests to the next,
+    until it stands. With a policy, its rises become motions instead: replayed without feedback,
+    as smooth as they still stand. Either way, what stands in few disturbed worlds is not kept.
+    """
+
+    policy: Annotated[
+        Positional[str],
+        READ,
+        arg(
+            metavar="POLICY",
+            help="Name of a policy of the robot, or an .onnx file, whose rises become motions; "
+            "default: none, a search.",
+        ),
+    ] = ""
     robot: Annotated[str, ROBOT] = ""
-    """Name of a robot, or a folder with a robot.toml; default: the policy file's robot."""
-    rises: Annotated[int, at_least(2)] = 48
-    """Rises from each side: supine, prone and left."""
-    most: Count = 3
-    """Motions from each side, of different strategies."""
+    """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
+    sides: Annotated[tuple[Literal["supine", "prone", "left"], ...], arg(metavar="SIDE,...")] = (
+        "supine",
+        "prone",
+        "left",
+    )
+    """Sides from which motions are searched; those from the right mirror those from the left."""
+    most: Count = 2
+    """Motions from each side, of different ways up."""
+    budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
+    """Simulated time for a search [s]; default: 300,000 s."""
+    resume: bool = False
+    """Go on with the search that ended or was interrupted, for another budget."""
+    rises: Annotated[int | None, at_least(2)] = None
+    """Rises of a policy from each side; default: 48."""
     seed: Seed = 0
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    """Picture of the motions to write; default: ROBOT_motions.png."""
+
+    def find_problems(self) -> list[str]:
+        """Report options of a search with a policy, and the reverse, as well."""
+        problems = super().find_problems()
+        if not self.policy:
+            given = ["--rises"] if self.rises is not None else []
+            return problems + [f"{name} is given, expected none without a policy" for name in given]
+        given = ["--budget"] if self.budget is not None else []
+        given += ["--resume"] if self.resume else []
+        given += ["--torque-limit"] if self.torque_limit is not None else []
+        given += ["--limit-by"] if self.limit_by is not None else []
+        return problems + [f"{name} is given, expected none with a policy" for name in given]
 
 
 @dataclass(frozen=True, kw_only=True)

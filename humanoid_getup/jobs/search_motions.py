@@ -1,0 +1,164 @@
+"""Searches motions of a robot in physics, and stores what it finds as it goes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import make_torque_limit
+from humanoid_getup.jobs.requests.motions import DiscoverRequest
+from humanoid_getup.motions.build import UNFINISHED, motion_file
+from humanoid_getup.motions.keyframes import Keyframes
+from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
+from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_keyframes
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.playback.preflight import preflight
+from humanoid_getup.posture_chains.chain_keyframes import FOUND
+from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
+from humanoid_getup.simulation.world import World
+from robots import Robot
+
+BUDGET = 300_000.0  # s simulated
+SAVED_EVERY = 60.0  # s
+SEARCH = "search.npz"
+
+
+class MotionSearch:
+    """A search in physics for motions of one robot, which can be interrupted and resumed."""
+
+    def __init__(self, robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> None:
+        """Begin a search, or go on with one.
+
+        Raises:
+            BadInputError: if there is none to resume, or motions are there already.
+        """
+        self._robot, self._request, self._monitor = robot, request, monitor
+        self._world = World(robot)
+        self._check_known()
+        monitor.begin("squats")
+        self._discovery = ChainDiscovery(
+            self._world,
+            seed=request.seed,
+            sides=request.sides,
+            most=request.most,
+            settings=SearchSettings(limit=make_torque_limit(request, robot)),
+            accept=self._preflight,
+        )
+        if request.resume:
+            self._restore()
+        self._saved = time.monotonic()
+
+    @property
+    def sides(self) -> list[SideSearch]:
+        """Return the searches from each side."""
+        return self._discovery.sides
+
+    @staticmethod
+    def file(robot: Robot) -> Path:
+        """Return the file of a robot's search that ended before it was done."""
+        return robot.folder / UNFINISHED / SEARCH
+
+    def run(self) -> None:
+        """Search until enough is found or the budget is spent; store what is found."""
+        begun = self._discovery.simulated
+        budget = self._request.budget or BUDGET
+        try:
+            while not self._discovery.is_done and self._discovery.simulated - begun < budget:
+                for each, made in self._discovery.advance():
+                    self._keep(each, made)
+                self._save(SAVED_EVERY)
+                self._show(self._discovery.simulated - begun, budget)
+        finally:
+            self._end()
+
+    def _show(self, simulated: float, budget: float) -> None:
+        note = ", ".join(map(_describe_side, self.sides))
+        done = min(simulated, budget)
+        self._monitor.show(Progress(phase="search", done=done, total=budget, note=note))
+
+    def _keep(self, each: SideSearch, made: MadeMotion) -> None:
+        """Store a motion and its keys; tell what was found."""
+        if made.motion is None:
+            self._monitor.tell(f"{each.side}: a rise was found that is not kept: {made.failure}")
+            return
+        file = motion_file(self._robot.folder, made.motion.name)
+        file.parent.mkdir(exist_ok=True)
+        self._write_keys(made.keyframes)
+        made.motion.save(file)
+        self._monitor.tell(describe_motion(made.motion))
+
+    def _write_keys(self, keyframes: Keyframes) -> None:
+        path = self._robot.folder / KEYFRAMES
+        known = load_keyframes(path, self._robot) if path.exists() else []
+        there = keyframes.name in {each.name for each in known}
+        (replace_keyframes if there else append_keyframes)(path, [keyframes], self._robot)
+
+    def _save(self, every: float = 0.0) -> None:
+        """Save the search, if it was not within some seconds."""
+        if time.monotonic() - self._saved < every:
+            return
+        path = self.file(self._robot)
+        path.parent.mkdir(exist_ok=True)
+        save_search(path, self._discovery, self._request.seed)
+        self._saved = time.monotonic()
+
+    def _end(self) -> None:
+        """Save a search that is not done; remove the file of one that is."""
+        if not self._discovery.is_done:
+            self._save()
+            return
+        path = self.file(self._robot)
+        path.unlink(missing_ok=True)
+        if path.parent.is_dir() and not any(path.parent.iterdir()):
+            path.parent.rmdir()
+
+    def _restore(self) -> None:
+        path = self.file(self._robot)
+        try:
+            restore_search(path, self._discovery, self._request.seed)
+        except FileNotFoundError as error:
+            raise BadInputError(
+                f"there is no search to resume: {path} is missing; leave out --resume"
+            ) from error
+        except SearchFileError as error:
+            raise BadInputError(str(error)) from error
+        for each in self.sides:
+            each.kept = [Motion.load(file) for file in self._list_known(each.side)]
+
+    def _check_known(self) -> None:
+        """Refuse to begin where motions of an earlier search are."""
+        known = [file.stem for side in self._request.sides for file in self._list_known(side)]
+        if known and not self._request.resume:
+            raise BadInputError(
+                f"motions of an earlier search are there: {', '.join(known)}; remove them from "
+                f"{self._robot.folder / MOTION_FOLDER} first, or go on with --resume"
+            )
+
+    def _list_known(self, side: str) -> list[Path]:
+        return sorted((self._robot.folder / MOTION_FOLDER).glob(f"{side}_{FOUND}_[0-9]*.npz"))
+
+    def _preflight(self, motion: Motion) -> str:
+        """Return why the preflight refuses a motion; "" if it does not."""
+        verdict = preflight(self._world, motion, voltage=self._robot.supply_voltage)
+        return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
+
+
+def describe_motion(motion: Motion) -> str:
+    """Describe a motion that was found."""
+    share = float(motion.provenance["disturbed_success"])
+    return (
+        f"motion '{motion.name}' ({motion.strategy}) stands after {motion.stand_time:.2f} s, "
+        f"in {share:.0%} of disturbed worlds"
+    )
+
+
+def _describe_side(each: SideSearch) -> str:
+    if each.kept:
+        return f"{each.side}: {len(each.kept)} kept"
+    return f"{each.side}: {each.search.archive.best.progress:.0%}"

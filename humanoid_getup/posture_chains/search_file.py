@@ -1,0 +1,264 @@
+"""Files of searches: all that a discovery needs to go on where it ended."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.posture_chains.discovery import ChainDiscovery
+from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
+from robots.storage.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+
+VERSION = 1
+"""Changes when files of earlier searches cannot be continued."""
+STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
+MOVES = ("knots", "knot_count", "duration", "kind")
+ARCHIVES = ("members", "draws", "chains", "risen", "paired")
+TEXTS = ("task", "rng", "counts")
+NOTHING = -1
+
+
+class SearchFileError(ValueError):
+    """A file is not that of this search; the message says why, in one line."""
+
+
+def identify(discovery: ChainDiscovery, seed: int) -> str:
+    """Describe what a search must have in common with a file to go on from it."""
+    settings, world = discovery.tools.settings, discovery.tools.world
+    return json.dumps(
+        {
+            "version": VERSION,
+            "world": hashlib.sha256(world.content).hexdigest(),
+            "robot": world.robot.name,
+            "seed": seed,
+            "sides": [each.side for each in discovery.sides],
+            "batch": settings.batch,
+            "worlds": settings.worlds,
+            "limit": [settings.limit.value, settings.limit.by],
+        }
+    )
+
+
+def save_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
+    """Write the state of a search, completely or not at all."""
+    save_arrays(path, _Writer(discovery).write() | {"task": identify(discovery, seed)})
+
+
+def restore_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
+    """Bring a search that was just begun to the state of a file.
+
+    Motions that were kept are not in the file.
+
+    Raises:
+        SearchFileError: if it is damaged, or of another robot, version or seed.
+        OSError: if it cannot be read.
+    """
+    try:
+        arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
+        found, expected = to_text(arrays["task"], "task"), identify(discovery, seed)
+        if found != expected:
+            raise ArchiveError(f"it is of another search: {_compare(found, expected)}")
+        _Reader(arrays, discovery).restore()
+    except (ArchiveError, ValueError, KeyError, IndexError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise SearchFileError(
+            f"search file {path}: {reason}; remove it to begin a new search"
+        ) from error
+
+
+def _compare(found: str, expected: str) -> str:
+    """Name the first thing that two searches do not have in common."""
+    theirs, ours = json.loads(found), json.loads(expected)
+    for key, value in ours.items():
+        if theirs.get(key) != value:
+            shown = "differs" if key == "world" else f"is {theirs.get(key)}, expected {value}"
+            return f"its {key} {shown}"
+    return "it has other settings"
+
+
+class _Writer:
+    """Numbers all states and moves of a discovery, and writes them as arrays."""
+
+    def __init__(self, discovery: ChainDiscovery) -> None:
+        self._discovery = discovery
+        self._states: dict[RestingState, int] = {}
+        self._moves: dict[PostureMove, int] = {}
+
+    def write(self) -> dict[str, Any]:
+        discovery, ups = self._discovery, self._discovery.tools.ways_up
+        archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
+        members = [[self._number(state) for state in archive] for archive in archives]
+        chains = [
+            [side, kind, *map(self._number_move, chain.moves)]
+            for side, each in enumerate(discovery.sides)
+            for kind, some in enumerate((each.search.chains, each.search.fresh))
+            for chain in some
+        ]
+        risen = [self._known(each.search.risen) for each in discovery.sides]
+        here = {state for each in discovery.sides for state in each.search.archive}
+        there = set(ups)
+        paired = [
+            [self._number(s), self._number(u)] for s, u in ups.paired if s in here and u in there
+        ]
+        return {
+            **self._write_states(),
+            **self._write_moves(),
+            "members": _pad(members),
+            "draws": _pad([archive.draws for archive in archives]),
+            "chains": _pad(chains),
+            "risen": _pad(risen),
+            "paired": np.array(sorted(paired), dtype=int).reshape(-1, 2),
+            "rng": json.dumps(discovery.tools.rng.bit_generator.state),
+            "counts": json.dumps(_count(discovery)),
+        }
+
+    def _known(self, states: Iterable[RestingState]) -> list[int]:
+        return sorted(self._states[state] for state in states if state in self._states)
+
+    def _number(self, state: RestingState) -> int:
+        """Number a state after all to which it leads."""
+        todo = [state]
+        while todo:
+            last = todo[-1]
+            links = [link for link in (last.before, last.after) if link is not None]
+            if new := [link for link in links if link not in self._states]:
+                todo += new
+                continue
+            self._states.setdefault(last, len(self._states))
+            todo.pop()
+        return self._states[state]
+
+    def _number_move(self, move: PostureMove) -> int:
+        return self._moves.setdefault(move, len(self._moves))
+
+    def _write_states(self) -> dict[str, Any]:
+        states = [*self._states]
+        links = [
+            [
+                NOTHING if state.before is None else self._states[state.before],
+                NOTHING if state.after is None else self._states[state.after],
+                NOTHING if state.move is None else self._number_move(state.move),
+                NOTHING if state.onward is None else self._number_move(state.onward),
+            ]
+            for state in states
+        ]
+        return {
+            "qpos": np.array([state.qpos for state in states]),
+            "target": np.array([state.target for state in states]),
+            "cell": np.array([state.cell for state in states]),
+            "progress": np.array([state.progress for state in states]),
+            "place": np.array([state.place for state in states]),
+            "links": np.array(links, dtype=int),
+            "depth": np.array([state.depth for state in states]),
+        }
+
+    def _write_moves(self) -> dict[str, Any]:
+        moves = [*self._moves]
+        return {
+            "knots": np.concatenate([move.knots for move in moves]),
+            "knot_count": np.array([len(move.knots) for move in moves]),
+            "duration": np.array([move.duration for move in moves]),
+            "kind": np.array([move.kind for move in moves]),
+        }
+
+
+class _Reader:
+    """Restores a discovery from arrays."""
+
+    def __init__(self, arrays: dict[str, Any], discovery: ChainDiscovery) -> None:
+        self._arrays, self._discovery = arrays, discovery
+        self._moves = self._read_moves()
+        self._states = self._read_states()
+
+    def restore(self) -> None:
+        arrays, discovery = self._arrays, self._discovery
+        ups = discovery.tools.ways_up
+        archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
+        rows = zip(archives, arrays["members"], arrays["draws"], strict=True)
+        for archive, members, draws in rows:
+            states = [self._states[k] for k in members if k != NOTHING]
+            archive.restore(states, draws[: len(states)].tolist())
+        for each, risen in zip(discovery.sides, arrays["risen"], strict=True):
+            each.search.risen = {self._states[k] for k in risen if k != NOTHING}
+            each.search.chains, each.search.fresh = [], []
+        for side, kind, *moves in arrays["chains"].tolist():
+            search = discovery.sides[side].search
+            chain = self._find_chain(search.start, [k for k in moves if k != NOTHING])
+            (search.chains, search.fresh)[kind].append(chain)
+        ups.paired = {(self._states[s], self._states[u]) for s, u in arrays["paired"]}
+        discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
+        _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")))
+
+    def _find_chain(self, start: RestingState, moves: Sequence[int]) -> PostureChain:
+        return PostureChain(
+            start=start.qpos, held=start.target, moves=tuple(self._moves[k] for k in moves)
+        )
+
+    def _read_moves(self) -> list[PostureMove]:
+        arrays = self._arrays
+        n = self._discovery.tools.world.robot.n
+        knots = to_numbers(arrays["knots"], "knots", (None, n))
+        ends = np.cumsum(arrays["knot_count"])
+        if len(ends) and ends[-1] != len(knots):
+            raise ArchiveError(f"knots has {len(knots)} rows, expected {ends[-1]}")
+        parts = np.split(knots, ends[:-1])
+        rows = zip(parts, arrays["duration"], arrays["kind"], strict=True)
+        return [
+            PostureMove(knots=part, duration=float(time), kind=str(kind))
+            for part, time, kind in rows
+        ]
+
+    def _read_states(self) -> list[RestingState]:
+        arrays, world = self._arrays, self._discovery.tools.world
+        qpos = to_numbers(arrays["qpos"], "qpos", (None, world.model.nq))
+        target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
+        progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
+        place = to_numbers(arrays["place"], "place", (len(qpos), None))
+        states: list[RestingState] = []
+        for k, (before, after, move, onward) in enumerate(arrays["links"].tolist()):
+            if max(before, after) >= k:
+                raise ArchiveError(f"state {k} leads to one after it")
+            states.append(
+                RestingState(
+                    qpos=qpos[k],
+                    target=target[k],
+                    cell=tuple(arrays["cell"][k].tolist()),
+                    progress=float(progress[k]),
+                    place=place[k],
+                    before=None if before == NOTHING else states[before],
+                    after=None if after == NOTHING else states[after],
+                    move=None if move == NOTHING else self._moves[move],
+                    onward=None if onward == NOTHING else self._moves[onward],
+                    depth=int(arrays["depth"][k]),
+                )
+            )
+        return states
+
+
+def _count(discovery: ChainDiscovery) -> dict[str, Any]:
+    """Collect the numbers of a discovery."""
+    player, maker = discovery.tools.player, discovery.maker
+    return {
+        "simulated": [player.simulated, maker.simulated],
+        "sides": [
+            [each.search.turn, each.tried, each.spent, each.first] for each in discovery.sides
+        ],
+    }
+
+
+def _restore_counts(discovery: ChainDiscovery, counts: dict[str, Any]) -> None:
+    discovery.tools.player.simulated, discovery.maker.simulated = counts["simulated"]
+    for each, row in zip(discovery.sides, counts["sides"], strict=True):
+        each.search.turn, each.tried, each.spent, each.first = row
+
+
+def _pad(rows: Sequence[Sequence[int]]) -> np.ndarray:
+    """Make one array of rows of numbers, the short ones filled up with `NOTHING`."""
+    width = max((len(row) for row in rows), default=0)
+    padded = [[*row, *[NOTHING] * (width - len(row))] for row in rows]
+    return np.array(padded, dtype=int).reshape(len(rows), width)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
@@ -20,6 +21,7 @@ BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
+PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 8  # chains of a batch that are played whole
 MOST_CHAINS = 16  # that are kept of each start
 TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
@@ -66,6 +68,9 @@ class ChainSearch:
         self._tools, self._player = tools, tools.player
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
+        self._scenarios = USUAL.sample(
+            tools.world, start, PLAYED, np.random.default_rng(0), tools.settings.limit
+        )
         self.archive = Archive()
         self.start = self._player.describe(start, held)
         self.archive.add(self.start)
@@ -122,7 +127,7 @@ class ChainSearch:
         stands = sorted(stands, key=lambda state: state.chain.duration)[:MOST_JUDGED]
         if not stands:
             return
-        lost = self._player.follow(stands, self._tools.settings.worlds)
+        lost = self._player.follow(stands, self._scenarios)
         for stand, number in zip(stands, lost, strict=True):
             if number == STANDS:
                 self.chains.append(stand.chain)

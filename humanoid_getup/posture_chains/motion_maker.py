@@ -77,7 +77,7 @@ class MotionMaker:
         rows = np.unique(np.linspace(len(versions) - 1, 0, JUDGED).round().astype(int))[::-1]
         best: MadeMotion | None = None
         for row in rows:
-            share = self._judge(versions[row], start)
+            share = self.judge(versions[row], start)
             failure = f"stands in {share:.0%} of disturbed worlds, expected {SOUND:.0%}"
             if best is None or share > best.share:
                 best = MadeMotion(keyframes=versions[row], share=share, failure=failure)
@@ -86,7 +86,7 @@ class MotionMaker:
         assert best is not None
         return best
 
-    def _judge(self, keyframes: Keyframes, start: Array) -> float:
+    def judge(self, keyframes: Keyframes, start: Array) -> float:
         """Return the share of disturbed worlds in which keyframes stand."""
         scenarios = USUAL.sample(self._world, start, WORLDS + 1, self._draw(1), self._limit)
         targets = keyframes.targets(self._world.robot, SWAY)

@@ -74,7 +74,7 @@ class Shortener:
         return [
             replace(keyframes, duration=np.where(rests, share, 1.0) * keyframes.duration)
             if share
-            else _without(keyframes, np.flatnonzero(rests) + 1)
+            else without_keys(keyframes, np.flatnonzero(rests) + 1)
             for share in REST_SHARES
         ]
 
@@ -132,7 +132,7 @@ class _Cut:
     def __call__(self, keyframes: Keyframes) -> Keyframes:
         inner = keyframes.keys[1:-1]
         where = np.flatnonzero((inner == self._key).all(axis=1))[:1] + 1
-        return _without(keyframes, where)
+        return without_keys(keyframes, where)
 
 
 class _Hurry:
@@ -159,7 +159,7 @@ def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:
     return np.abs(np.diff(keyframes.keys, axis=0)).max(axis=1) < STILL
 
 
-def _without(keyframes: Keyframes, keys: NDArray[np.int_]) -> Keyframes:
+def without_keys(keyframes: Keyframes, keys: NDArray[np.int_]) -> Keyframes:
     """Cut keys by number, each with the time of the way to it; the last is never cut."""
     last = len(keyframes.keys) - 1
     kept = np.setdiff1d(np.arange(last + 1), keys[keys < last])

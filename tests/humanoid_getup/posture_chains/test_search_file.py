@@ -1,0 +1,83 @@
+"""A search goes on from its file as if it had never ended."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery
+from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
+from humanoid_getup.simulation.world import World
+from robots.storage.arrays import save_arrays
+
+SMALL = SearchSettings(batch=6, worlds=2, threads=1)
+
+
+def begin(world: World, seed: int = 3) -> ChainDiscovery:
+    return ChainDiscovery(world, seed=seed, sides=("supine",), most=1, settings=SMALL)
+
+
+def advance(discovery: ChainDiscovery) -> None:
+    for _ in discovery.advance():
+        pass
+
+
+def describe(discovery: ChainDiscovery) -> dict[str, list[object]]:
+    search = discovery.sides[0].search
+    return {
+        "states": [state.qpos.tolist() for state in search.archive],
+        "ways": [[move.target.tolist() for move in state.chain.moves] for state in search.archive],
+        "draws": search.archive.draws,
+        "ups": [state.qpos.tolist() for state in discovery.tools.ways_up],
+        "time": [discovery.simulated, discovery.sides[0].spent, search.turn],
+    }
+
+
+@pytest.fixture(scope="module")
+def saved(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ChainDiscovery]:
+    """Return the file of a search after one round, and the search after another one."""
+    discovery, path = begin(world), tmp_path_factory.mktemp("search") / "search.npz"
+    advance(discovery)
+    save_search(path, discovery, 3)
+    advance(discovery)
+    return path, discovery
+
+
+def test_a_restored_search_goes_on_alike(world: World, saved: tuple[Path, ChainDiscovery]):
+    path, went_on = saved
+    restored = begin(world)
+    restore_search(path, restored, 3)
+    assert describe(restored) != describe(went_on)
+    advance(restored)
+    assert describe(restored) == describe(went_on)
+
+
+def test_a_file_of_another_search_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):
+    with pytest.raises(SearchFileError, match="its seed is 3, expected 4; remove it"):
+        restore_search(saved[0], begin(world, seed=4), 4)
+    heavier = World(dataclasses.replace(world.robot, name="other"))
+    with pytest.raises(SearchFileError, match="of another search: its"):
+        restore_search(saved[0], begin(heavier), 3)
+
+
+def test_a_damaged_file_is_refused_in_one_line(
+    world: World, saved: tuple[Path, ChainDiscovery], tmp_path: Path
+):
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(saved[0].read_bytes()[:-40])
+    with pytest.raises(SearchFileError, match="damaged") as error:
+        restore_search(broken, begin(world), 3)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_whose_states_lead_in_circles_is_refused(
+    world: World, saved: tuple[Path, ChainDiscovery], tmp_path: Path
+):
+    with np.load(saved[0]) as arrays:
+        content = dict(arrays)
+    content["links"][0, 0] = 1
+    save_arrays(tmp_path / "circle.npz", content)
+    with pytest.raises(SearchFileError, match="state 0 leads to one after it"):
+        restore_search(tmp_path / "circle.npz", begin(world), 3)

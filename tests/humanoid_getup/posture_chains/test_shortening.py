@@ -1,0 +1,85 @@
+"""A chain becomes keyframes that take the same way; these are cut as far as the robot stands."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.motions.build import lay_down
+from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
+from humanoid_getup.posture_chains.motion_maker import MotionMaker
+from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
+from humanoid_getup.posture_chains.shortening import Shortener, find_rests, without_keys
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE
+from robots.body.limbs import Limbs
+from robots.body.squats import list_squats
+from robots.body.statics import Statics
+
+REST = 0.3
+
+
+@pytest.fixture(scope="module")
+def chain(world: World) -> PostureChain:
+    """Return a chain from a squat to the stance, with a superfluous posture between."""
+    robot = world.robot
+    squats = list_squats(Limbs(robot), Statics(robot))
+    deep, high, home = squats[4].joint_pos, squats[1].joint_pos, robot.standing.joint_pos
+    start = lay_down(world, "squat", deep)
+    moves = [
+        PostureMove(knots=knots[None], duration=0.8, kind="test") for knots in (high, deep, home)
+    ]
+    return PostureChain(start=start, held=deep, moves=tuple(moves))
+
+
+def test_keyframes_of_a_chain_send_its_targets(world: World, chain: PostureChain):
+    robot = world.robot
+    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
+    sent = keyframes.targets(robot, 0.0)
+    expected = chain.sample(robot.control_period, REST)
+    rested = round((0.8 + REST) / robot.control_period)  # the first move begins without a rest
+    count = min(len(sent) - 1, len(expected))
+    assert np.abs(sent[rested + 1 : count + 1] - expected[rested:count]).max() < 0.02
+    assert np.array_equal(keyframes.keys[-1], robot.standing.joint_pos)
+    assert find_rests(keyframes).tolist() == [False, True] * 3
+
+
+def test_keys_are_cut_with_the_way_to_them_and_never_the_last(world: World, chain: PostureChain):
+    keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
+    cut = without_keys(keyframes, np.array([1, 2, 6]))
+    assert np.array_equal(cut.keys, keyframes.keys[[0, 3, 4, 5, 6]])
+    assert cut.duration.sum() == pytest.approx(keyframes.duration.sum() - 0.8 - REST)
+
+
+def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain: PostureChain):
+    keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
+    shortener = Shortener(
+        world, chain.start, np.random.default_rng(0), limit=FULL_TORQUE, threads=1
+    )
+    versions = shortener.shorten(keyframes)
+    assert versions[0] is keyframes
+    assert len(versions[-1].keys) <= 3
+    assert versions[-1].duration.sum() < 0.6 * keyframes.duration.sum()
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, threads=1)
+    assert maker.judge(versions[-1], chain.start) >= 0.9
+
+
+def test_a_motion_of_a_chain_says_how_it_was_made(world: World, chain: PostureChain):
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, threads=1)
+    made = maker.make(chain, REST, name="up", start_class="squat")
+    assert made.motion is not None
+    assert made.failure == ""
+    assert made.motion.provenance["disturbed_success"] == made.share >= 0.9
+    assert made.motion.provenance["program"] == "getup motions discover"
+    assert made.motion.strategy == made.keyframes.strategy == "found"
+    assert made.motion.rises
+
+
+def test_a_chain_that_falls_is_not_kept(world: World, chain: PostureChain):
+    bent = chain.moves[0].target.copy()
+    bent[[world.robot.joint_names.index(name) for name in ("l_ank_pitch", "l_knee")]] += 0.8
+    falls = PostureMove(knots=bent[None], duration=0.4, kind="test")
+    broken = PostureChain(start=chain.start, held=chain.held, moves=(falls, falls))
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, threads=1)
+    made = maker.make(broken, REST, name="down", start_class="squat")
+    assert made.motion is None
+    assert made.share < 0.9
+    assert "of disturbed worlds, expected 90%" in made.failure

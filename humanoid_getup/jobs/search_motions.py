@@ -18,6 +18,7 @@ from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.posture_chains.chain_keyframes import FOUND
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
@@ -53,6 +54,7 @@ class MotionSearch:
         if request.resume:
             self._restore()
         self._saved = time.monotonic()
+        self._tell_weakness()
 
     @property
     def sides(self) -> list[SideSearch]:
@@ -117,6 +119,13 @@ class MotionSearch:
         path.unlink(missing_ok=True)
         if path.parent.is_dir() and not any(path.parent.iterdir()):
             path.parent.rmdir()
+
+    def _tell_weakness(self) -> None:
+        """Tell which servo is too weak for a rise, if one is."""
+        tools = self._discovery.tools
+        found = check_lifting(self._world, tools.moves, tools.player.scale, tools.settings.limit)
+        if found is not None:
+            self._monitor.tell(found.describe())
 
     def _restore(self) -> None:
         path = self.file(self._robot)

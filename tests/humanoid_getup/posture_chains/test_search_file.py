@@ -1,6 +1,7 @@
 """A search goes on from its file as if it had never ended."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ def advance(discovery: ChainDiscovery) -> None:
         pass
 
 
-def describe(discovery: ChainDiscovery) -> dict[str, list[object]]:
+def describe(discovery: ChainDiscovery) -> dict[str, Sequence[object]]:
     search = discovery.sides[0].search
     return {
         "states": [state.qpos.tolist() for state in search.archive],

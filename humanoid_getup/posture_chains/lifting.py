@@ -1,0 +1,107 @@
+"""Lifting: whether servos are strong enough to rise from a deep squat, and which one is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.torque import SATURATED
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureMove, sample_moves
+from humanoid_getup.posture_chains.ways_up import HOLDING, SQUAT_TIME
+from humanoid_getup.simulation.world import World
+from robots import TorqueLimit
+from robots.body.squats import DEEP_ENOUGH
+from robots.kinematics import place
+from robots.quaternion import Array
+
+FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
+"""On the servos' torque, tried in this order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lifting:
+    """What keeps a robot from rising out of a squat."""
+
+    neck: float
+    """Height of the neck in the squat, as a share of that of the stance."""
+    joint: str
+    """The joint whose servo is at its limit longest."""
+    at_limit: float
+    """Share of the time for which it is."""
+    torque: float
+    """That limit [N·m]."""
+    factor: float
+    """Least factor on all torques with which the robot rises."""
+
+    def describe(self) -> str:
+        """Describe it in one line."""
+        return (
+            f"the servos do not lift the robot out of a squat with its neck at {self.neck:.0%}: "
+            f"joint '{self.joint}' is at its limit of {self.torque:.3g} N·m for "
+            f"{self.at_limit:.0%} of the time; with {self.factor:g} times the torque, "
+            f"{self.factor * self.torque:.3g} N·m, it rises"
+        )
+
+
+def check_lifting(
+    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit
+) -> Lifting | None:
+    """Let a robot rise from a deep squat; None if it does, or does not for want of balance.
+
+    Args:
+        world: Robot and scene.
+        moves: With the robot's squats.
+        scale: Times of the robot over those of OP3.
+        limit: Torque limit of every servo.
+    """
+    deep = np.flatnonzero(moves.squat_necks <= DEEP_ENOUGH)
+    if not deep.size:
+        return None
+    rise = _Rise(world, moves, int(deep[0]), scale)
+    outcome = rise.play(limit, 1.0)
+    if outcome.stood[0]:
+        return None
+    factor = next((factor for factor in FACTORS if rise.play(limit, factor).stood[0]), None)
+    if factor is None:
+        return None
+    joint, at_limit, torque = _find_strained(world, outcome, limit)
+    neck = float(moves.squat_necks[deep[0]])
+    return Lifting(neck=neck, joint=joint, at_limit=at_limit, torque=torque, factor=factor)
+
+
+class _Rise:
+    """The rise from one squat through the higher ones."""
+
+    def __init__(self, world: World, moves: RandomMoves, squat: int, scale: float) -> None:
+        self._world, self._experiment = world, Experiment(world, threads=1)
+        robot, angles = world.robot, moves.squats[squat]
+        self._start = place(robot, world.model, replace(robot.standing, joint_pos=angles))
+        knots = np.vstack([moves.squats[:squat][::-1], robot.standing.joint_pos])
+        way = [
+            PostureMove(knots=angles[None], duration=HOLDING * scale, kind="hold"),
+            PostureMove(knots=knots, duration=SQUAT_TIME * scale, kind="squats"),
+        ]
+        self._targets = sample_moves(angles, way, robot.control_period, HOLDING * scale)
+
+    def play(self, limit: TorqueLimit, factor: float) -> Outcome:
+        scenarios = Scenarios.nominal(self._world, self._start, limit)
+        scenarios.parameters.strength[:] *= factor
+        scenarios.parameters.torque_limit[:] *= factor
+        record = self._experiment.play(scenarios, [self._targets], stop_early=True)
+        return Outcome(record, self._world.robot)
+
+
+def _find_strained(world: World, outcome: Outcome, limit: TorqueLimit) -> tuple[str, float, float]:
+    """Find the joint whose servo is at its limit longest, the share of the time, and the limit."""
+    robot = world.robot
+    full = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
+    most: Array = full if limit.value is None else np.minimum(full, limit.value)
+    torque = np.abs(outcome.record.torque[0, : outcome.record.cycles[0]])
+    at_limit = np.mean(torque >= SATURATED * most, axis=0)
+    worst = int(np.argmax(at_limit))
+    return robot.joint_names[worst], float(at_limit[worst]), float(most[worst])

@@ -1,0 +1,29 @@
+"""Whether servos lift a robot out of a squat, and which one is too weak."""
+
+import pytest
+
+from humanoid_getup.posture_chains.lifting import check_lifting
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, TorqueLimit
+
+
+@pytest.fixture(scope="module")
+def moves(world: World) -> RandomMoves:
+    return RandomMoves(world.robot)
+
+
+def test_servos_that_lift_the_robot_are_no_finding(world: World, moves: RandomMoves):
+    assert check_lifting(world, moves, 1.0, FULL_TORQUE) is None
+
+
+def test_the_least_torque_with_which_it_rises_is_near_that_of_the_strained_joint(
+    world: World, moves: RandomMoves
+):
+    found = check_lifting(world, moves, 1.0, TorqueLimit(0.6))
+    assert found is not None
+    assert found.joint.endswith("knee")
+    assert found.at_limit > 0.5
+    least = found.factor * found.torque
+    assert check_lifting(world, moves, 1.0, TorqueLimit(least)) is None
+    assert f"limit of 0.6 N·m for {found.at_limit:.0%} of the time" in found.describe()

@@ -48,8 +48,8 @@ class Archive:
         return wanted
 
     def drop(self, state: RestingState) -> None:
-        """Remove a state, and all that are reached through it."""
-        lost = [cell for cell, other in self._states.items() if state in other.path]
+        """Remove a state, and all whose way from the start, or up, leads through it."""
+        lost = [cell for cell, other in self._states.items() if other.leads_through(state)]
         for cell in lost:
             del self._states[cell], self._draws[cell]
 

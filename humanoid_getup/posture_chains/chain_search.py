@@ -55,6 +55,17 @@ class ChainTools:
         self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChainEnd:
+    """A stand at the end of a chain that is to be played whole."""
+
+    stand: RestingState
+    own: int
+    """States of its path that are a search's own; those after them are of a way up."""
+    up: RestingState | None = None
+    """The first of those."""
+
+
 class ChainSearch:
     """Searches chains of resting postures from one start.
 
@@ -117,24 +128,27 @@ class ChainSearch:
         checked = [replace(state, qpos=ends.qpos[k, 0].copy()) for k, state in enumerate(new)]
         for k in np.flatnonzero(ends.are_like(new)):
             self.archive.add(checked[k])
-        self._finish([checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))])
+        stands = [checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))]
+        self._finish([ChainEnd(stand=each, own=len(each.path)) for each in stands])
 
-    def _finish(self, stands: list[RestingState]) -> None:
+    def _finish(self, ends: list[ChainEnd]) -> None:
         """Note the shortest chains to stands that lead there from their start, played whole.
 
         A state that is missed then is removed, with all that were reached through it.
         """
-        stands = sorted(stands, key=lambda state: state.chain.duration)[:MOST_JUDGED]
-        if not stands:
+        ends = sorted(ends, key=lambda end: end.stand.chain.duration)[:MOST_JUDGED]
+        if not ends:
             return
-        lost = self._player.follow(stands, self._scenarios)
-        for stand, number in zip(stands, lost, strict=True):
+        lost = self._player.follow([end.stand for end in ends], self._scenarios)
+        for end, number in zip(ends, lost.tolist(), strict=True):
             if number == STANDS:
-                self.chains.append(stand.chain)
+                self.chains.append(end.stand.chain)
                 self.fresh.append(self.chains[-1])
-                self._tools.ways_up.add_chain(stand)
-            else:
-                self.archive.drop(stand.path[number])
+                self._tools.ways_up.add_chain(end.stand)
+            elif number < end.own:
+                self.archive.drop(end.stand.path[number])
+            elif end.up is not None:
+                self._tools.ways_up.drop(end.up, number - end.own)
         self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
         self.fresh = sorted(self.fresh, key=lambda chain: chain.duration)[:MOST_CHAINS]
 
@@ -165,26 +179,26 @@ class ChainSearch:
         return begun, rises
 
     def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
-        """PostureMove to the targets of states with a way up; where that leads there, go on up."""
+        """Move to the targets of states with a way up; where that leads there, go on up."""
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
         moves = [self._aim(state, up) for state, up in pairs]
         tried, other = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
-        linked = list[int]()
+        linked, reached = list[int](), list[RestingState]()
         for k in np.flatnonzero(tried.rests[:, 0]):
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
             state = tried.state(int(k), moves[k].target, **fields)
             if state.is_near(ups[k]):
                 linked.append(int(k))
+                reached.append(state)
             elif self.archive.wants(state):
                 other.append(state)
         self._check(other)
         if not linked:
             return
-        sequences = [[moves[k], *ups[k].way_up] for k in linked]
         ends = self._player.check(
-            [states[k] for k in linked], sequences, self._tools.settings.worlds
+            [states[k] for k in linked], [[moves[k]] for k in linked], self._tools.settings.worlds
         )
-        joined = [linked[row] for row in np.flatnonzero(ends.stands.all(axis=1))]
+        joined = [linked[row] for row in np.flatnonzero(ends.are_like(reached))]
         self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
 
     def _aim(self, state: RestingState, up: RestingState) -> PostureMove:
@@ -194,10 +208,11 @@ class ChainSearch:
         return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
 
 
-def _join(state: RestingState, move: PostureMove, up: RestingState) -> RestingState:
+def _join(state: RestingState, move: PostureMove, up: RestingState) -> ChainEnd:
     """Return the stand to which a move to a state with a way up leads, at the end of its chain."""
     last = replace(up, before=state, move=move, depth=state.depth + 1)
-    while up.after is not None:
-        up, onward = up.after, up.onward
-        last = replace(up, before=last, move=onward, depth=last.depth + 1)
-    return replace(last, after=None, onward=None)
+    next_up = up
+    while next_up.after is not None:
+        next_up, onward = next_up.after, next_up.onward
+        last = replace(next_up, before=last, move=onward, depth=last.depth + 1)
+    return ChainEnd(stand=replace(last, after=None, onward=None), own=len(state.path), up=up)

@@ -26,6 +26,7 @@ from humanoid_getup.simulation.world import World
 FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """Sides from which rises are searched; those from the right mirror those from the left."""
 PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
+WAITING = 1.3  # times the time until a side's first chain, before a motion is made
 LEAST_PATIENCE = 2000.0  # s simulated
 
 Accept = Callable[[Motion], str]
@@ -45,6 +46,8 @@ class SideSearch:
     """That which stands most often of those that were not kept."""
     spent: float = 0.0
     """Simulated time of its own batches [s]."""
+    found: float = math.inf
+    """That time when its first chain was found [s]."""
     first: float = math.inf
     """That time when its first motion was kept [s]."""
 
@@ -54,8 +57,14 @@ class SideSearch:
         return len(self.kept) >= most or self.spent > self.first + patience
 
     def take_new(self) -> PostureChain | None:
-        """Take the shortest chain of which no motion was tried yet, if there is one."""
+        """Take the shortest chain of which no motion was tried yet, if there is one.
+
+        After the first one that is found, shorter ones have some time to be found as well.
+        """
         if not self.search.fresh:
+            return None
+        self.found = min(self.found, self.spent)
+        if not self.tried and self.spent < WAITING * self.found:
             return None
         self.tried += 1
         return self.search.fresh.pop(0)

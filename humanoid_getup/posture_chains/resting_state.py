@@ -116,6 +116,13 @@ class RestingState:
             state = state.before
         return states[::-1]
 
+    def leads_through(self, other: RestingState) -> bool:
+        """Tell whether another state is on the way from the start to here, or up from here."""
+        up: RestingState | None = self
+        while up is not None and up is not other:
+            up = up.after
+        return up is not None or any(state is other for state in self.path)
+
     @property
     def chain(self) -> PostureChain:
         """Return the moves from the start to here."""

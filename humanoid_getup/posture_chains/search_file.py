@@ -246,7 +246,8 @@ def _count(discovery: ChainDiscovery) -> dict[str, Any]:
     return {
         "simulated": [player.simulated, maker.simulated],
         "sides": [
-            [each.search.turn, each.tried, each.spent, each.first] for each in discovery.sides
+            [each.search.turn, each.tried, each.spent, each.found, each.first]
+            for each in discovery.sides
         ],
     }
 
@@ -254,7 +255,7 @@ def _count(discovery: ChainDiscovery) -> dict[str, Any]:
 def _restore_counts(discovery: ChainDiscovery, counts: dict[str, Any]) -> None:
     discovery.tools.player.simulated, discovery.maker.simulated = counts["simulated"]
     for each, row in zip(discovery.sides, counts["sides"], strict=True):
-        each.search.turn, each.tried, each.spent, each.first = row
+        each.search.turn, each.tried, each.spent, each.found, each.first = row
 
 
 def _pad(rows: Sequence[Sequence[int]]) -> np.ndarray:

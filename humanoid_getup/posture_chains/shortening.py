@@ -13,14 +13,18 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.posture_chains.move_player import OP3_LEG
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import TorqueLimit
+from robots.body.lengths import leg_length
 from robots.quaternion import Array
 
-WORLDS, FEW = 8, 2  # in which a shortened rise must stand, and each change alone
+WORLDS, FEW = 8, 2  # in which a shortened rise is tried, and each change alone
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
+ROWS = (1, 2, 4, 8, 16)  # keys that are cut at once
+FALLEN = 40.0  # s for OP3 that a fall costs
 LEAST_TIME = 0.08  # s between two keys
 ROUNDS = 4
 FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
@@ -33,7 +37,7 @@ Simulated = Callable[[float], None]
 
 
 class Shortener:
-    """Shortens keyframes as long as the robot still stands in disturbed worlds."""
+    """Shortens keyframes as far as the robot still stands in disturbed worlds."""
 
     def __init__(
         self,
@@ -52,11 +56,16 @@ class Shortener:
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
         )
         self._cost = np.full(WORLDS, np.inf)
+        self._scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
         self.simulated = 0.0
         """Time simulated so far [s]."""
 
     def shorten(self, keyframes: Keyframes) -> list[Keyframes]:
-        """Return ever cheaper keyframes, the given ones first; all but these stand."""
+        """Return ever cheaper keyframes, the given ones first.
+
+        They cost the time to the stand, load and jolts, and much more in each world in which the
+        robot falls.
+        """
         found = [keyframes]
         self._cost = self._judge(found, WORLDS)[0]
         for candidates in (self._shorten_rests, self._quicken):
@@ -82,8 +91,13 @@ class Shortener:
         return [replace(keyframes, duration=pace * keyframes.duration) for pace in PACES]
 
     def _list_cuts(self, keyframes: Keyframes) -> list[Change]:
-        """List the changes that cut one key, by that key."""
-        return [_Cut(keyframes.keys[k]) for k in range(1, len(keyframes.keys) - 1)]
+        """List the changes that cut a key, and those that cut several in a row."""
+        inner = keyframes.keys[1:-1]
+        return [
+            _Cut(inner[first : first + size])
+            for size in ROWS
+            for first in range(0, len(inner) - size + 1, max(size // 2, 1))
+        ]
 
     def _list_hurries(self, keyframes: Keyframes) -> list[Change]:
         return [
@@ -115,24 +129,25 @@ class Shortener:
         return [candidates[k] for k in better]
 
     def _judge(self, candidates: Sequence[Keyframes], worlds: int) -> Array:
-        """Compute the costs of keyframes in the first worlds, (C, K); infinite where one falls."""
+        """Compute the costs of keyframes in the first worlds, (C, K) [s]."""
         sent = [each.targets(self._robot, SWAY) for each in candidates]
         outcome = self._experiment.compare(self._scenarios.take(np.arange(worlds)), sent)
         self.simulated += outcome.record.duration
         cost = self._preference.cost(outcome)
-        return np.where(outcome.stood, cost, np.inf)
+        return np.where(outcome.stood, cost, FALLEN * self._scale)
 
 
 class _Cut:
-    """Cuts a key, and the way to it."""
+    """Cuts keys, and the ways to them."""
 
-    def __init__(self, key: Array) -> None:
-        self._key = key
+    def __init__(self, keys: Array) -> None:
+        self._keys = keys
 
     def __call__(self, keyframes: Keyframes) -> Keyframes:
-        inner = keyframes.keys[1:-1]
-        where = np.flatnonzero((inner == self._key).all(axis=1))[:1] + 1
-        return without_keys(keyframes, where)
+        for key in self._keys:
+            there = np.flatnonzero((keyframes.keys[1:-1] == key).all(axis=1))
+            keyframes = without_keys(keyframes, there[:1] + 1)
+        return keyframes
 
 
 class _Hurry:

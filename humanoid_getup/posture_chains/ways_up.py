@@ -72,6 +72,14 @@ class WaysUp:
             )
             self.archive.add(after)
 
+    def drop(self, state: RestingState, steps: int) -> None:
+        """Remove the state some steps after one, if it is not the way to it that has failed."""
+        missed: RestingState | None = state
+        for _ in range(steps):
+            missed = missed.after if missed is not None else None
+        if steps and missed is not None and missed is not self.stance:
+            self.archive.drop(missed)
+
     def pair(
         self, states: list[RestingState], most: int
     ) -> list[tuple[RestingState, RestingState]]:

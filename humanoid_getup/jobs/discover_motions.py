@@ -98,12 +98,14 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
     _check_files(robot, request)
     _check_policy(robot, name)
     monitor.begin("loading")
-    from sim2real.motion_discovery.discovery import MotionDiscovery
+    from sim2real.motion_discovery.discovery import SIDES, MotionDiscovery
 
     discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
     found: list[Discovery] = []
     rises = request.rises or RISES
-    for side in request.sides:
+    for side in SIDES:
+        if side not in request.sides:
+            continue
         count = monitor.count(f"rises ({side})", rises)
         found.append(discovery.search(side, rises, request.most, count))
         for motion in found[-1].motions:

@@ -17,7 +17,7 @@ from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.posture_chains.chain_keyframes import FOUND
 from humanoid_getup.posture_chains.chain_search import SearchSettings
-from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.discovery import FOUND_SIDES, ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
@@ -46,7 +46,7 @@ class MotionSearch:
         self._discovery = ChainDiscovery(
             self._world,
             seed=request.seed,
-            sides=request.sides,
+            sides=tuple(side for side in FOUND_SIDES if side in request.sides),
             most=request.most,
             settings=SearchSettings(limit=make_torque_limit(request, robot)),
             accept=self._preflight,
@@ -141,12 +141,17 @@ class MotionSearch:
             each.kept = [Motion.load(file) for file in self._list_known(each.side)]
 
     def _check_known(self) -> None:
-        """Refuse to begin where motions of an earlier search are."""
+        """Refuse to begin where an earlier search or its motions are."""
         known = [file.stem for side in self._request.sides for file in self._list_known(side)]
         if known and not self._request.resume:
             raise BadInputError(
                 f"motions of an earlier search are there: {', '.join(known)}; remove them from "
                 f"{self._robot.folder / MOTION_FOLDER} first, or go on with --resume"
+            )
+        if (path := self.file(self._robot)).exists() and not self._request.resume:
+            raise BadInputError(
+                f"a search that ended before it was done is there: go on with --resume, or remove "
+                f"{path} first"
             )
 
     def _list_known(self, side: str) -> list[Path]:

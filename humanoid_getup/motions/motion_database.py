@@ -97,9 +97,8 @@ def load_database(robot: Robot) -> MotionDatabase:
 
 
 def suggest_motions(robot: Robot) -> str:
-    """Suggest commands for a robot that has no motion from a side."""
-    option = name_robot(robot)
-    return f"getup motions build NAME {option}, or getup motions discover POLICY {option}"
+    """Suggest a command for a robot that has no motion from a side."""
+    return f"getup motions discover {name_robot(robot)}"
 
 
 def name_robot(robot: Robot) -> str:

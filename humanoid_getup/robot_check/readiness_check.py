@@ -24,11 +24,9 @@ def check_readiness(robot: Robot) -> Iterator[CheckFinding]:
 
 
 def _check_motions(robot: Robot) -> CheckFinding:
-    retarget = f"getup motions retarget {name_robot(robot)} --source op3 --no-improve"
+    remedy = suggest_motions(robot)
     if not any((robot.folder / MOTION_FOLDER).glob("*.npz")):
-        return CheckFinding.warning(
-            "motions", "there are none, so no rise can be planned", retarget
-        )
+        return CheckFinding.warning("motions", "there are none, so no rise can be planned", remedy)
     try:
         rising = load_database(robot).rising
     except ValueError as error:
@@ -40,7 +38,7 @@ def _check_motions(robot: Robot) -> CheckFinding:
         return CheckFinding.warning(
             "motions",
             f"{len(rising)} that rise, from {sides or 'no side'}; none from {', '.join(missing)}",
-            f"{retarget}; then {suggest_motions(robot)}",
+            remedy,
         )
     text = f"{len(rising)} that rise, mirrored ones included, from {sides}"
     return CheckFinding.ok("motions", text)

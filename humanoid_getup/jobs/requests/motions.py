@@ -24,11 +24,12 @@ from humanoid_getup.jobs.requests.shared import (
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between
+from humanoid_getup.jobs.requests.values import at_least, between, name_choices
 
 MOST_SEED = 2**31  # that CMA-ES takes
 MOST_PAGE = 255  # of an action file
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
+SEARCHED_SIDES = ("supine", "prone", "left")
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
 KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
@@ -87,12 +88,9 @@ class DiscoverRequest(TorqueOptions, RobotOption):
     ] = ""
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
-    sides: Annotated[tuple[Literal["supine", "prone", "left"], ...], arg(metavar="SIDE,...")] = (
-        "supine",
-        "prone",
-        "left",
-    )
-    """Sides from which motions are searched; those from the right mirror those from the left."""
+    sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = SEARCHED_SIDES
+    """Sides from which motions are searched: supine, prone, left; those from the right mirror
+    those from the left."""
     most: Count = 2
     """Motions from each side, of different ways up."""
     budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
@@ -108,6 +106,11 @@ class DiscoverRequest(TorqueOptions, RobotOption):
     def find_problems(self) -> list[str]:
         """Report options of a search with a policy, and the reverse, as well."""
         problems = super().find_problems()
+        problems += [
+            f"--sides is '{side}', expected {name_choices(SEARCHED_SIDES)}"
+            for side in self.sides
+            if side not in SEARCHED_SIDES
+        ]
         if not self.policy:
             given = ["--rises"] if self.rises is not None else []
             return problems + [f"{name} is given, expected none without a policy" for name in given]

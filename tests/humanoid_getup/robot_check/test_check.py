@@ -188,10 +188,7 @@ def test_a_robot_without_motions_gets_advice(copied_op3: Path):
         finding.subject: finding for finding in check_robot(load_robot(copied_op3)).findings
     }
     assert findings["motions"].level == "warning"
-    assert (
-        findings["motions"].remedy
-        == f"getup motions retarget --robot {copied_op3} --source op3 --no-improve"
-    )
+    assert findings["motions"].remedy == f"getup motions discover --robot {copied_op3}"
     assert findings["policies"].level == "ok"
     assert "getup train --robot" in findings["policies"].remedy
 

@@ -40,7 +40,7 @@ def test_a_robot_without_motions_gets_advice(copy: Path):
     motions, policies = check(copy)
     assert motions.level == "warning"
     assert motions.text == "there are none, so no rise can be planned"
-    assert motions.remedy == f"getup motions retarget --robot {copy} --source op3 --no-improve"
+    assert motions.remedy == f"getup motions discover --robot {copy}"
     assert policies.level == "ok"  # rises are planned without
     assert policies.remedy.startswith(f"getup train --robot {copy} ")
 
@@ -50,10 +50,7 @@ def test_sides_without_motion_are_named(op3: Robot, copy: Path):
     motions, _ = check(copy)
     assert motions.level == "warning"
     assert "from prone; none from supine, left, right" in motions.text
-    assert motions.remedy.endswith(
-        f"--no-improve; then getup motions build NAME --robot {copy}, or getup motions discover "
-        f"POLICY --robot {copy}"
-    )
+    assert motions.remedy == f"getup motions discover --robot {copy}"
 
 
 def test_a_motion_from_one_side_serves_its_mirror_image(op3: Robot, copy: Path):
@@ -73,4 +70,4 @@ def test_a_motion_that_cannot_be_read_is_a_fault(copy: Path):
 def test_a_robot_of_the_package_is_called_by_its_name():
     motions, _ = check_readiness(load_robot("toddlerbot"))  # it has none from lying
     assert motions.level == "warning"
-    assert motions.remedy.startswith("getup motions retarget --robot toddlerbot --source op3")
+    assert motions.remedy == "getup motions discover --robot toddlerbot"

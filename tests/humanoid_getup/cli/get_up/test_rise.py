@@ -21,7 +21,6 @@ def test_a_side_without_motion_is_warned_of_at_the_beginning(
     monkeypatch.setattr(rise, "_get_up", lambda *_, **__: 0)
     code, _, error = run("rise", "--from", side, "--robot", str(mini), "--no-plan-cache")
     warning = (
-        f"getup: 'op3' has no motion from {side}; next: getup motions build NAME --robot {mini}, "
-        f"or getup motions discover POLICY --robot {mini}\n"
+        f"getup: 'op3' has no motion from {side}; next: getup motions discover --robot {mini}\n"
     )
     assert (code, error) == (0, warning if side == "supine" else "")

@@ -35,7 +35,7 @@ def test_all_is_well_with_op3_and_each_finding_is_a_line(run: Run):
 def test_a_folder_is_checked_and_the_next_step_is_shown(run: Run):
     code, out, _ = run("robots", "check", "mine", "--json", "found.json")
     assert code == 0
-    assert "(getup motions retarget --robot mine --source op3 --no-improve)" in out
+    assert "(getup motions discover --robot mine)" in out
     found = json.loads(Path("found.json").read_text())
     assert found["robot"] == "op3"
     assert found["unchecked"] == []

@@ -1,0 +1,166 @@
+"""`getup motions discover`: a robot without motions, keys or policies gets its own by a search."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from humanoid_getup.cli.main import main
+from humanoid_getup.jobs import search_motions
+from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_motion, load_database
+from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from robots import Robot, load_robot
+
+SIDES = ("supine", "prone", "left")
+Getup = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of OP3 without motions, keys and policies; searches take small batches."""
+    hidden = shutil.ignore_patterns("motions", "policies", "keyframes.toml")
+    shutil.copytree(op3.folder, tmp_path / "bare", ignore=hidden)
+    monkeypatch.chdir(tmp_path)
+    small = partial(SearchSettings, batch=4, worlds=2, threads=1)
+    monkeypatch.setattr(search_motions, "SearchSettings", small)
+    return tmp_path / "bare"
+
+
+@pytest.fixture
+def getup(capsys: pytest.CaptureFixture[str]) -> Getup:
+    """Return a function that discovers motions of the bare robot."""
+
+    def run(*options: str) -> tuple[int, str, str]:
+        code = main(["motions", "discover", "--robot", "bare", *options])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def found(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> list[MadeMotion]:
+    """Let every search find stored rises at once; return them as they were made."""
+    stored = {
+        "supine": "supine_sit_up_fast",
+        "prone": "prone_push_up_fast",
+        "left": "lateral_side_sit",
+    }
+    keys = {each.name: each for each in load_keyframes(op3.folder / "keyframes.toml", op3)}
+    made = list[MadeMotion]()
+
+    def advance(self: ChainDiscovery) -> Iterator[tuple[SideSearch, MadeMotion]]:
+        for each in self.sides:
+            name = f"{each.side}_found_1"
+            motion = replace(find_motion(op3, stored[each.side]), name=name)
+            keyframes = replace(keys[stored[each.side]], name=name)
+            each.kept.append(motion)
+            made.append(MadeMotion(keyframes=keyframes, share=1.0, motion=motion))
+            yield each, made[-1]
+
+    monkeypatch.setattr(ChainDiscovery, "advance", advance)
+    return made
+
+
+def test_motions_and_their_keys_are_stored_and_drawn(
+    bare: Path, getup: Getup, found: list[MadeMotion]
+):
+    code, out, _ = getup("--most", "1")
+    assert code == 0
+    robot = load_robot(bare)
+    assert {motion.name for motion in load_database(robot).motions} >= {
+        f"{side}_found_1" for side in SIDES
+    }
+    keys = load_keyframes(bare / "keyframes.toml", robot)
+    assert [each.name for each in keys] == [made.keyframes.name for made in found]
+    assert Path("op3_motions.png").stat().st_size > 10_000
+    assert "motion 'prone_found_1' (" in out
+    assert "next: getup rise --robot" in out
+    assert not (bare / "unfinished").exists()
+
+
+@pytest.mark.usefixtures("found")
+def test_motions_of_an_earlier_search_are_never_replaced(bare: Path, getup: Getup):
+    assert getup("--most", "1")[0] == 0
+    before = {file: file.read_bytes() for file in (bare / "motions").iterdir()}
+    code, _, err = getup("--most", "1")
+    assert code == 2
+    assert "motions of an earlier search are there: supine_found_1, prone_found_1" in err
+    assert {file: file.read_bytes() for file in (bare / "motions").iterdir()} == before
+
+
+def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup: Getup):
+    options = ("--sides", "supine", "--budget", "100")
+    code, out, _ = getup(*options)
+    assert code == 1
+    assert "no motion from: supine" in out
+    again = "getup motions discover --robot bare --sides supine --budget 100.0 --resume"
+    assert f"next: {again}" in out
+    file = bare / "unfinished" / "search.npz"
+    size = file.stat().st_size
+    code, _, err = getup(*options)
+    assert code == 2
+    assert "a search that ended before it was done is there: go on with --resume" in err
+    assert getup(*options, "--resume")[0] == 1
+    assert file.stat().st_size > size
+    assert not (bare / "motions").exists()
+
+
+def test_there_is_nothing_to_resume_where_nothing_was_searched(bare: Path, getup: Getup):
+    code, _, err = getup("--resume")
+    assert code == 2
+    assert "there is no search to resume" in err
+    assert not (bare / "unfinished").exists()
+
+
+@pytest.mark.usefixtures("bare")
+def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
+    options = ("--sides", "supine", "--budget", "1")
+    assert getup(*options)[0] == 1
+    code, _, err = getup(*options, "--resume", "--seed", "1")
+    assert code == 2
+    assert "its seed is 0, expected 1" in err
+
+
+@pytest.mark.usefixtures("bare")
+def test_servos_that_are_too_weak_are_named(getup: Getup):
+    _, out, _ = getup("--sides", "supine", "--budget", "1", "--torque-limit", "0.6")
+    assert "knee' is at its limit of 0.6 N·m" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--rises", "9"), "--rises is given, expected none without a policy"),
+        (("quick", "--budget", "9"), "--budget is given, expected none with a policy"),
+        (("quick", "--resume"), "--resume is given, expected none with a policy"),
+        (("--sides", "right"), "expected supine, prone or left"),
+        (("--budget", "0"), "--budget is 0 s, expected 1 to"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(
+    bare: Path, getup: Getup, options: tuple[str, ...], message: str
+):
+    code, _, err = getup(*options)
+    assert code == 2
+    assert message in err
+    assert not (bare / "unfinished").exists()
+
+
+@pytest.mark.slow
+def test_op3_finds_a_rise_from_its_back(
+    op3: Robot, tmp_path: Path, getup: Getup, monkeypatch: pytest.MonkeyPatch
+):
+    hidden = shutil.ignore_patterns("motions", "policies", "keyframes.toml")
+    shutil.copytree(op3.folder, tmp_path / "bare", ignore=hidden)
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = getup("--sides", "supine", "--most", "1", "--seed", "4")
+    assert code == 0, out
+    motion = Motion.load(tmp_path / "bare" / "motions" / "supine_found_1.npz")
+    assert float(motion.provenance["disturbed_success"]) >= 0.9

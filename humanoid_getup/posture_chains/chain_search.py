@@ -9,7 +9,7 @@ import numpy as np
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
-from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
+from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
@@ -51,8 +51,8 @@ class ChainTools:
         self.player = MovePlayer(
             world, rng, limit=self.settings.limit, threads=self.settings.threads
         )
-        self.moves = RandomMoves(world.robot)
-        self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds)
+        self.moves = RandomMoves(world.robot, rng)
+        self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +134,8 @@ class ChainSearch:
     def _finish(self, ends: list[ChainEnd]) -> None:
         """Note the shortest chains to stands that lead there from their start, played whole.
 
-        A state that is missed then is removed, with all that were reached through it.
+        A state that is missed then is removed, with all that were reached through it; from those
+        after it in the chain a way up is known.
         """
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)[:MOST_JUDGED]
         if not ends:
@@ -146,6 +147,7 @@ class ChainSearch:
                 self.fresh.append(self.chains[-1])
                 self._tools.ways_up.add_chain(end.stand)
             elif number < end.own:
+                self._tools.ways_up.add_chain(end.stand, number)
                 self.archive.drop(end.stand.path[number])
             elif end.up is not None:
                 self._tools.ways_up.drop(end.up, number - end.own)
@@ -181,7 +183,7 @@ class ChainSearch:
     def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
         """Move to the targets of states with a way up; where that leads there, go on up."""
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
-        moves = [self._aim(state, up) for state, up in pairs]
+        moves = [self._tools.ways_up.aim(state, up, self._tools.rng) for state, up in pairs]
         tried, other = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
         linked, reached = list[int](), list[RestingState]()
         for k in np.flatnonzero(tried.rests[:, 0]):
@@ -200,12 +202,6 @@ class ChainSearch:
         )
         joined = [linked[row] for row in np.flatnonzero(ends.are_like(reached))]
         self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
-
-    def _aim(self, state: RestingState, up: RestingState) -> PostureMove:
-        """Make the move to the targets of a state with a way up."""
-        least = self._tools.moves.least_duration(state.target, up.target)
-        drawn = float(self._tools.rng.choice(DURATIONS)) * self._player.scale
-        return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
 
 
 def _join(state: RestingState, move: PostureMove, up: RestingState) -> ChainEnd:

@@ -23,6 +23,7 @@ from robots.quaternion import Array
 
 WORLDS = 48  # disturbed, in which a motion is judged
 SOUND = 0.9  # share of them in which it must stand
+WORTH = 0.3  # share from which a rise is improved
 JUDGED = 4  # of the ever shorter versions of a chain, at most
 
 
@@ -67,9 +68,11 @@ class MotionMaker:
         shortener = Shortener(
             self._world, chain.start, self._draw(0), limit=self._limit, threads=self._threads
         )
-        versions = shortener.shorten(keyframes)
+        found = self._choose(shortener.shorten(keyframes), chain.start)
+        if WORTH <= found.share < SOUND:
+            improved = shortener.improve(found.keyframes, self._seed)
+            found = max(found, self._choose([improved], chain.start), key=lambda each: each.share)
         self.simulated += shortener.simulated
-        found = self._choose(versions, chain.start)
         return self._record(found, chain.start) if found.share >= SOUND else found
 
     def _choose(self, versions: Sequence[Keyframes], start: Array) -> MadeMotion:

@@ -38,7 +38,7 @@ MOST_OVERLAP = 0.008  # m by which a robot may press into itself
 FINER = 2  # physics steps a control period of a check in the undisturbed world
 STANDS = -1
 """Of a chain that ends in a held stand."""
-MISSES = 1  # disturbed worlds in which a chain that is kept may fall
+MISSES = 3  # disturbed worlds of eight in which a chain that is kept may fall
 BEHIND = 0.05  # progress by which a robot may be behind one that is alike
 
 Bools = NDArray[np.bool_]

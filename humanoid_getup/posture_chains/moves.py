@@ -8,6 +8,7 @@ import numpy as np
 
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots import Robot
+from robots.body.crouches import draw_crouches
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
@@ -25,6 +26,8 @@ SYMMETRIC = 0.6  # probability that a random posture is symmetric
 KEPT = 0.4  # probability that a limb does not go towards the stance
 PAIRED_LIMBS = 0.7  # probability that its partner goes with a limb that does
 SQUAT_SPREAD = 0.08  # rad
+CROUCHES, NEAR_CROUCHES = 120, 16  # that are drawn for a robot, and those near to a posture
+ALL_CROUCH = 0.5  # probability that arms and head move to the crouch's, too
 BOTH_FOLD = 0.75  # probability that both legs fold alike, rather than one
 ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
 
@@ -32,7 +35,7 @@ ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
 class RandomMoves:
     """Draws targets to move to, of several kinds; each kind with a share of its own."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
         self._robot = robot
         self._speed = np.minimum(SPEED_SHARE * robot.max_velocity, MOST_SPEED)
         limbs = Limbs(robot)
@@ -45,6 +48,8 @@ class RandomMoves:
         """Balanced squats from high to deep, (Q, n) [rad]."""
         self.squat_necks = np.array([squat.neck_share for squat in squats])
         """Heights of their necks as shares of that of the stance, (Q,)."""
+        self.crouches = draw_crouches(limbs, CROUCHES, rng)
+        """Other balanced postures on flat soles, (C, n) [rad]."""
         kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
             "mirrored joints": (0.30, self._change_pairs),
             "joints": (0.12, self._change_joints),
@@ -52,7 +57,8 @@ class RandomMoves:
             "limbs": (0.13, self._move_limbs),
             "folded legs": (0.15, self._fold_legs),
             "homeward": (0.12, self._go_homeward),
-            "squat": (0.12 if squats else 0.0, self._squat),
+            "squat": (0.10 if squats else 0.0, self._squat),
+            "crouch": (0.12 if len(self.crouches) else 0.0, self._crouch),
             "anywhere": (0.08, self._go_anywhere),
         }
         self.kinds, self._draw = tuple(kinds), [draw for _, draw in kinds.values()]
@@ -141,6 +147,18 @@ class RandomMoves:
         if rng.random() < ARMS_TOO:
             others = np.setdiff1d(np.arange(self._robot.n), legs)
             moved[others] = squat[others]
+        return moved
+
+    def _crouch(self, target: Array, rng: np.random.Generator) -> Array:
+        """Move the legs to a crouch near their angles; often all else, too."""
+        legs = self._legs
+        far = np.abs(self.crouches[:, legs] - target[legs]).max(axis=1)
+        near = np.argsort(far, kind="stable")[:NEAR_CROUCHES]
+        crouch = self.crouches[int(rng.choice(near))]
+        if rng.random() < ALL_CROUCH:
+            return crouch.copy()
+        moved = target.copy()
+        moved[legs] = crouch[legs]
         return moved
 
     def _go_anywhere(self, _: Array, rng: np.random.Generator) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN
 from humanoid_getup.motions.preference import Preference
@@ -25,6 +26,8 @@ PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
 ROWS = (1, 2, 4, 8, 16)  # keys that are cut at once
 FALLEN = 40.0  # s for OP3 that a fall costs
+GENERATIONS, POPULATION = 8, 14  # of the search for a rise that falls in fewer worlds
+IMPROVING_STEP = 0.5  # of the usual first step
 LEAST_TIME = 0.08  # s between two keys
 ROUNDS = 4
 FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
@@ -77,6 +80,16 @@ class Shortener:
             if len(found) == before:
                 break
         return found
+
+    def improve(self, keyframes: Keyframes, seed: int) -> Keyframes:
+        """Change angles and times a little, by CMA-ES, so that the robot falls in fewer worlds."""
+        population = KeyframePopulation(
+            keyframes, self._robot, size=POPULATION, seed=seed, step=IMPROVING_STEP
+        )
+        for _ in range(GENERATIONS):
+            candidates = population.ask()
+            population.tell(self._judge(candidates, WORLDS).mean(axis=1))
+        return population.mean
 
     def _shorten_rests(self, keyframes: Keyframes) -> list[Keyframes]:
         rests = find_rests(keyframes)

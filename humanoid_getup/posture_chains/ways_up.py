@@ -10,13 +10,14 @@ from scipy.spatial.distance import cdist
 
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import MovePlayer
-from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots.kinematics import place
 from robots.quaternion import Array
 
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
+CROUCH_ROUNDS, CROUCH_TRIES = 2, 1  # in which crouches are connected, each so often
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 FARTHEST = 1.2  # distance over which states are paired
@@ -25,7 +26,9 @@ FARTHEST = 1.2  # distance over which states are paired
 class WaysUp:
     """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
 
-    def __init__(self, player: MovePlayer, moves: RandomMoves, worlds: int) -> None:
+    def __init__(
+        self, player: MovePlayer, moves: RandomMoves, worlds: int, rng: np.random.Generator
+    ) -> None:
         """Begin with the stance and the balanced squats from which it is reached."""
         self._player, self._moves, self._worlds = player, moves, worlds
         world = player.world
@@ -36,6 +39,7 @@ class WaysUp:
         self.paired: set[tuple[RestingState, RestingState]] = set()
         """Pairs whose connection was tried."""
         self._add_squats()
+        self._add_crouches(rng)
 
     def __iter__(self) -> Iterator[RestingState]:
         return iter(self.archive)
@@ -56,10 +60,10 @@ class WaysUp:
                 new.append(state)
         self._check(new)
 
-    def add_chain(self, last: RestingState) -> None:
-        """File the states of a chain that ends in a stand: each has a way up now."""
+    def add_chain(self, last: RestingState, first: int = 0) -> None:
+        """File the states of a chain to a stand, from one of its path on: each has a way up."""
         after = self.stance
-        for state in last.path[:0:-1]:
+        for state in last.path[:first:-1]:
             if state.before is None:
                 return
             after = replace(
@@ -97,23 +101,53 @@ class WaysUp:
                 pairs.append(pair)
         return pairs
 
-    def _add_squats(self) -> None:
-        """File the balanced squats that hold, and from which higher ones lead to the stance."""
+    def aim(self, state: RestingState, up: RestingState, rng: np.random.Generator) -> PostureMove:
+        """Make the move to the targets of a state with a way up."""
+        least = self._moves.least_duration(state.target, up.target)
+        drawn = float(rng.choice(DURATIONS)) * self._player.scale
+        return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
+
+    def _add_crouches(self, rng: np.random.Generator) -> None:
+        """File the crouches that hold, and from which a move leads to a state with a way up."""
+        waiting = self._hold(self._moves.crouches)
+        for _ in range(CROUCH_ROUNDS):
+            pairs = self.pair(waiting, CROUCH_TRIES * len(waiting))
+            if not pairs:
+                return
+            onward = [self.aim(state, up, rng) for state, up in pairs]
+            tried = self._player.try_out([s for s, _ in pairs], [[move] for move in onward])
+            linked = tried.rests[:, 0] & tried.are_like([up for _, up in pairs])
+            found = [
+                replace(
+                    pairs[k][0], after=pairs[k][1], onward=onward[k], depth=pairs[k][1].depth + 1
+                )
+                for k in np.flatnonzero(linked)
+            ]
+            self._check(found)
+
+    def _hold(self, postures: Array) -> list[RestingState]:
+        """Hold postures on their soles (K, n); return the states of those that rest."""
         robot, model = self._player.world.robot, self._player.world.model
-        squats, scale = self._moves.squats, self._player.scale
         placed = [
             self._player.describe(place(robot, model, replace(robot.standing, joint_pos=q)), q)
-            for q in squats
+            for q in postures
         ]
         if not placed:
-            return
-        hold = [[PostureMove(knots=q[None], duration=HOLDING * scale, kind="hold")] for q in squats]
-        held, new = self._player.try_out(placed, hold), []
-        for k in np.flatnonzero(held.rests[:, 0]):
+            return []
+        time = HOLDING * self._player.scale
+        holds = [[PostureMove(knots=q[None], duration=time, kind="hold")] for q in postures]
+        held = self._player.try_out(placed, holds)
+        return [held.state(int(k), postures[k]) for k in np.flatnonzero(held.rests[:, 0])]
+
+    def _add_squats(self) -> None:
+        """File the balanced squats that hold, and from which higher ones lead to the stance."""
+        robot, squats = self._player.world.robot, self._moves.squats
+        scale, new = self._player.scale, list[RestingState]()
+        for state in self._hold(squats):
+            k = int(np.flatnonzero((squats == state.target).all(axis=1))[0])
             knots = np.vstack([squats[:k][::-1], robot.standing.joint_pos])
             onward = PostureMove(knots=knots, duration=SQUAT_TIME * scale, kind="squats")
-            fields = {"after": self.stance, "onward": onward, "depth": 1}
-            new.append(held.state(int(k), squats[k], **fields))
+            new.append(replace(state, after=self.stance, onward=onward, depth=1))
         self._check(new)
 
     def _check(self, states: list[RestingState]) -> None:

@@ -1,5 +1,6 @@
 """Whether servos lift a robot out of a squat, and which one is too weak."""
 
+import numpy as np
 import pytest
 
 from humanoid_getup.posture_chains.lifting import check_lifting
@@ -10,7 +11,7 @@ from robots import FULL_TORQUE, TorqueLimit
 
 @pytest.fixture(scope="module")
 def moves(world: World) -> RandomMoves:
-    return RandomMoves(world.robot)
+    return RandomMoves(world.robot, np.random.default_rng(0))
 
 
 def test_servos_that_lift_the_robot_are_no_finding(world: World, moves: RandomMoves):

@@ -12,7 +12,7 @@ from robots import Robot
 
 @pytest.fixture(scope="module")
 def moves(op3: Robot) -> RandomMoves:
-    return RandomMoves(op3)
+    return RandomMoves(op3, np.random.default_rng(0))
 
 
 def test_targets_stay_within_the_ranges_and_every_kind_is_drawn(moves: RandomMoves, op3: Robot):

@@ -24,6 +24,7 @@ from robots.quaternion import Array
 WORLDS = 48  # disturbed, in which a motion is judged
 SOUND = 0.9  # share of them in which it must stand
 WORTH = 0.3  # share from which a rise is improved
+LONG = 7.0  # s for OP3, from which it is not
 JUDGED = 4  # of the ever shorter versions of a chain, at most
 
 
@@ -69,7 +70,8 @@ class MotionMaker:
             self._world, chain.start, self._draw(0), limit=self._limit, threads=self._threads
         )
         found = self._choose(shortener.shorten(keyframes), chain.start)
-        if WORTH <= found.share < SOUND:
+        short = found.keyframes.duration.sum() < LONG * shortener.scale
+        if WORTH <= found.share < SOUND and short:
             improved = shortener.improve(found.keyframes, self._seed)
             found = max(found, self._choose([improved], chain.start), key=lambda each: each.share)
         self.simulated += shortener.simulated

@@ -24,7 +24,7 @@ WORLDS, FEW = 8, 2  # in which a shortened rise is tried, and each change alone
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
-ROWS = (1, 2, 4, 8, 16)  # keys that are cut at once
+ROWS = (16, 6, 2, 1)  # keys that are cut at once
 FALLEN = 40.0  # s for OP3 that a fall costs
 GENERATIONS, POPULATION = 8, 14  # of the search for a rise that falls in fewer worlds
 IMPROVING_STEP = 0.5  # of the usual first step
@@ -54,12 +54,15 @@ class Shortener:
         """Prepare to shorten rises from MuJoCo positions (nq,), under a torque limit."""
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
+        coarsest = world.vary(timestep=world.robot.control_period)
+        self._first = Experiment(coarsest, threads=threads)
         self._scenarios: Scenarios = MARGIN.sample(world, start, WORLDS, rng, limit)
         self._preference = Preference(
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
         )
         self._cost = np.full(WORLDS, np.inf)
-        self._scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
+        self.scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
+        """Times of this robot over those of OP3."""
         self.simulated = 0.0
         """Time simulated so far [s]."""
 
@@ -75,7 +78,8 @@ class Shortener:
             found += self._pick_first(candidates(found[-1]))
         for _ in range(ROUNDS):
             before = len(found)
-            found += self._combine(found[-1], self._list_cuts(found[-1]))
+            for size in ROWS:
+                found += self._combine(found[-1], self._list_cuts(found[-1], size))
             found += self._combine(found[-1], self._list_hurries(found[-1]))
             if len(found) == before:
                 break
@@ -103,14 +107,11 @@ class Shortener:
     def _quicken(self, keyframes: Keyframes) -> list[Keyframes]:
         return [replace(keyframes, duration=pace * keyframes.duration) for pace in PACES]
 
-    def _list_cuts(self, keyframes: Keyframes) -> list[Change]:
-        """List the changes that cut a key, and those that cut several in a row."""
+    def _list_cuts(self, keyframes: Keyframes, size: int) -> list[Change]:
+        """List the changes that cut so many keys in a row."""
         inner = keyframes.keys[1:-1]
-        return [
-            _Cut(inner[first : first + size])
-            for size in ROWS
-            for first in range(0, len(inner) - size + 1, max(size // 2, 1))
-        ]
+        firsts = range(0, len(inner) - size + 1, max(size // 2, 1))
+        return [_Cut(inner[first : first + size]) for first in firsts]
 
     def _list_hurries(self, keyframes: Keyframes) -> list[Change]:
         return [
@@ -124,9 +125,9 @@ class Shortener:
         if not changes:
             return []
         alone = [change(keyframes) for change in changes]
-        cost = self._judge(alone, FEW).mean(axis=1)
-        better = np.sum(cost < self._cost[:FEW].mean())
-        order = np.argsort(cost, kind="stable")[:better]
+        cost = self._judge([*alone, keyframes], FEW, self._first).mean(axis=1)
+        better = np.sum(cost[:-1] < cost[-1])
+        order = np.argsort(cost[:-1], kind="stable")[:better]
         if not len(order):
             return []
         some = [order[: max(round(share * len(order)), 1)] for share in FEWER]
@@ -141,13 +142,16 @@ class Shortener:
             self._cost = cost[k]
         return [candidates[k] for k in better]
 
-    def _judge(self, candidates: Sequence[Keyframes], worlds: int) -> Array:
+    def _judge(
+        self, candidates: Sequence[Keyframes], worlds: int, experiment: Experiment | None = None
+    ) -> Array:
         """Compute the costs of keyframes in the first worlds, (C, K) [s]."""
+        experiment = experiment or self._experiment
         sent = [each.targets(self._robot, SWAY) for each in candidates]
-        outcome = self._experiment.compare(self._scenarios.take(np.arange(worlds)), sent)
+        outcome = experiment.compare(self._scenarios.take(np.arange(worlds)), sent)
         self.simulated += outcome.record.duration
         cost = self._preference.cost(outcome)
-        return np.where(outcome.stood, cost, FALLEN * self._scale)
+        return np.where(outcome.stood, cost, FALLEN * self.scale)
 
 
 class _Cut:

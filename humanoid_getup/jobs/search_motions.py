@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import make_torque_limit
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.build import UNFINISHED, motion_file
@@ -20,10 +21,16 @@ from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import FOUND_SIDES, ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
-from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
+from humanoid_getup.posture_chains.search_file import (
+    SearchFileError,
+    describe_search,
+    restore_search,
+    save_search,
+)
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Robot
+from robots.body.limbs import Limbs
 
 BUDGET = 300_000.0  # s simulated
 SAVED_EVERY = 60.0  # s
@@ -37,11 +44,14 @@ class MotionSearch:
         """Begin a search, or go on with one.
 
         Raises:
-            BadInputError: if there is none to resume, or motions are there already.
+            BadInputError: if there is none to resume, motions are there already, or the robot has
+                no two legs with a knee.
         """
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world = World(robot)
         self._check_known()
+        with refusing():
+            Limbs(robot)
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
@@ -53,7 +63,7 @@ class MotionSearch:
         )
         if request.resume:
             self._restore()
-        self._saved = time.monotonic()
+        self._saved, self._state = time.monotonic(), self._describe()
         self._tell_weakness()
 
     @property
@@ -74,6 +84,7 @@ class MotionSearch:
             while not self._discovery.is_done and self._discovery.simulated - begun < budget:
                 for each, made in self._discovery.advance():
                     self._keep(each, made)
+                self._state = self._describe()
                 self._save(SAVED_EVERY)
                 self._show(self._discovery.simulated - begun, budget)
         finally:
@@ -101,13 +112,17 @@ class MotionSearch:
         there = keyframes.name in {each.name for each in known}
         (replace_keyframes if there else append_keyframes)(path, [keyframes], self._robot)
 
+    def _describe(self) -> dict[str, Any]:
+        """Describe the search between two rounds, where it can go on alike."""
+        return describe_search(self._discovery, self._request.seed)
+
     def _save(self, every: float = 0.0) -> None:
-        """Save the search, if it was not within some seconds."""
+        """Save the search as it was after the last round, if it was not within some seconds."""
         if time.monotonic() - self._saved < every:
             return
         path = self.file(self._robot)
         path.parent.mkdir(exist_ok=True)
-        save_search(path, self._discovery, self._request.seed)
+        save_search(path, self._state)
         self._saved = time.monotonic()
 
     def _end(self) -> None:

@@ -27,6 +27,7 @@ FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """Sides from which rises are searched; those from the right mirror those from the left."""
 PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
 WAITING = 1.3  # times the time until a side's first chain, before a motion is made
+MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_PATIENCE = 2000.0  # s simulated
 
 Accept = Callable[[Motion], str]
@@ -46,15 +47,18 @@ class SideSearch:
     """That which stands most often of those that were not kept."""
     spent: float = 0.0
     """Simulated time of its own batches [s]."""
+    repeats: int = 0
+    """Motions that took the way of another one."""
     found: float = math.inf
     """That time when its first chain was found [s]."""
     first: float = math.inf
     """That time when its first motion was kept [s]."""
 
     def is_done(self, most: int) -> bool:
-        """Tell whether it has so many motions, or was searched long enough since the first."""
+        """Tell whether it has so many motions, or one and nothing else in sight."""
         patience = max(PATIENCE * self.first, LEAST_PATIENCE)
-        return len(self.kept) >= most or self.spent > self.first + patience
+        tired = self.spent > self.first + patience or self.repeats >= MOST_REPEATS
+        return len(self.kept) >= most or (bool(self.kept) and tired)
 
     def take_new(self) -> PostureChain | None:
         """Take the shortest chain of which no motion was tried yet, if there is one.
@@ -134,6 +138,7 @@ class ChainDiscovery:
         way = sample_way(made.motion)
         for other in each.kept:
             if are_same(way, sample_way(other)):
+                each.repeats += 1
                 return made.refuse(f"takes the way of '{other.name}'")
         reason = self._accept(made.motion)
         return made.refuse(reason) if reason else made

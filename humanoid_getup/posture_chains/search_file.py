@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
 ARCHIVES = ("members", "draws", "chains", "risen", "paired")
 TEXTS = ("task", "rng", "counts")
+COUNTS = ("tried", "repeats", "spent", "found", "first")
+"""Numbers of a side."""
 NOTHING = -1
 
 
@@ -44,9 +46,14 @@ def identify(discovery: ChainDiscovery, seed: int) -> str:
     )
 
 
-def save_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
+def describe_search(discovery: ChainDiscovery, seed: int) -> dict[str, Any]:
+    """Describe the state of a search between two rounds by the arrays of a file."""
+    return _Writer(discovery).write() | {"task": identify(discovery, seed)}
+
+
+def save_search(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write the state of a search, completely or not at all."""
-    save_arrays(path, _Writer(discovery).write() | {"task": identify(discovery, seed)})
+    save_arrays(path, arrays)
 
 
 def restore_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
@@ -158,12 +165,12 @@ class _Writer:
         }
 
     def _write_moves(self) -> dict[str, Any]:
-        moves = [*self._moves]
+        moves, none = [*self._moves], np.zeros((0, self._discovery.tools.world.robot.n))
         return {
-            "knots": np.concatenate([move.knots for move in moves]),
-            "knot_count": np.array([len(move.knots) for move in moves]),
-            "duration": np.array([move.duration for move in moves]),
-            "kind": np.array([move.kind for move in moves]),
+            "knots": np.concatenate([none, *(move.knots for move in moves)]),
+            "knot_count": np.array([len(move.knots) for move in moves], dtype=int),
+            "duration": np.array([move.duration for move in moves], dtype=float),
+            "kind": np.array([move.kind for move in moves], dtype=str),
         }
 
 
@@ -206,7 +213,7 @@ class _Reader:
         ends = np.cumsum(arrays["knot_count"])
         if len(ends) and ends[-1] != len(knots):
             raise ArchiveError(f"knots has {len(knots)} rows, expected {ends[-1]}")
-        parts = np.split(knots, ends[:-1])
+        parts = np.split(knots, ends[:-1]) if len(ends) else []
         rows = zip(parts, arrays["duration"], arrays["kind"], strict=True)
         return [
             PostureMove(knots=part, duration=float(time), kind=str(kind))
@@ -245,17 +252,17 @@ def _count(discovery: ChainDiscovery) -> dict[str, Any]:
     player, maker = discovery.tools.player, discovery.maker
     return {
         "simulated": [player.simulated, maker.simulated],
-        "sides": [
-            [each.search.turn, each.tried, each.spent, each.found, each.first]
-            for each in discovery.sides
-        ],
+        "turns": [each.search.turn for each in discovery.sides],
+        "sides": [{name: getattr(each, name) for name in COUNTS} for each in discovery.sides],
     }
 
 
 def _restore_counts(discovery: ChainDiscovery, counts: dict[str, Any]) -> None:
     discovery.tools.player.simulated, discovery.maker.simulated = counts["simulated"]
-    for each, row in zip(discovery.sides, counts["sides"], strict=True):
-        each.search.turn, each.tried, each.spent, each.found, each.first = row
+    for each, turn, row in zip(discovery.sides, counts["turns"], counts["sides"], strict=True):
+        each.search.turn = turn
+        for name in COUNTS:
+            setattr(each, name, row[name])
 
 
 def _pad(rows: Sequence[Sequence[int]]) -> np.ndarray:

@@ -10,12 +10,15 @@ import pytest
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs import search_motions
+from humanoid_getup.jobs.discover_motions import discover
+from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from humanoid_getup.progress.callback import CancelledError, Progress
 from robots import Robot, load_robot
 
 SIDES = ("supine", "prone", "left")
@@ -39,7 +42,8 @@ def getup(capsys: pytest.CaptureFixture[str]) -> Getup:
 
     def run(*options: str) -> tuple[int, str, str]:
         code = main(["motions", "discover", "--robot", "bare", *options])
-        return code, *capsys.readouterr()
+        out, err = capsys.readouterr()
+        return code, out, err
 
     return run
 
@@ -110,6 +114,15 @@ def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup
     assert getup(*options, "--resume")[0] == 1
     assert file.stat().st_size > size
     assert not (bare / "motions").exists()
+
+
+def test_a_cancelled_search_can_be_resumed(bare: Path, getup: Getup):
+    reports = list[Progress]()
+    request = DiscoverRequest(robot=str(bare), sides=("supine",), budget=1e6)
+    with pytest.raises(CancelledError):
+        discover(request, reports.append, lambda: any(each.done > 50.0 for each in reports))
+    assert (bare / "unfinished" / "search.npz").exists()
+    assert getup("--sides", "supine", "--budget", "1", "--resume")[0] == 1
 
 
 def test_there_is_nothing_to_resume_where_nothing_was_searched(bare: Path, getup: Getup):

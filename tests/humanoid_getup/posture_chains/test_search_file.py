@@ -9,7 +9,12 @@ import pytest
 
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
-from humanoid_getup.posture_chains.search_file import SearchFileError, restore_search, save_search
+from humanoid_getup.posture_chains.search_file import (
+    SearchFileError,
+    describe_search,
+    restore_search,
+    save_search,
+)
 from humanoid_getup.simulation.world import World
 from robots.storage.arrays import save_arrays
 
@@ -41,7 +46,7 @@ def saved(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     """Return the file of a search after one round, and the search after another one."""
     discovery, path = begin(world), tmp_path_factory.mktemp("search") / "search.npz"
     advance(discovery)
-    save_search(path, discovery, 3)
+    save_search(path, describe_search(discovery, 3))
     advance(discovery)
     return path, discovery
 

@@ -12,6 +12,7 @@ from humanoid_getup.motions.motion import STANDING, EndClass, StartClass, hold_l
 from robots import Robot
 from robots.quaternion import Array
 
+STRETCHES, MOST_STRETCHES = 4, 50
 SPEED_SHARE = 0.9  # of the servos' no-load speed, the bound of a target's speed
 
 
@@ -46,21 +47,38 @@ class Keyframes:
 
         A segment that would need targets faster than the servos is stretched.
         """
-        duration, limit = self.duration.copy(), SPEED_SHARE * robot.max_velocity
-        for _ in range(4):
-            knots = np.concatenate([[0.0], np.cumsum(duration)])
-            curve = PchipInterpolator(knots, self.keys, axis=0)
-            time = np.arange(0.0, knots[-1] + robot.control_period, robot.control_period)
-            time = np.minimum(time, knots[-1])
-            excess = np.max(np.abs(curve(time, 1)) / limit, axis=1)
-            segment = np.minimum(np.searchsorted(knots, time, side="right") - 1, len(duration) - 1)
-            stretch = np.zeros(len(duration))
-            np.maximum.at(stretch, segment, excess)
+        duration = self.duration
+        for _ in range(STRETCHES):
+            curve, time, stretch = self._measure_speed(duration, robot)
             if np.all(stretch <= 1.0):
                 break
             duration = duration * np.maximum(1.0, stretch)
         moving = np.clip(curve(time), robot.lower, robot.upper)
         return hold_last(moving, len(moving) + round(hold / robot.control_period))
+
+    def stretch(self, robot: Robot) -> Keyframes:
+        """Give all segments the time that the servos need, so that none is stretched any more."""
+        duration = self.duration
+        for _ in range(MOST_STRETCHES):
+            stretch = self._measure_speed(duration, robot)[2]
+            if np.all(stretch <= 1.0):
+                break
+            duration = duration * np.maximum(1.0, stretch)
+        return replace(self, duration=duration)
+
+    def _measure_speed(
+        self, duration: Array, robot: Robot
+    ) -> tuple[PchipInterpolator, Array, Array]:
+        """Return curve and sample times for durations, and each segment's speed over the bound."""
+        knots = np.concatenate([[0.0], np.cumsum(duration)])
+        curve = PchipInterpolator(knots, self.keys, axis=0)
+        time = np.arange(0.0, knots[-1] + robot.control_period, robot.control_period)
+        time = np.minimum(time, knots[-1])
+        excess = np.max(np.abs(curve(time, 1)) / (SPEED_SHARE * robot.max_velocity), axis=1)
+        segment = np.minimum(np.searchsorted(knots, time, side="right") - 1, len(duration) - 1)
+        stretch = np.zeros(len(duration))
+        np.maximum.at(stretch, segment, excess)
+        return curve, time, stretch
 
     @property
     def genes(self) -> Array:

@@ -82,10 +82,11 @@ class MotionMaker:
         rows = np.unique(np.linspace(len(versions) - 1, 0, JUDGED).round().astype(int))[::-1]
         best: MadeMotion | None = None
         for row in rows:
-            share = self.judge(versions[row], start)
+            keyframes = versions[row].stretch(self._world.robot)
+            share = self.judge(keyframes, start)
             failure = f"stands in {share:.0%} of disturbed worlds, expected {SOUND:.0%}"
             if best is None or share > best.share:
-                best = MadeMotion(keyframes=versions[row], share=share, failure=failure)
+                best = MadeMotion(keyframes=keyframes, share=share, failure=failure)
             if share >= SOUND:
                 break
         assert best is not None

@@ -1,117 +1,98 @@
-"""Measure how long the search for posture chains takes until a robot stands up.
+"""Measure how long the search for motions takes from each side of a robot.
 
-    python benchmarks/posture_chains.py --robot op3 --side supine --seeds 1,2,3,4,5,6,7,8
+    python benchmarks/posture_chains.py --robot op3 --seeds 1 2 3
 
-The first chain of each seed is replayed in the robot's own physics steps, without feedback, in
-disturbed worlds.
+A row for each side and seed: what was simulated until it had a motion, and that motion.
 """
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
-from statistics import median
 
 import msgspec
 import numpy as np
 import tyro
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
-from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.motions.build import lay_down
-from humanoid_getup.motions.motion import hold_last
-from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
+from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.storage.encoding import to_json
 
-WORLDS = 17  # in which a chain is replayed, the first undisturbed
 
-
-class FoundChain(msgspec.Struct, frozen=True, kw_only=True):
-    """The search of one seed, and the replays of its first chain."""
+class SideRow(msgspec.Struct, frozen=True, kw_only=True):
+    """The search from one side with one seed."""
 
     seed: int
-    stood: bool
-    """Whether it found a chain that stands in all the worlds of the search."""
+    side: str
     simulated_s: float
+    """By all sides together, when this one had its motion, or at the end."""
     processor_s: float
-    progress: float
-    """Of the state that is nearest to a stand; that of the stance is 1."""
-    moves: int = 0
-    replayed: bool = False
-    """Whether the chain stands undisturbed."""
-    disturbed: int = 0
-    """Disturbed worlds in which it stands."""
+    share: float = 0.0
+    """Of 48 disturbed worlds in which the motion stands; 0 without one."""
+    stand_time_s: float = float("nan")
+    keys: int = 0
+    strategy: str = ""
 
 
 def main(
     robot: str = "op3",
-    side: str = "supine",
-    seeds: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 8),
-    cap: float = 8000.0,
+    seeds: tuple[int, ...] = (1, 2, 3),
+    budget: float = 100_000.0,
+    threads: int = 1,
     json: Path | None = None,
 ) -> None:
-    """Search from a side with each seed, on one thread, and print a row of a table for each.
+    """Search one motion from each side with each seed, and print a row of a table for each.
 
     Args:
         robot: Name or folder of a robot.
-        side: Side on which it lies, with its joints as in the stance.
         seeds: Of the search.
-        cap: Simulated time after which a search ends [s].
+        budget: Simulated time after which a search ends [s].
+        threads: Of the simulation.
         json: File for the results.
     """
-    if side not in CLASSES:
-        raise SystemExit(f"--side is '{side}', expected one of {', '.join(CLASSES)}")
     world = World(load_robot(robot))
-    found = [_search(world, side, seed, cap) for seed in seeds]
-    stood = [each for each in found if each.stood]
-    low, high = wilson_interval(len(stood), len(found))
-    print(f"stood {len(stood)} of {len(found)} ({low:.0%} to {high:.0%})")
-    if stood:
-        print(f"median of those {median(each.simulated_s for each in stood):.0f} s simulated")
+    rows = [row for seed in seeds for row in _search(world, seed, budget, threads)]
+    found = [row for row in rows if row.share > 0.0]
+    print(f"{len(found)} of {len(rows)} sides have a motion")
     if json is not None:
-        json.write_text(to_json({"robot": robot, "side": side, "cap_s": cap, "seeds": found}))
+        json.write_text(to_json({"robot": robot, "budget_s": budget, "rows": rows}))
 
 
-def _search(world: World, side: str, seed: int, cap: float) -> FoundChain:
-    lying = lay_down(world, side, world.robot.standing.joint_pos)
-    began = time.process_time()
-    tools = ChainTools(world, np.random.default_rng(seed), SearchSettings(threads=1))
-    search = ChainSearch(tools, lying)
-    while not search.chains and tools.player.simulated < cap:
-        search.advance()
-    found = FoundChain(
-        seed=seed,
-        stood=bool(search.chains),
-        simulated_s=tools.player.simulated,
-        processor_s=time.process_time() - began,
-        progress=search.archive.best.progress,
-    )
-    if search.chains:
-        chain = search.chains[0]
-        sent = chain.sample(world.robot.control_period, tools.player.rest)
-        stood = _replay(world, lying, sent)
-        found = msgspec.structs.replace(
-            found,
-            moves=len(chain.moves),
-            replayed=bool(stood[0]),
-            disturbed=int(stood[1:].sum()),
+def _search(world: World, seed: int, budget: float, threads: int) -> list[SideRow]:
+    begun = time.process_time()
+    settings = SearchSettings(threads=threads)
+    discovery = ChainDiscovery(world, seed=seed, most=1, settings=settings)
+    rows: dict[str, SideRow] = {}
+
+    def add(each: SideSearch, made: MadeMotion | None) -> None:
+        row = SideRow(
+            seed=seed,
+            side=each.side,
+            simulated_s=discovery.simulated,
+            processor_s=time.process_time() - begun,
         )
-    print(f"| {' | '.join(map(_show, msgspec.structs.astuple(found)))} |", flush=True)
-    return found
+        if made is not None and made.motion is not None:
+            row = msgspec.structs.replace(
+                row,
+                share=made.share,
+                stand_time_s=made.motion.stand_time or np.nan,
+                keys=len(made.keyframes.keys),
+                strategy=made.motion.strategy,
+            )
+        rows[each.side] = row
+        print(f"| {' | '.join(map(_show, msgspec.structs.astuple(row)))} |", flush=True)
 
-
-def _replay(world: World, lying: np.ndarray, sent: np.ndarray) -> np.ndarray:
-    """Replay targets (T, n) in all worlds; return where they end in a held stand, (WORLDS,)."""
-    held = hold_last(sent, len(sent) + round((HOLD_TIME + 0.5) / world.robot.control_period))
-    scenarios = USUAL.sample(world, lying, WORLDS, np.random.default_rng(1))
-    record = Experiment(world, threads=1).play(scenarios, [held] * WORLDS, stop_early=True)
-    return Outcome(record, world.robot).stood
+    while not discovery.is_done and discovery.simulated < budget:
+        for each, made in discovery.advance():
+            if made.motion is not None:
+                add(each, made)
+    for each in discovery.sides:
+        if each.side not in rows:
+            add(each, None)
+    return [*rows.values()]
 
 
 def _show(value: object) -> str:

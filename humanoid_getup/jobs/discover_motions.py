@@ -14,6 +14,7 @@ from humanoid_getup.jobs.search_motions import MotionSearch, describe_motion
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.posture_chains.discovery import FOUND_SIDES
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motions
@@ -98,12 +99,12 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
     _check_files(robot, request)
     _check_policy(robot, name)
     monitor.begin("loading")
-    from sim2real.motion_discovery.discovery import SIDES, MotionDiscovery
+    from sim2real.motion_discovery.discovery import MotionDiscovery
 
     discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
     found: list[Discovery] = []
     rises = request.rises or RISES
-    for side in SIDES:
+    for side in FOUND_SIDES:
         if side not in request.sides:
             continue
         count = monitor.count(f"rises ({side})", rises)

@@ -13,6 +13,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.posture_chains.discovery import FOUND_SIDES
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture
 from sim2real.motion_discovery.policy_rise import PolicyRise, collect_rises
@@ -20,8 +21,6 @@ from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
 from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
 from sim2real.motion_discovery.shaping import SMOOTHINGS
 
-SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
-"""Sides from which rises are searched; those from the right mirror those from the left."""
 FINALISTS = 4  # of each wanted motion: rises that are played in all disturbed worlds
 
 
@@ -65,7 +64,7 @@ class MotionDiscovery:
 
         The work done is reported in postures, in steps.
         """
-        rng = np.random.default_rng([self._seed, SIDES.index(start_class)])
+        rng = np.random.default_rng([self._seed, FOUND_SIDES.index(start_class)])
         rises = collect_rises(self._world, self._policy, start_class, count, rng)
         report(count - len(rises))
         replayed: list[Replay] = []

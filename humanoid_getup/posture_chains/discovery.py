@@ -26,6 +26,7 @@ from humanoid_getup.simulation.world import World
 FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """Sides from which rises are searched; those from the right mirror those from the left."""
 PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
+LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times the time until a side's first chain, before a motion is made
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_PATIENCE = 2000.0  # s simulated
@@ -109,15 +110,25 @@ class ChainDiscovery:
 
     def advance(self) -> Iterator[tuple[SideSearch, MadeMotion]]:
         """Search from each side that is not done for one round; yield the motions tried."""
-        for each in self.sides:
-            if each.is_done(self._most):
-                continue
+        for each in self._list_turns():
             before = self.simulated
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before
             if chain := each.take_new():
                 yield each, self._try(each, chain)
+
+    def _list_turns(self) -> list[SideSearch]:
+        """List the sides to search next; without a chain for long, mostly the one that is ahead.
+
+        The others get up by its ways up, once it does.
+        """
+        going = [each for each in self.sides if not each.is_done(self._most)]
+        is_hard = self.simulated > LATE and not any(each.search.chains for each in self.sides)
+        if not is_hard:
+            return going
+        ahead = max(going, key=lambda each: each.search.archive.best.progress)
+        return [*going, *[ahead] * EXTRA_TURNS]
 
     def _try(self, each: SideSearch, chain: PostureChain) -> MadeMotion:
         """Make a motion of a chain; keep it if it can be."""

@@ -87,8 +87,10 @@ class MotionSearch:
                 self._state = self._describe()
                 self._save(SAVED_EVERY)
                 self._show(self._discovery.simulated - begun, budget)
-        finally:
-            self._end()
+        except BaseException:
+            self._save()
+            raise
+        self._end()
 
     def _show(self, simulated: float, budget: float) -> None:
         note = ", ".join(map(_describe_side, self.sides))
@@ -108,8 +110,7 @@ class MotionSearch:
 
     def _write_keys(self, keyframes: Keyframes) -> None:
         path = self._robot.folder / KEYFRAMES
-        known = load_keyframes(path, self._robot) if path.exists() else []
-        there = keyframes.name in {each.name for each in known}
+        there = keyframes.name in self._list_keys()
         (replace_keyframes if there else append_keyframes)(path, [keyframes], self._robot)
 
     def _describe(self) -> dict[str, Any]:
@@ -145,32 +146,46 @@ class MotionSearch:
     def _restore(self) -> None:
         path = self.file(self._robot)
         try:
-            restore_search(path, self._discovery, self._request.seed)
+            restore_search(path, self._discovery, self._request.seed, self._load)
         except FileNotFoundError as error:
             raise BadInputError(
                 f"there is no search to resume: {path} is missing; leave out --resume"
             ) from error
         except SearchFileError as error:
             raise BadInputError(str(error)) from error
-        for each in self.sides:
-            each.kept = [Motion.load(file) for file in self._list_known(each.side)]
+
+    def _load(self, name: str) -> Motion:
+        return Motion.load(motion_file(self._robot.folder, name))
 
     def _check_known(self) -> None:
         """Refuse to begin where an earlier search or its motions are."""
-        known = [file.stem for side in self._request.sides for file in self._list_known(side)]
-        if known and not self._request.resume:
-            raise BadInputError(
-                f"motions of an earlier search are there: {', '.join(known)}; remove them from "
-                f"{self._robot.folder / MOTION_FOLDER} first, or go on with --resume"
-            )
-        if (path := self.file(self._robot)).exists() and not self._request.resume:
+        keys = self._list_keys()  # a damaged file is told before the search
+        if self._request.resume:
+            return
+        if (path := self.file(self._robot)).exists():
             raise BadInputError(
                 f"a search that ended before it was done is there: go on with --resume, or remove "
                 f"{path} first"
             )
+        known = [name for side in self._request.sides for name in self._list_known(side, keys)]
+        if known:
+            raise BadInputError(
+                f"motions of an earlier search are there: {', '.join(known)}; remove them from "
+                f"{self._robot.folder / MOTION_FOLDER} and {KEYFRAMES} first"
+            )
 
-    def _list_known(self, side: str) -> list[Path]:
-        return sorted((self._robot.folder / MOTION_FOLDER).glob(f"{side}_{FOUND}_[0-9]*.npz"))
+    def _list_keys(self) -> list[str]:
+        """List the names of the robot's keyframes."""
+        path = self._robot.folder / KEYFRAMES
+        with refusing():
+            known = load_keyframes(path, self._robot) if path.exists() else []
+        return [each.name for each in known]
+
+    def _list_known(self, side: str, keys: list[str]) -> list[str]:
+        """List motions and keys of an earlier search from a side."""
+        begin = f"{side}_{FOUND}_"
+        files = (self._robot.folder / MOTION_FOLDER).glob(f"{begin}[0-9]*.npz")
+        return sorted({file.stem for file in files} | {n for n in keys if n.startswith(begin)})
 
     def _preflight(self, motion: Motion) -> str:
         """Return why the preflight refuses a motion; "" if it does not."""

@@ -50,8 +50,11 @@ class Archive:
     def drop(self, state: RestingState) -> None:
         """Remove a state, and all whose way from the start, or up, leads through it."""
         lost = [cell for cell, other in self._states.items() if other.leads_through(state)]
+        root = next(iter(self)).root
         for cell in lost:
             del self._states[cell], self._draws[cell]
+        if not self._states:
+            self.add(root)
 
     def draw(self, count: int, rng: np.random.Generator) -> list[RestingState]:
         """Draw states to move on from."""

@@ -126,7 +126,11 @@ class ChainSearch:
             return
         ends = self._player.check(begun, moves, self._tools.settings.worlds)
         checked = [replace(state, qpos=ends.qpos[k, 0].copy()) for k, state in enumerate(new)]
-        for k in np.flatnonzero(ends.are_like(new)):
+        alike = ends.are_like(new)
+        first = [k for k in np.flatnonzero(alike).tolist() if new[k].before is self.start]
+        if first:
+            alike[first] = self._player.repeat([new[k] for k in first], self._scenarios)
+        for k in np.flatnonzero(alike):
             self.archive.add(checked[k])
         stands = [checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))]
         self._finish([ChainEnd(stand=each, own=len(each.path)) for each in stands])

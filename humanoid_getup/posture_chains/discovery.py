@@ -25,6 +25,7 @@ from humanoid_getup.simulation.world import World
 
 FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """Sides from which rises are searched; those from the right mirror those from the left."""
+SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times the time until a side's first chain, before a motion is made
@@ -44,8 +45,6 @@ class SideSearch:
     kept: list[Motion] = field(default_factory=list)
     tried: int = 0
     """Chains of which a motion was tried."""
-    best: MadeMotion | None = None
-    """That which stands most often of those that were not kept."""
     spent: float = 0.0
     """Simulated time of its own batches [s]."""
     repeats: int = 0
@@ -138,17 +137,16 @@ class ChainDiscovery:
         if made.motion is not None:
             each.kept.append(made.motion)
             each.first = min(each.first, each.spent)
-        elif each.best is None or made.share > each.best.share:
-            each.best = made
         return made
 
     def _check(self, each: SideSearch, made: MadeMotion) -> MadeMotion:
         """Refuse a motion that takes a known way, or that is not accepted."""
         if made.motion is None:
             return made
-        way = sample_way(made.motion)
+        way, robot = sample_way(made.motion), self._world.robot
         for other in each.kept:
-            if are_same(way, sample_way(other)):
+            known = [other, other.mirrored(robot)] if each.side in SYMMETRIC else [other]
+            if any(are_same(way, sample_way(motion)) for motion in known):
                 each.repeats += 1
                 return made.refuse(f"takes the way of '{other.name}'")
         reason = self._accept(made.motion)

@@ -150,6 +150,16 @@ class MovePlayer:
             return first
         return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
 
+    def repeat(self, states: Sequence[RestingState], scenarios: Scenarios) -> Bools:
+        """Tell which of M states that are one move from the start are reached in most scenarios."""
+        begun = [state.before for state in states if state.before is not None]
+        moves = [[state.move] for state in states if state.move is not None]
+        tiled = scenarios.tile(len(states))
+        ends = self._arrive(self._trial, tiled, self._sample(begun, moves))
+        cells = np.array([state.cell for state in states])[:, None]
+        near = are_near(ends.features.cells.reshape(len(states), len(scenarios), -1), cells)
+        return np.sum(~near, axis=1) <= MISSES
+
     def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> NDArray[np.int_]:
         """Play M whole chains in K scenarios of their start, in the world's own physics steps.
 

@@ -124,6 +124,14 @@ class RestingState:
         return up is not None or any(state is other for state in self.path)
 
     @property
+    def root(self) -> RestingState:
+        """Return the start from which it was reached, or the stance to which its way up leads."""
+        state = self
+        while state.after is not None:
+            state = state.after
+        return state.path[0]
+
+    @property
     def chain(self) -> PostureChain:
         """Return the moves from the start to here."""
         first, *others = self.path

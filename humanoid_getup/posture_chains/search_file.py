@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from robots.storage.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
@@ -56,10 +57,16 @@ def save_search(path: Path, arrays: Mapping[str, Any]) -> None:
     save_arrays(path, arrays)
 
 
-def restore_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
+def restore_search(
+    path: Path, discovery: ChainDiscovery, seed: int, load: Callable[[str], Motion]
+) -> None:
     """Bring a search that was just begun to the state of a file.
 
-    Motions that were kept are not in the file.
+    Args:
+        path: File.
+        discovery: A search with the same options.
+        seed: Of the search.
+        load: Loads a motion that was kept, by its name.
 
     Raises:
         SearchFileError: if it is damaged, or of another robot, version or seed.
@@ -70,11 +77,11 @@ def restore_search(path: Path, discovery: ChainDiscovery, seed: int) -> None:
         found, expected = to_text(arrays["task"], "task"), identify(discovery, seed)
         if found != expected:
             raise ArchiveError(f"it is of another search: {_compare(found, expected)}")
-        _Reader(arrays, discovery).restore()
+        _Reader(arrays, discovery).restore(load)
     except (ArchiveError, ValueError, KeyError, IndexError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise SearchFileError(
-            f"search file {path}: {reason}; remove it to begin a new search"
+            f"search file {path}: {reason}; give the same options, or remove it to begin anew"
         ) from error
 
 
@@ -182,7 +189,7 @@ class _Reader:
         self._moves = self._read_moves()
         self._states = self._read_states()
 
-    def restore(self) -> None:
+    def restore(self, load: Callable[[str], Motion]) -> None:
         arrays, discovery = self._arrays, self._discovery
         ups = discovery.tools.ways_up
         archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
@@ -190,7 +197,9 @@ class _Reader:
         for archive, members, draws in rows:
             states = [self._states[k] for k in members if k != NOTHING]
             archive.restore(states, draws[: len(states)].tolist())
+        ups.stance = next(up for up in ups if up.after is None)
         for each, risen in zip(discovery.sides, arrays["risen"], strict=True):
+            each.search.start = next(iter(each.search.archive)).path[0]
             each.search.risen = {self._states[k] for k in risen if k != NOTHING}
             each.search.chains, each.search.fresh = [], []
         for side, kind, *moves in arrays["chains"].tolist():
@@ -199,7 +208,7 @@ class _Reader:
             (search.chains, search.fresh)[kind].append(chain)
         ups.paired = {(self._states[s], self._states[u]) for s, u in arrays["paired"]}
         discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
-        _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")))
+        _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")), load)
 
     def _find_chain(self, start: RestingState, moves: Sequence[int]) -> PostureChain:
         return PostureChain(
@@ -252,12 +261,17 @@ def _count(discovery: ChainDiscovery) -> dict[str, Any]:
     player, maker = discovery.tools.player, discovery.maker
     return {
         "simulated": [player.simulated, maker.simulated],
+        "kept": [[motion.name for motion in each.kept] for each in discovery.sides],
         "turns": [each.search.turn for each in discovery.sides],
         "sides": [{name: getattr(each, name) for name in COUNTS} for each in discovery.sides],
     }
 
 
-def _restore_counts(discovery: ChainDiscovery, counts: dict[str, Any]) -> None:
+def _restore_counts(
+    discovery: ChainDiscovery, counts: dict[str, Any], load: Callable[[str], Motion]
+) -> None:
+    for each, names in zip(discovery.sides, counts["kept"], strict=True):
+        each.kept = [load(name) for name in names]
     discovery.tools.player.simulated, discovery.maker.simulated = counts["simulated"]
     for each, turn, row in zip(discovery.sides, counts["turns"], counts["sides"], strict=True):
         each.search.turn = turn

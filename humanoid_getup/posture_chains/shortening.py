@@ -14,6 +14,7 @@ from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.posture_chains.chain_keyframes import STILL
 from humanoid_getup.posture_chains.move_player import OP3_LEG
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots import TorqueLimit
@@ -32,11 +33,9 @@ LEAST_TIME = 0.08  # s between two keys
 ROUNDS = 4
 FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
 RMS_COST, IMPACT_COST = 8.0, 4.0  # s for the servos' full torque, and for 1 m/s
-STILL = np.radians(0.01)
 SWAY = 0.3  # s of hold after the last key, from which early stops count
 
 Change = Callable[[Keyframes], Keyframes]
-Simulated = Callable[[float], None]
 
 
 class Shortener:

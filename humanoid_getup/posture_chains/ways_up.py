@@ -17,7 +17,7 @@ from robots.quaternion import Array
 
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
-CROUCH_ROUNDS, CROUCH_TRIES = 2, 1  # in which crouches are connected, each so often
+CROUCH_ROUNDS = 2  # in which the nearest pairs of crouches and ways up are tried
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 FARTHEST = 1.2  # distance over which states are paired
@@ -81,7 +81,7 @@ class WaysUp:
         missed: RestingState | None = state
         for _ in range(steps):
             missed = missed.after if missed is not None else None
-        if steps and missed is not None and missed is not self.stance:
+        if steps and missed is not None and missed.after is not None:
             self.archive.drop(missed)
 
     def pair(
@@ -109,9 +109,10 @@ class WaysUp:
 
     def _add_crouches(self, rng: np.random.Generator) -> None:
         """File the crouches that hold, and from which a move leads to a state with a way up."""
-        waiting = self._hold(self._moves.crouches)
+        if not (waiting := self._hold(self._moves.crouches)):
+            return
         for _ in range(CROUCH_ROUNDS):
-            pairs = self.pair(waiting, CROUCH_TRIES * len(waiting))
+            pairs = self.pair(waiting, len(waiting))
             if not pairs:
                 return
             onward = [self.aim(state, up, rng) for state, up in pairs]

@@ -45,6 +45,7 @@ def draw_motions(robot: Robot, motions: Sequence[Motion], path: Path) -> None:
         shown = [f"{time:.1f} s" for time in times]
         shown[0] = f"{motion.name}"
         captions += [*shown, *[""] * (film_strip.COLUMNS - len(frames))]
+    path.parent.mkdir(parents=True, exist_ok=True)
     film_strip.save_sheet(np.concatenate(pictures), captions, path, title=f"{robot.name}: motions")
 
 

@@ -92,15 +92,18 @@ def discover(command: DiscoverRequest) -> int:
         console.print(f"film strips in {found.picture}", markup=False)
     if found.wanting:
         console.print(f"no motion from: {', '.join(found.wanting)}", markup=False)
-    console.print(f"next: {_name_next(found, command)}", markup=False, soft_wrap=True)
+    if following := _name_next(found, command):
+        console.print(f"next: {following}", markup=False, soft_wrap=True)
     return DID_NOT_STAND if found.wanting else DID_IT
 
 
 def _name_next(found: DiscoveredMotions, command: DiscoverRequest) -> str:
-    """Name the command after a discovery."""
+    """Name the command after a discovery; empty if there is none."""
     if found.wanting and found.goes_on:
         return write_command("motions discover", replace(command, resume=True))
-    return f"getup rise {name_robot(found.robot)} --from supine"
+    if not found.motions:
+        return ""
+    return f"getup rise {name_robot(found.robot)} --from {found.motions[0].start_class}"
 
 
 def import_motion(command: ImportKeysRequest) -> int:

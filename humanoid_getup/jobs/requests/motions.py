@@ -106,6 +106,8 @@ class DiscoverRequest(TorqueOptions, RobotOption):
     def find_problems(self) -> list[str]:
         """Report options of a search with a policy, and the reverse, as well."""
         problems = super().find_problems()
+        if not self.sides:
+            problems.append(f"--sides is empty, expected {name_choices(SEARCHED_SIDES)}")
         problems += [
             f"--sides is '{side}', expected {name_choices(SEARCHED_SIDES)}"
             for side in self.sides

@@ -96,6 +96,7 @@ def test_motions_of_an_earlier_search_are_never_replaced(bare: Path, getup: Getu
     code, _, err = getup("--most", "1")
     assert code == 2
     assert "motions of an earlier search are there: supine_found_1, prone_found_1" in err
+    assert "--resume" not in err
     assert {file: file.read_bytes() for file in (bare / "motions").iterdir()} == before
 
 

@@ -1,12 +1,12 @@
 """A search goes on from its file as if it had never ended."""
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.search_file import (
@@ -16,6 +16,7 @@ from humanoid_getup.posture_chains.search_file import (
     save_search,
 )
 from humanoid_getup.simulation.world import World
+from robots import Body, load_robot
 from robots.storage.arrays import save_arrays
 
 SMALL = SearchSettings(batch=6, worlds=2, threads=1)
@@ -28,6 +29,10 @@ def begin(world: World, seed: int = 3) -> ChainDiscovery:
 def advance(discovery: ChainDiscovery) -> None:
     for _ in discovery.advance():
         pass
+
+
+def load(name: str) -> Motion:
+    raise AssertionError(f"{name}: no motion was kept")
 
 
 def describe(discovery: ChainDiscovery) -> dict[str, Sequence[object]]:
@@ -54,18 +59,18 @@ def saved(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
 def test_a_restored_search_goes_on_alike(world: World, saved: tuple[Path, ChainDiscovery]):
     path, went_on = saved
     restored = begin(world)
-    restore_search(path, restored, 3)
+    restore_search(path, restored, 3, load)
     assert describe(restored) != describe(went_on)
     advance(restored)
     assert describe(restored) == describe(went_on)
 
 
 def test_a_file_of_another_search_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):
-    with pytest.raises(SearchFileError, match="its seed is 3, expected 4; remove it"):
-        restore_search(saved[0], begin(world, seed=4), 4)
-    heavier = World(dataclasses.replace(world.robot, name="other"))
-    with pytest.raises(SearchFileError, match="of another search: its"):
-        restore_search(saved[0], begin(heavier), 3)
+    with pytest.raises(SearchFileError, match="its seed is 3, expected 4; give the same"):
+        restore_search(saved[0], begin(world, seed=4), 4, load)
+    longer = World(load_robot("op3", Body.parse("legs=1.1")))
+    with pytest.raises(SearchFileError, match="of another search: its world differs"):
+        restore_search(saved[0], begin(longer), 3, load)
 
 
 def test_a_damaged_file_is_refused_in_one_line(
@@ -74,7 +79,7 @@ def test_a_damaged_file_is_refused_in_one_line(
     broken = tmp_path / "broken.npz"
     broken.write_bytes(saved[0].read_bytes()[:-40])
     with pytest.raises(SearchFileError, match="damaged") as error:
-        restore_search(broken, begin(world), 3)
+        restore_search(broken, begin(world), 3, load)
     assert "\n" not in str(error.value)
 
 
@@ -86,4 +91,23 @@ def test_a_file_whose_states_lead_in_circles_is_refused(
     content["links"][0, 0] = 1
     save_arrays(tmp_path / "circle.npz", content)
     with pytest.raises(SearchFileError, match="state 0 leads to one after it"):
-        restore_search(tmp_path / "circle.npz", begin(world), 3)
+        restore_search(tmp_path / "circle.npz", begin(world), 3, load)
+
+
+def test_a_stand_that_is_not_held_does_not_end_the_ways_up(
+    world: World, saved: tuple[Path, ChainDiscovery]
+):
+    restored = begin(world)
+    restore_search(saved[0], restored, 3, load)
+    ups = restored.tools.ways_up
+    before = [*ups]
+    deep = max(ups, key=lambda up: up.depth)
+    ups.drop(deep, deep.depth)
+    assert [*ups] == before
+    advance(restored)
+
+
+def test_a_search_for_other_sides_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):
+    other = ChainDiscovery(world, seed=3, sides=("prone",), most=1, settings=SMALL)
+    with pytest.raises(SearchFileError, match=r"its sides is .*; give the same options, or remove"):
+        restore_search(saved[0], other, 3, load)

@@ -90,7 +90,7 @@ def test_a_side_without_motion_is_named_where_planning_fails(
     for side, orientation in starts.items():
         start = replace(posture, orientation=np.array(orientation) / np.linalg.norm(orientation))
         reason = planner.plan(start, np.random.default_rng(0)).reason
-        assert ("has no motion from supine; next: getup motions build" in reason) == (
+        assert ("has no motion from supine; next: getup motions discover" in reason) == (
             side == "supine"
         )
     assert planner.describe_gap(None) == planner.describe_gap("fall.json") == ""

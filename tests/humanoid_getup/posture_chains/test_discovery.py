@@ -1,0 +1,85 @@
+"""A discovery keeps motions of different ways, and knows when a side is done."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.motions.keyframes_file import load_keyframes
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.posture_chains.chain_search import ChainSearch, SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery
+from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from humanoid_getup.posture_chains.resting_state import PostureChain
+from humanoid_getup.simulation.world import World
+
+SMALL = SearchSettings(batch=2, worlds=2, threads=1)
+Begin = Callable[..., ChainDiscovery]
+
+
+@pytest.fixture
+def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
+    """Return a function that begins a discovery whose chains become given motions, in turn."""
+
+    def find_chain(self: ChainSearch) -> None:
+        if self.turn == 0:
+            self.fresh += [
+                PostureChain(start=self.start.qpos, held=self.start.target, moves=())
+            ] * 9
+        self.turn += 1
+
+    def make_discovery(
+        *names: str, most: int = 1, side: LyingSide = "supine", **fields: Callable[[Motion], str]
+    ) -> ChainDiscovery:
+        motions = iter([find_motion(world.robot, name) for name in names])
+        keyframes = load_keyframes(world.robot.folder / "keyframes.toml", world.robot)[0]
+
+        def make(_chain: PostureChain, _rest: float, *, name: str, start_class: str) -> MadeMotion:
+            motion = replace(next(motions), name=name)
+            return MadeMotion(keyframes=keyframes, share=1.0, motion=motion)
+
+        discovery = ChainDiscovery(
+            world, seed=0, sides=(side,), most=most, settings=SMALL, **fields
+        )
+        monkeypatch.setattr(discovery.maker, "make", make)
+        return discovery
+
+    monkeypatch.setattr(ChainSearch, "advance", find_chain)
+    return make_discovery
+
+
+def run(discovery: ChainDiscovery, rounds: int) -> list[str]:
+    return [made.failure for _ in range(rounds) for _, made in discovery.advance()]
+
+
+def test_a_side_is_done_with_so_many_motions(begin: Begin):
+    discovery = begin("supine_sit_up_fast")
+    assert not discovery.is_done
+    assert run(discovery, 3) == [""]
+    assert discovery.is_done
+    assert [motion.name for motion in discovery.sides[0].kept] == ["supine_found_1"]
+
+
+def test_a_second_motion_takes_another_way(begin: Begin):
+    discovery = begin("supine_sit_up_fast", "supine_sit_up_fast", "supine_roll_over", most=2)
+    assert run(discovery, 3) == ["", "takes the way of 'supine_found_1'", ""]
+    assert [motion.name for motion in discovery.sides[0].kept] == [
+        "supine_found_1",
+        "supine_found_2",
+    ]
+
+
+def test_mirror_images_are_one_way(begin: Begin):
+    names = ("supine_roll_over", "supine_roll_over_mirrored", "supine_roll_over")
+    discovery = begin(*names, most=2)
+    assert run(discovery, 5) == ["", *["takes the way of 'supine_found_1'"] * 2]
+    assert discovery.is_done  # two of one way: there is no other in sight
+
+
+def test_what_is_not_accepted_is_not_kept(begin: Begin):
+    discovery = begin("supine_sit_up_fast", "supine_sit_up_fast", accept=lambda _: "too hot")
+    assert run(discovery, 2) == ["too hot"] * 2
+    assert not discovery.sides[0].kept
+    assert not discovery.is_done

@@ -36,7 +36,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         motions = iter([find_motion(world.robot, name) for name in names])
         keyframes = load_keyframes(world.robot.folder / "keyframes.toml", world.robot)[0]
 
-        def make(_chain: PostureChain, _rest: float, *, name: str, start_class: str) -> MadeMotion:
+        def make(_chain: PostureChain, _rest: float, *, name: str, **_: str) -> MadeMotion:
             motion = replace(next(motions), name=name)
             return MadeMotion(keyframes=keyframes, share=1.0, motion=motion)
 

@@ -255,6 +255,10 @@ class Robot(JointArrays):
         """Exchange left and right in joint angles, (..., n)."""
         return joint_pos[..., self.mirror_index] * self.mirror_sign
 
+    def symmetrize(self, joint_pos: Array) -> Array:
+        """Return the mean of joint angles (..., n) and their mirror image."""
+        return 0.5 * (joint_pos + self.mirror_joints(joint_pos))
+
     def spec(self) -> mujoco.MjSpec:
         """Build the robot's model with one position servo a joint, in joint order."""
         spec = self.read_model()

@@ -10,11 +10,10 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.search_motions import MotionSearch, describe_motion
+from humanoid_getup.jobs.search_motions import MotionSearch, choose_sides, describe_motion
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.posture_chains.discovery import FOUND_SIDES
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motions
@@ -76,7 +75,7 @@ def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMot
     return DiscoveredMotions(
         robot=robot,
         motions=tuple(motion for each in searching.sides for motion in each.kept),
-        wanting=tuple(each.side for each in searching.sides if not each.kept),
+        wanting=searching.list_wanting(),
         goes_on=searching.file(robot).exists(),
         picture=None,
     )
@@ -104,9 +103,7 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
     discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
     found: list[Discovery] = []
     rises = request.rises or RISES
-    for side in FOUND_SIDES:
-        if side not in request.sides:
-            continue
+    for side in choose_sides(request):
         count = monitor.count(f"rises ({side})", rises)
         found.append(discovery.search(side, rises, request.most, count))
         for motion in found[-1].motions:

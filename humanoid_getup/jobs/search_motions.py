@@ -6,9 +6,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import make_torque_limit
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
+from humanoid_getup.jobs.requests.values import name_choices
 from humanoid_getup.motions.build import UNFINISHED, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
@@ -21,16 +22,12 @@ from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import FOUND_SIDES, ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
-from humanoid_getup.posture_chains.search_file import (
-    SearchFileError,
-    describe_search,
-    restore_search,
-    save_search,
-)
+from humanoid_getup.posture_chains.search_file import describe_search, restore_search
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
-from robots import Robot
+from robots import Robot, TorqueLimit
 from robots.body.limbs import Limbs
+from robots.storage.arrays import save_arrays
 
 BUDGET = 300_000.0  # s simulated
 SAVED_EVERY = 60.0  # s
@@ -56,20 +53,27 @@ class MotionSearch:
         self._discovery = ChainDiscovery(
             self._world,
             seed=request.seed,
-            sides=tuple(side for side in FOUND_SIDES if side in request.sides),
+            sides=choose_sides(request),
             most=request.most,
-            settings=SearchSettings(limit=make_torque_limit(request, robot)),
+            settings=SearchSettings(limit=_make_limit(request, robot)),
             accept=self._preflight,
         )
         if request.resume:
             self._restore()
         self._saved, self._state = time.monotonic(), self._describe()
+        for side in self._discovery.skipped:
+            monitor.tell(f"{side}: no posture was found in which the robot stays on this side")
         self._tell_weakness()
 
     @property
     def sides(self) -> list[SideSearch]:
         """Return the searches from each side."""
         return self._discovery.sides
+
+    def list_wanting(self) -> tuple[str, ...]:
+        """List the sides without a motion."""
+        kept = {each.side for each in self.sides if each.kept}
+        return tuple(side for side in choose_sides(self._request) if side not in kept)
 
     @staticmethod
     def file(robot: Robot) -> Path:
@@ -123,7 +127,7 @@ class MotionSearch:
             return
         path = self.file(self._robot)
         path.parent.mkdir(exist_ok=True)
-        save_search(path, self._state)
+        save_arrays(path, self._state)
         self._saved = time.monotonic()
 
     def _end(self) -> None:
@@ -151,7 +155,7 @@ class MotionSearch:
             raise BadInputError(
                 f"there is no search to resume: {path} is missing; leave out --resume"
             ) from error
-        except SearchFileError as error:
+        except ValueError as error:
             raise BadInputError(str(error)) from error
 
     def _load(self, name: str) -> Motion:
@@ -167,7 +171,8 @@ class MotionSearch:
                 f"a search that ended before it was done is there: go on with --resume, or remove "
                 f"{path} first"
             )
-        known = [name for side in self._request.sides for name in self._list_known(side, keys)]
+        sides = choose_sides(self._request)
+        known = [name for side in sides for name in self._list_known(side, keys)]
         if known:
             raise BadInputError(
                 f"motions of an earlier search are there: {', '.join(known)}; remove them from "
@@ -191,6 +196,27 @@ class MotionSearch:
         """Return why the preflight refuses a motion; "" if it does not."""
         verdict = preflight(self._world, motion, voltage=self._robot.supply_voltage)
         return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
+
+
+def choose_sides(request: DiscoverRequest) -> tuple[LyingSide, ...]:
+    """Choose the sides from which motions are searched, in their usual order.
+
+    Raises:
+        BadInputError: if a side is unknown.
+    """
+    problems = [
+        f"--sides is '{side}', expected {name_choices(FOUND_SIDES)}"
+        for side in request.sides
+        if side not in FOUND_SIDES
+    ]
+    if problems:
+        raise BadInputError(*problems)
+    return tuple(side for side in FOUND_SIDES if side in (request.sides or FOUND_SIDES))
+
+
+def _make_limit(request: DiscoverRequest, robot: Robot) -> TorqueLimit:
+    with refusing():
+        return TorqueLimit(request.torque_limit).on(robot)
 
 
 def describe_motion(motion: Motion) -> str:

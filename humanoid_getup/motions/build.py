@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.experiments.starts.falls import settle_posture
+from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.motions.course import join
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_writer import format_keyframes
@@ -32,6 +33,7 @@ UNFINISHED = "unfinished"
 SOUND = 0.8  # share of disturbed worlds in which a motion should end as it should
 ENTRY_STRIDE = 12  # frames between the entries that are tried
 ENTRY_BATCH = 32
+POSTURES = 60  # in which a robot is laid on its side, at most
 
 ATTITUDES = {
     "supine": ((0.0, 1.0, 0.0), -math.pi / 2),
@@ -155,6 +157,30 @@ def lay_down(world: World, start_class: str, joint_pos: Array) -> Array:
         joint_pos=joint_pos,
     )
     return settle_posture(world, posture)
+
+
+def lay_down_at_random(world: World, start_class: str, rng: np.random.Generator) -> Array:
+    """Lay a robot down in a random symmetric posture that its servos hold; return (nq,)."""
+    robot = world.robot
+    home, share = robot.standing.joint_pos, rng.uniform()
+    anywhere = rng.uniform(robot.lower, robot.upper)
+    angles = robot.symmetrize(home + share * (anywhere - home))
+    return lay_down(world, start_class, np.clip(angles, robot.lower, robot.upper))
+
+
+def lay_on_side(world: World, side: LyingSide, rng: np.random.Generator) -> Array | None:
+    """Find a posture in which a robot stays on one side; return MuJoCo positions (nq,).
+
+    The first that is tried has the joints of the stance; a robot may roll off its side in it.
+    None if it does so in random postures, too.
+    """
+    layout = world.robot.layout(world.model)
+    qpos = lay_down(world, side, world.robot.standing.joint_pos)
+    for _ in range(POSTURES):
+        if classify(qpos[layout.root_orientation]) == side:
+            return qpos
+        qpos = lay_down_at_random(world, side, rng)
+    return None
 
 
 class NoEntryError(RuntimeError):

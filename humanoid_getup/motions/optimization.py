@@ -59,6 +59,8 @@ class TrajectoryOptimizer:
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._coarse = Experiment(coarse, threads=threads)
         self._fine = Experiment(world, threads=threads)
+        self.simulated = 0.0
+        """Time simulated so far [s]."""
 
     def optimize(
         self,
@@ -167,6 +169,7 @@ class TrajectoryOptimizer:
         )
         n = len(candidates)
         record = experiment.play(scenarios.tile(n), np.repeat(targets, each, axis=0))
+        self.simulated += record.duration
         durations = np.repeat([c.duration.sum() for c in candidates], each)
         cost, stood = score(record, self.world, candidates[0], hold, preference, durations)
         return cost.reshape(n, each).mean(axis=1), stood.reshape(n, each)

@@ -8,9 +8,12 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import StartClass
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from robots import Robot
+from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 TIME_COST, TORQUE_COST = 0.5, 1.0  # of a motion that is optimized later
 STILL = np.radians(0.01)  # change of a target below which a joint does not move
+TIMED = 2001  # shares of the time at which a move's smooth step is inverted
 FOUND = "found"
 """Strategy of a chain until it is known what it passes."""
 
@@ -25,7 +28,7 @@ def make_keyframes(
     keys, durations = [chain.held], list[float]()
     for move in chain.moves:
         keys += [*move.knots, move.target]
-        durations += [move.duration / len(move.knots)] * len(move.knots) + [rest]
+        durations += [*move.duration * np.diff(_time_knots(len(move.knots))), rest]
     keys[-1] = robot.standing.joint_pos
     moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
     free = np.union1d(moving, robot.mirror_index[moving])
@@ -41,3 +44,12 @@ def make_keyframes(
         time_cost=TIME_COST,
         torque_cost=TORQUE_COST,
     )
+
+
+def _time_knots(count: int) -> Array:
+    """Return the shares of a move's time at which it is at its start and its knots, (P+1,).
+
+    A move is a smooth step over all its knots: it takes longer to the first and to the last.
+    """
+    share = np.linspace(0.0, 1.0, TIMED)
+    return np.interp(np.linspace(0.0, 1.0, count + 1), smooth_step(share), share)

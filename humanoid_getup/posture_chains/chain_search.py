@@ -87,8 +87,8 @@ class ChainSearch:
         self.archive.add(self.start)
         self.chains: list[PostureChain] = []
         """The shortest chains found so far that stand in all worlds, the shortest first."""
-        self.fresh: list[PostureChain] = []
-        """Those that nobody has taken yet."""
+        self.untried: list[PostureChain] = []
+        """Those of which no motion was tried yet."""
         self.turn = 0
         """Batches so far."""
         self.risen: set[RestingState] = set()
@@ -111,7 +111,7 @@ class ChainSearch:
 
     def _try(self, states: list[RestingState], moves: list[PostureMove]) -> None:
         """Try moves; file where they lead if that is new, and the same in all worlds."""
-        tried, new = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
+        tried, new = self._player.try_out(states, moves), list[RestingState]()
         for k in np.flatnonzero(tried.rests[:, 0]):
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
             state = tried.state(int(k), moves[k].target, **fields)
@@ -121,7 +121,7 @@ class ChainSearch:
 
     def _check(self, new: list[RestingState]) -> None:
         begun = [state.before for state in new if state.before is not None]
-        moves = [[state.move] for state in new if state.move is not None]
+        moves = [state.move for state in new if state.move is not None]
         if not begun:
             return
         ends = self._player.check(begun, moves, self._tools.settings.worlds)
@@ -148,7 +148,7 @@ class ChainSearch:
         for end, number in zip(ends, lost.tolist(), strict=True):
             if number == STANDS:
                 self.chains.append(end.stand.chain)
-                self.fresh.append(self.chains[-1])
+                self.untried.append(self.chains[-1])
                 self._tools.ways_up.add_chain(end.stand)
             elif number < end.own:
                 self._tools.ways_up.add_chain(end.stand, number)
@@ -156,7 +156,7 @@ class ChainSearch:
             elif end.up is not None:
                 self._tools.ways_up.drop(end.up, number - end.own)
         self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
-        self.fresh = sorted(self.fresh, key=lambda chain: chain.duration)[:MOST_CHAINS]
+        self.untried = sorted(self.untried, key=lambda chain: chain.duration)[:MOST_CHAINS]
 
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
@@ -170,25 +170,22 @@ class ChainSearch:
         self, states: list[RestingState]
     ) -> tuple[list[RestingState], list[PostureMove]]:
         """Make moves straight to the stance, and through higher squats."""
-        home, moves = self._tools.world.robot.standing.joint_pos, self._tools.moves
+        moves, scale = self._tools.moves, self._player.scale
         begun, rises = list[RestingState](), list[PostureMove]()
         for state in states:
             neck = float(self._player.meter.measure(state.qpos[None]).neck[0])
-            higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN][::-1]
-            ways = [(home[None], time, "stance") for time in RISE_TIMES]
-            ways += [(np.vstack([higher, home]), time, "squats") for time in RISE_TIMES[1:]]
-            for knots, time, kind in ways:
-                begun.append(state)
-                rises.append(
-                    PostureMove(knots=knots, duration=time * self._player.scale, kind=kind)
-                )
+            higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN]
+            ways = [moves.rise(higher[:0], time * scale) for time in RISE_TIMES]
+            ways += [moves.rise(higher, time * scale) for time in RISE_TIMES[1:]]
+            begun += [state] * len(ways)
+            rises += ways
         return begun, rises
 
     def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
         """Move to the targets of states with a way up; where that leads there, go on up."""
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
         moves = [self._tools.ways_up.aim(state, up, self._tools.rng) for state, up in pairs]
-        tried, other = self._player.try_out(states, [[m] for m in moves]), list[RestingState]()
+        tried, other = self._player.try_out(states, moves), list[RestingState]()
         linked, reached = list[int](), list[RestingState]()
         for k in np.flatnonzero(tried.rests[:, 0]):
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
@@ -202,7 +199,7 @@ class ChainSearch:
         if not linked:
             return
         ends = self._player.check(
-            [states[k] for k in linked], [[moves[k]] for k in linked], self._tools.settings.worlds
+            [states[k] for k in linked], [moves[k] for k in linked], self._tools.settings.worlds
         )
         joined = [linked[row] for row in np.flatnonzero(ends.are_like(reached))]
         self._finish([_join(states[k], moves[k], ups[k]) for k in joined])

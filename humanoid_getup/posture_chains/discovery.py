@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.build import lay_on_side
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.chain_keyframes import FOUND
 from humanoid_getup.posture_chains.chain_search import (
@@ -26,11 +26,11 @@ from humanoid_getup.simulation.world import World
 FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 """Sides from which rises are searched; those from the right mirror those from the left."""
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
-PATIENCE = 1.0  # share of the time until a side's first motion that is spent on further ones
+FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times the time until a side's first chain, before a motion is made
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
-LEAST_PATIENCE = 2000.0  # s simulated
+LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
 Accept = Callable[[Motion], str]
 """Returns why a motion cannot be kept; "" if it can."""
@@ -56,22 +56,22 @@ class SideSearch:
 
     def is_done(self, most: int) -> bool:
         """Tell whether it has so many motions, or one and nothing else in sight."""
-        patience = max(PATIENCE * self.first, LEAST_PATIENCE)
-        tired = self.spent > self.first + patience or self.repeats >= MOST_REPEATS
-        return len(self.kept) >= most or (bool(self.kept) and tired)
+        further = max(FURTHER_SHARE * self.first, LEAST_FURTHER)
+        has_ended = self.spent > self.first + further or self.repeats >= MOST_REPEATS
+        return len(self.kept) >= most or (bool(self.kept) and has_ended)
 
-    def take_new(self) -> PostureChain | None:
+    def take_chain(self) -> PostureChain | None:
         """Take the shortest chain of which no motion was tried yet, if there is one.
 
         After the first one that is found, shorter ones have some time to be found as well.
         """
-        if not self.search.fresh:
+        if not self.search.untried:
             return None
         self.found = min(self.found, self.spent)
         if not self.tried and self.spent < WAITING * self.found:
             return None
         self.tried += 1
-        return self.search.fresh.pop(0)
+        return self.search.untried.pop(0)
 
 
 class ChainDiscovery:
@@ -92,10 +92,14 @@ class ChainDiscovery:
         self.tools = ChainTools(world, np.random.default_rng(seed), settings)
         self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)
         self._world, self._most, self._accept = world, most, accept
-        home = world.robot.standing.joint_pos
+        starts = {side: lay_on_side(world, side, self.tools.rng) for side in sides}
         self.sides = [
-            SideSearch(side, ChainSearch(self.tools, lay_down(world, side, home))) for side in sides
+            SideSearch(side, ChainSearch(self.tools, start))
+            for side, start in starts.items()
+            if start is not None
         ]
+        self.skipped = tuple(side for side, start in starts.items() if start is None)
+        """Sides on which the robot does not stay."""
 
     @property
     def simulated(self) -> float:
@@ -114,7 +118,7 @@ class ChainDiscovery:
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before
-            if chain := each.take_new():
+            if chain := each.take_chain():
                 yield each, self._try(each, chain)
 
     def _list_turns(self) -> list[SideSearch]:

@@ -81,10 +81,9 @@ class _Rise:
         self._world, self._experiment = world, Experiment(world, threads=1)
         robot, angles = world.robot, moves.squats[squat]
         self._start = place(robot, world.model, replace(robot.standing, joint_pos=angles))
-        knots = np.vstack([moves.squats[:squat][::-1], robot.standing.joint_pos])
         way = [
             PostureMove(knots=angles[None], duration=HOLDING * scale, kind="hold"),
-            PostureMove(knots=knots, duration=SQUAT_TIME * scale, kind="squats"),
+            moves.rise(moves.squats[:squat], SQUAT_TIME * scale),
         ]
         self._targets = sample_moves(angles, way, robot.control_period, HOLDING * scale)
 

@@ -46,7 +46,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrivals:
-    """Where M sequences of moves end, in K worlds each."""
+    """Where M moves end, in K worlds each."""
 
     qpos: Array
     """MuJoCo positions, (M, K, nq)."""
@@ -58,7 +58,7 @@ class Arrivals:
     """Which ones are upright on their feet, (M, K)."""
 
     def are_like(self, states: Sequence[RestingState]) -> Bools:
-        """Tell which sequences end in all worlds like their state, (M,): near, and not behind."""
+        """Tell which moves end in all worlds like their state, (M,): near, and not behind."""
         shape = self.rests.shape
         cells = np.array([state.cell for state in states])
         progress = np.array([state.progress for state in states])
@@ -68,7 +68,7 @@ class Arrivals:
         return np.all(self.rests & near & kept, axis=1)
 
     def join(self, others: Arrivals) -> Arrivals:
-        """Join the ends of the same sequences in further worlds."""
+        """Join the ends of the same moves in further worlds."""
         return Arrivals(
             qpos=np.concatenate([self.qpos, others.qpos], axis=1),
             features=self.features.join(others.features, len(self.qpos)),
@@ -134,17 +134,16 @@ class MovePlayer:
         """Describe a robot at rest at MuJoCo positions (nq,), with held targets (n,)."""
         return make_state(qpos, target, self.meter.measure(qpos[None]), 0)
 
-    def try_out(
-        self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]]
-    ) -> Arrivals:
-        """Play a sequence of moves from each of M states, undisturbed and coarsely."""
-        return self._arrive(self._trial, self._make_nominal(states), self._sample(states, moves))
+    def try_out(self, states: Sequence[RestingState], moves: Sequence[PostureMove]) -> Arrivals:
+        """Play a move from each of M states, undisturbed and coarsely."""
+        targets = self._sample(states, [[move] for move in moves])
+        return self._arrive(self._trial, self._make_nominal(states), targets)
 
     def check(
-        self, states: Sequence[RestingState], moves: Sequence[Sequence[PostureMove]], worlds: int
+        self, states: Sequence[RestingState], moves: Sequence[PostureMove], worlds: int
     ) -> Arrivals:
-        """Play a sequence of moves from each of M states in K worlds, the first undisturbed."""
-        targets = self._sample(states, moves)
+        """Play a move from each of M states in K worlds, the first undisturbed."""
+        targets = self._sample(states, [[move] for move in moves])
         first = self._arrive(self._finer, self._make_nominal(states), targets)
         if worlds == 1:
             return first

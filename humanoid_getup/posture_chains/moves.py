@@ -77,6 +77,12 @@ class RandomMoves:
             moves.append(PostureMove(knots=drawn[None], duration=duration, kind=kind))
         return moves
 
+    def rise(self, higher: Array, duration: float) -> PostureMove:
+        """Make the move through higher squats (k, n), from high to deep, to the stance."""
+        knots = np.vstack([higher[::-1], self._robot.standing.joint_pos])
+        kind = "squats" if len(higher) else "stance"
+        return PostureMove(knots=knots, duration=duration, kind=kind)
+
     def least_duration(self, before: Array, after: Array) -> float:
         """Return the shortest time between targets (n,) [s]."""
         return float((np.abs(after - before) / self._speed).max())
@@ -143,7 +149,7 @@ class RandomMoves:
         )
         moved[legs] = squat[legs] + rng.normal(scale=SQUAT_SPREAD, size=len(legs))
         if rng.random() < EVEN:
-            moved[legs] = 0.5 * (moved + self._robot.mirror_joints(moved))[legs]
+            moved[legs] = self._robot.symmetrize(moved)[legs]
         if rng.random() < ARMS_TOO:
             others = np.setdiff1d(np.arange(self._robot.n), legs)
             moved[others] = squat[others]

@@ -137,12 +137,3 @@ class RestingState:
         first, *others = self.path
         moves = tuple(state.move for state in others if state.move is not None)
         return PostureChain(start=first.qpos, held=first.target, moves=moves)
-
-    @property
-    def way_up(self) -> tuple[PostureMove, ...]:
-        """Return the moves from here to a stand."""
-        moves, state = list[PostureMove](), self
-        while state.after is not None and state.onward is not None:
-            moves.append(state.onward)
-            state = state.after
-        return tuple(moves)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,48 +13,40 @@ import numpy as np
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
-from robots.storage.arrays import ArchiveError, load_arrays, save_arrays, to_numbers, to_text
+from humanoid_getup.progress.ledger import check_recipe
+from robots.storage.arrays import load_arrays, to_numbers, to_text
 
 VERSION = 1
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
 ARCHIVES = ("members", "draws", "chains", "risen", "paired")
-TEXTS = ("task", "rng", "counts")
+TEXTS = ("recipe", "rng", "counts")
 COUNTS = ("tried", "repeats", "spent", "found", "first")
 """Numbers of a side."""
 NOTHING = -1
+REMEDY = "give the same options, or remove the file to begin again"
 
 
-class SearchFileError(ValueError):
-    """A file is not that of this search; the message says why, in one line."""
-
-
-def identify(discovery: ChainDiscovery, seed: int) -> str:
+def make_recipe(discovery: ChainDiscovery, seed: int) -> dict[str, Any]:
     """Describe what a search must have in common with a file to go on from it."""
     settings, world = discovery.tools.settings, discovery.tools.world
-    return json.dumps(
-        {
-            "version": VERSION,
-            "world": hashlib.sha256(world.content).hexdigest(),
-            "robot": world.robot.name,
-            "seed": seed,
-            "sides": [each.side for each in discovery.sides],
-            "batch": settings.batch,
-            "worlds": settings.worlds,
-            "limit": [settings.limit.value, settings.limit.by],
-        }
-    )
+    return {
+        "version": VERSION,
+        "world": hashlib.sha256(world.content).hexdigest(),
+        "robot": world.robot.name,
+        "seed": seed,
+        "sides": [each.side for each in discovery.sides],
+        "batch": settings.batch,
+        "worlds": settings.worlds,
+        "torque_limit": settings.limit.value,
+    }
 
 
 def describe_search(discovery: ChainDiscovery, seed: int) -> dict[str, Any]:
     """Describe the state of a search between two rounds by the arrays of a file."""
-    return _Writer(discovery).write() | {"task": identify(discovery, seed)}
-
-
-def save_search(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write the state of a search, completely or not at all."""
-    save_arrays(path, arrays)
+    recipe = json.dumps(make_recipe(discovery, seed))
+    return _Writer(discovery).write() | {"recipe": recipe}
 
 
 def restore_search(
@@ -69,30 +61,20 @@ def restore_search(
         load: Loads a motion that was kept, by its name.
 
     Raises:
-        SearchFileError: if it is damaged, or of another robot, version or seed.
+        ValueError: if it is damaged, or of another robot, version or seed.
         OSError: if it cannot be read.
     """
     try:
         arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
-        found, expected = to_text(arrays["task"], "task"), identify(discovery, seed)
-        if found != expected:
-            raise ArchiveError(f"it is of another search: {_compare(found, expected)}")
+        kept = json.loads(to_text(arrays["recipe"], "recipe"))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error} ({REMEDY})") from error
+    check_recipe(path, make_recipe(discovery, seed), kept, REMEDY)
+    try:
         _Reader(arrays, discovery).restore(load)
-    except (ArchiveError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (ValueError, KeyError, IndexError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise SearchFileError(
-            f"search file {path}: {reason}; give the same options, or remove it to begin anew"
-        ) from error
-
-
-def _compare(found: str, expected: str) -> str:
-    """Name the first thing that two searches do not have in common."""
-    theirs, ours = json.loads(found), json.loads(expected)
-    for key, value in ours.items():
-        if theirs.get(key) != value:
-            shown = "differs" if key == "world" else f"is {theirs.get(key)}, expected {value}"
-            return f"its {key} {shown}"
-    return "it has other settings"
+        raise ValueError(f"{path}: {reason} ({REMEDY})") from error
 
 
 class _Writer:
@@ -110,7 +92,7 @@ class _Writer:
         chains = [
             [side, kind, *map(self._number_move, chain.moves)]
             for side, each in enumerate(discovery.sides)
-            for kind, some in enumerate((each.search.chains, each.search.fresh))
+            for kind, some in enumerate((each.search.chains, each.search.untried))
             for chain in some
         ]
         risen = [self._known(each.search.risen) for each in discovery.sides]
@@ -201,11 +183,11 @@ class _Reader:
         for each, risen in zip(discovery.sides, arrays["risen"], strict=True):
             each.search.start = next(iter(each.search.archive)).path[0]
             each.search.risen = {self._states[k] for k in risen if k != NOTHING}
-            each.search.chains, each.search.fresh = [], []
+            each.search.chains, each.search.untried = [], []
         for side, kind, *moves in arrays["chains"].tolist():
             search = discovery.sides[side].search
             chain = self._find_chain(search.start, [k for k in moves if k != NOTHING])
-            (search.chains, search.fresh)[kind].append(chain)
+            (search.chains, search.untried)[kind].append(chain)
         ups.paired = {(self._states[s], self._states[u]) for s, u in arrays["paired"]}
         discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
         _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")), load)
@@ -221,7 +203,7 @@ class _Reader:
         knots = to_numbers(arrays["knots"], "knots", (None, n))
         ends = np.cumsum(arrays["knot_count"])
         if len(ends) and ends[-1] != len(knots):
-            raise ArchiveError(f"knots has {len(knots)} rows, expected {ends[-1]}")
+            raise ValueError(f"knots has {len(knots)} rows, expected {ends[-1]}")
         parts = np.split(knots, ends[:-1]) if len(ends) else []
         rows = zip(parts, arrays["duration"], arrays["kind"], strict=True)
         return [
@@ -238,7 +220,7 @@ class _Reader:
         states: list[RestingState] = []
         for k, (before, after, move, onward) in enumerate(arrays["links"].tolist()):
             if max(before, after) >= k:
-                raise ArchiveError(f"state {k} leads to one after it")
+                raise ValueError(f"state {k} leads to one after it")
             states.append(
                 RestingState(
                     qpos=qpos[k],

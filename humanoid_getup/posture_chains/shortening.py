@@ -8,27 +8,24 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.optimization import MARGIN
+from humanoid_getup.motions.optimization import MARGIN, make_scenarios
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.posture_chains.chain_keyframes import STILL
 from humanoid_getup.posture_chains.move_player import OP3_LEG
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
-from robots import TorqueLimit
 from robots.body.lengths import leg_length
 from robots.quaternion import Array
 
-WORLDS, FEW = 8, 2  # in which a shortened rise is tried, and each change alone
+WORLDS = 8  # in which a shortened rise is tried, two of them undisturbed
+ALL, FEW = tuple(range(WORLDS)), (0, 4)
+"""For several changes, and for one alone: undisturbed, and disturbed at the lowest limit."""
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
 ROWS = (16, 6, 2, 1)  # keys that are cut at once
 FALLEN = 40.0  # s for OP3 that a fall costs
-GENERATIONS, POPULATION = 8, 14  # of the search for a rise that falls in fewer worlds
-IMPROVING_STEP = 0.5  # of the usual first step
 LEAST_TIME = 0.08  # s between two keys
 ROUNDS = 4
 FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
@@ -45,17 +42,17 @@ class Shortener:
         self,
         world: World,
         start: Array,
+        torque_limit: float,
         rng: np.random.Generator,
         *,
-        limit: TorqueLimit,
         threads: int = 0,
     ) -> None:
-        """Prepare to shorten rises from MuJoCo positions (nq,), under a torque limit."""
+        """Prepare to shorten rises from MuJoCo positions (nq,), under a torque limit [N·m]."""
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
         coarsest = world.vary(timestep=world.robot.control_period)
         self._first = Experiment(coarsest, threads=threads)
-        self._scenarios: Scenarios = MARGIN.sample(world, start, WORLDS, rng, limit)
+        self._scenarios = make_scenarios(world, start, torque_limit, WORLDS, MARGIN, rng)
         self._preference = Preference(
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
         )
@@ -72,7 +69,7 @@ class Shortener:
         robot falls.
         """
         found = [keyframes]
-        self._cost = self._judge(found, WORLDS)[0]
+        self._cost = self._judge(found)[0]
         for candidates in (self._shorten_rests, self._quicken):
             found += self._pick_first(candidates(found[-1]))
         for _ in range(ROUNDS):
@@ -83,16 +80,6 @@ class Shortener:
             if len(found) == before:
                 break
         return found
-
-    def improve(self, keyframes: Keyframes, seed: int) -> Keyframes:
-        """Change angles and times a little, by CMA-ES, so that the robot falls in fewer worlds."""
-        population = KeyframePopulation(
-            keyframes, self._robot, size=POPULATION, seed=seed, step=IMPROVING_STEP
-        )
-        for _ in range(GENERATIONS):
-            candidates = population.ask()
-            population.tell(self._judge(candidates, WORLDS).mean(axis=1))
-        return population.mean
 
     def _shorten_rests(self, keyframes: Keyframes) -> list[Keyframes]:
         rests = find_rests(keyframes)
@@ -135,19 +122,22 @@ class Shortener:
 
     def _pick_first(self, candidates: Sequence[Keyframes]) -> list[Keyframes]:
         """Return the first of some keyframes that stand and cost less, if there is one."""
-        cost = self._judge(candidates, WORLDS)
+        cost = self._judge(candidates)
         better = np.flatnonzero(cost.mean(axis=1) < self._cost.mean())[:1]
         for k in better:
             self._cost = cost[k]
         return [candidates[k] for k in better]
 
     def _judge(
-        self, candidates: Sequence[Keyframes], worlds: int, experiment: Experiment | None = None
+        self,
+        candidates: Sequence[Keyframes],
+        worlds: Sequence[int] = ALL,
+        experiment: Experiment | None = None,
     ) -> Array:
-        """Compute the costs of keyframes in the first worlds, (C, K) [s]."""
+        """Compute the costs of keyframes in some worlds, (C, K) [s]."""
         experiment = experiment or self._experiment
         sent = [each.targets(self._robot, SWAY) for each in candidates]
-        outcome = experiment.compare(self._scenarios.take(np.arange(worlds)), sent)
+        outcome = experiment.compare(self._scenarios.take(np.array(worlds)), sent)
         self.simulated += outcome.record.duration
         cost = self._preference.cost(outcome)
         return np.where(outcome.stood, cost, FALLEN * self.scale)

@@ -51,7 +51,7 @@ class WaysUp:
         """Try a number of moves from states with a way up, and file where they lead."""
         states = self.archive.draw(count, rng)
         moves = self._moves.draw_all(states, self._player.scale, rng)
-        tried, new = self._player.try_out(states, [[move] for move in moves]), []
+        tried, new = self._player.try_out(states, moves), []
         for k in np.flatnonzero(tried.rests[:, 0]):
             back = moves[k].reverse(states[k].target)
             fields = {"after": states[k], "onward": back, "depth": states[k].depth + 1}
@@ -116,7 +116,7 @@ class WaysUp:
             if not pairs:
                 return
             onward = [self.aim(state, up, rng) for state, up in pairs]
-            tried = self._player.try_out([s for s, _ in pairs], [[move] for move in onward])
+            tried = self._player.try_out([state for state, _ in pairs], onward)
             linked = tried.rests[:, 0] & tried.are_like([up for _, up in pairs])
             found = [
                 replace(
@@ -136,18 +136,16 @@ class WaysUp:
         if not placed:
             return []
         time = HOLDING * self._player.scale
-        holds = [[PostureMove(knots=q[None], duration=time, kind="hold")] for q in postures]
+        holds = [PostureMove(knots=q[None], duration=time, kind="hold") for q in postures]
         held = self._player.try_out(placed, holds)
         return [held.state(int(k), postures[k]) for k in np.flatnonzero(held.rests[:, 0])]
 
     def _add_squats(self) -> None:
         """File the balanced squats that hold, and from which higher ones lead to the stance."""
-        robot, squats = self._player.world.robot, self._moves.squats
-        scale, new = self._player.scale, list[RestingState]()
+        squats, new = self._moves.squats, list[RestingState]()
         for state in self._hold(squats):
             k = int(np.flatnonzero((squats == state.target).all(axis=1))[0])
-            knots = np.vstack([squats[:k][::-1], robot.standing.joint_pos])
-            onward = PostureMove(knots=knots, duration=SQUAT_TIME * scale, kind="squats")
+            onward = self._moves.rise(squats[:k], SQUAT_TIME * self._player.scale)
             new.append(replace(state, after=self.stance, onward=onward, depth=1))
         self._check(new)
 
@@ -155,7 +153,7 @@ class WaysUp:
         """File states whose next move leads where it should in all worlds."""
         if not states:
             return
-        onward = [[state.onward] for state in states if state.onward is not None]
+        onward = [state.onward for state in states if state.onward is not None]
         goals = [state.after for state in states if state.after is not None]
         ends = self._player.check(states, onward, self._worlds)
         for state, leads in zip(states, ends.are_like(goals), strict=True):

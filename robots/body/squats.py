@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
-from robots.body.limb import ARMS, LEGS
+from robots.body.both_legs import BothLegs, find_overlaps_but_arms
+from robots.body.flat_soles import CLOSE, FlatSoles, fit_posture
 from robots.body.limbs import Limbs
-from robots.body.links import list_way_up
-from robots.body.overlap import find_overlaps
 from robots.body.statics import Statics
 from robots.quaternion import Array
 
@@ -40,7 +38,10 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
 
     Bodies that overlap in the stance may overlap in squats.
     """
-    search, usual = _SquatSearch(limbs), _find_overlaps(limbs, limbs.robot.standing.joint_pos)
+    search, usual = (
+        _SquatSearch(limbs),
+        find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos),
+    )
     squats: list[Squat] = []
     missed = 0
     for extension in EXTENSIONS:
@@ -48,7 +49,7 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
         if (
             angles is None
             or statics.measure_lean(angles) > MOST_LEAN
-            or _find_overlaps(limbs, angles) - usual
+            or find_overlaps_but_arms(limbs, angles) - usual
         ):
             missed += bool(squats)
             if missed >= GAP:
@@ -65,35 +66,17 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
     return squats
 
 
-def _find_overlaps(limbs: Limbs, joint_pos: Array) -> set[tuple[int, int]]:
-    """Find bodies that penetrate each other, except arms, which can be moved away."""
-    limbs.look(joint_pos)
-    arms = {limbs.first_body(limbs.all[name]) for name in ARMS if name in limbs.all}
-    return {
-        pair
-        for pair in find_overlaps(limbs.model, limbs.data.qpos)
-        if not any(arms & {*list_way_up(limbs.model, body)} for body in pair)
-    }
-
-
 class _SquatSearch:
     """Bends both legs of a robot, each within its own ranges."""
 
     def __init__(self, limbs: Limbs) -> None:
-        self._limbs, self._robot = limbs, limbs.robot
-        self._joints = [k for name in LEGS for k in limbs.all[name].joints]
-        lower, upper = self._robot.lower[self._joints], self._robot.upper[self._joints]
-        margin = np.minimum(MARGIN, 0.25 * (upper - lower))
-        self._bounds = (lower + margin, upper - margin)
-        self._before = self._robot.standing.joint_pos
-        limbs.look(self._before)
-        self._legs = [limbs.leg(name) for name in LEGS]
-        left, right = (leg.sole_position[0] for leg in self._legs)
+        self._both, self._home = BothLegs(limbs), limbs.robot.standing.joint_pos
+        self._before = self._home
         self._soles = FlatSoles(
             view=limbs,
-            feet=[Foot.stand(leg) for leg in self._legs],
-            length=self._legs[0].measure_stretched(),
-            stride=float(left - right),
+            feet=self._both.feet,
+            length=self._both.length,
+            stride=self._both.stride,
         )
         self._bends = self._list_bends()
 
@@ -103,7 +86,7 @@ class _SquatSearch:
         The search starts from the squat before, and also from bent knees.
         """
         reach = extension * self._soles.length
-        for start in (self._before[self._joints], *self._bends):
+        for start in (self._before[self._both.joints], *self._bends):
             angles = self._solve_from(start, reach)
             if angles is not None:
                 self._before = angles
@@ -115,28 +98,18 @@ class _SquatSearch:
             lean, errors = self._soles.measure(reach)
             return np.concatenate([LEAN * lean, CLOSE * errors])
 
-        before = self._before[self._joints]
-        angles = fit_posture(self._look, measure, start, before, self._bounds)
+        before = self._before[self._both.joints]
+        angles = fit_posture(self._look, measure, start, before, self._both.bounds)
         return angles if np.abs(self._soles.measure(reach)[1]).max() < SOLVED else None
 
     def _look(self, values: Array) -> Array:
-        angles = self._robot.standing.joint_pos.copy()
-        angles[self._joints] = values
-        self._limbs.look(angles)
-        return angles
+        return self._both.look(self._home, values)
 
     def _list_bends(self) -> list[Array]:
         """List start angles (j,) of the search: knees bent forward, then knees bent back."""
-        bends = [self._bend(way) for way in (1.0, -1.0)]
+        bends = [self._both.bend_knees(self._home, way) for way in (1.0, -1.0)]
         return sorted(bends, key=self._measure_knee, reverse=True)
 
-    def _bend(self, way: float) -> Array:
-        angles = self._robot.standing.joint_pos.copy()
-        self._limbs.look(angles)
-        for leg in self._legs:
-            leg.bend_knee(angles, way)
-        return angles[self._joints]
-
     def _measure_knee(self, values: Array) -> float:
-        self._look(np.clip(values, *self._bounds))
-        return self._legs[0].measure_knee_lead()
+        self._look(np.clip(values, *self._both.bounds))
+        return self._both.legs[0].measure_knee_lead()

@@ -9,16 +9,13 @@ import numpy as np
 
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.build import lay_down_at_random
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
-from robots import Robot
 from robots.kinematics import place, read_posture
 from robots.quaternion import Array
 from sim2real.perturbations import PolicyTrial
 from sim2real.policy_evaluation import PolicyDriver
-
-MOST_SPREAD = 1.0  # of the way from the stance to a random posture within the joints' ranges
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +41,8 @@ def collect_rises(
     """
     fallen = sample_falls(world, {start_class: count // 2}, rng)
     starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
-    starts += [_lay_down(world, start_class, rng) for _ in range(count - len(starts))]
+    laid = [lay_down_at_random(world, start_class, rng) for _ in range(count - len(starts))]
+    starts += laid
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
     driver = PolicyDriver.of(policy)
     found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)
@@ -59,20 +57,6 @@ def collect_rises(
         for start, posture, target, time in zip(starts, postures, found.target, times, strict=True)
         if not math.isnan(time)
     ]
-
-
-def _lay_down(world: World, start_class: LyingSide, rng: np.random.Generator) -> Array:
-    """Lay a robot down in a random symmetric posture that its servos hold; return (nq,)."""
-    robot = world.robot
-    home, share = robot.standing.joint_pos, rng.uniform(0.0, MOST_SPREAD)
-    anywhere = rng.uniform(robot.lower, robot.upper)
-    return lay_down(world, start_class, _symmetrize(robot, home + share * (anywhere - home)))
-
-
-def _symmetrize(robot: Robot, joint_pos: Array) -> Array:
-    """Return the mean of angles (n,) and their mirror image, within the ranges."""
-    mean = 0.5 * (joint_pos + robot.mirror_joints(joint_pos))
-    return np.clip(mean, robot.lower, robot.upper)
 
 
 def _interpolate(first: Array, target: Array, cycles: int) -> Array:

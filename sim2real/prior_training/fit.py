@@ -54,7 +54,7 @@ class Postures:
     def pos_mean(self) -> Array:
         """Return the mean of the postures and their mirror images [rad], (n,)."""
         mean = self.joint_pos.mean(axis=0)
-        return 0.5 * (mean + self.robot.mirror_joints(mean))
+        return self.robot.symmetrize(mean)
 
     @property
     def pos_std(self) -> Array:

@@ -22,14 +22,14 @@ from humanoid_getup.jobs.requests.shared import (
     RobotOption,
     SceneOptions,
     Seed,
+    TorqueLimitValue,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between, name_choices
+from humanoid_getup.jobs.requests.values import at_least, between
 
 MOST_SEED = 2**31  # that CMA-ES takes
 MOST_PAGE = 255  # of an action file
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
-SEARCHED_SIDES = ("supine", "prone", "left")
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
 KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
@@ -69,7 +69,7 @@ class RetargetRequest(BuildRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscoverRequest(TorqueOptions, RobotOption):
+class DiscoverRequest(RobotOption):
     """Find motions of a robot that has none: search in physics how it gets up from each side.
 
     From lying, the servos' targets move from one posture in which the robot rests to the next,
@@ -88,13 +88,14 @@ class DiscoverRequest(TorqueOptions, RobotOption):
     ] = ""
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
-    sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = SEARCHED_SIDES
+    sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
     """Sides from which motions are searched: supine, prone, left; those from the right mirror
-    those from the left."""
+    those from the left; default: all."""
     most: Count = 2
     """Motions from each side, of different ways up."""
     budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
     """Simulated time for a search [s]; default: 300,000 s."""
+    torque_limit: TorqueLimitValue = None
     resume: bool = False
     """Go on with the search that ended or was interrupted, for another budget."""
     rises: Annotated[int | None, at_least(2)] = None
@@ -106,20 +107,12 @@ class DiscoverRequest(TorqueOptions, RobotOption):
     def find_problems(self) -> list[str]:
         """Report options of a search with a policy, and the reverse, as well."""
         problems = super().find_problems()
-        if not self.sides:
-            problems.append(f"--sides is empty, expected {name_choices(SEARCHED_SIDES)}")
-        problems += [
-            f"--sides is '{side}', expected {name_choices(SEARCHED_SIDES)}"
-            for side in self.sides
-            if side not in SEARCHED_SIDES
-        ]
         if not self.policy:
             given = ["--rises"] if self.rises is not None else []
             return problems + [f"{name} is given, expected none without a policy" for name in given]
         given = ["--budget"] if self.budget is not None else []
         given += ["--resume"] if self.resume else []
         given += ["--torque-limit"] if self.torque_limit is not None else []
-        given += ["--limit-by"] if self.limit_by is not None else []
         return problems + [f"{name} is given, expected none with a policy" for name in given]
 
 

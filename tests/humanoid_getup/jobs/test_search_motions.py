@@ -139,7 +139,7 @@ def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
     assert getup(*options)[0] == 1
     code, _, err = getup(*options, "--resume", "--seed", "1")
     assert code == 2
-    assert "its seed is 0, expected 1" in err
+    assert "made with another seed (0, now 1), expected the same" in err
 
 
 @pytest.mark.usefixtures("bare")

@@ -31,7 +31,8 @@ def tools(world: World) -> ChainTools:
 def test_ways_up_begin_with_squats_from_which_a_robot_stands_up(tools: ChainTools):
     squats = [up for up in tools.ways_up if up.depth == 1]
     assert len(squats) >= 2
-    ends = tools.player.check(squats, [up.way_up for up in squats], 2)
+    onward = [up.onward for up in squats if up.onward is not None]
+    ends = tools.player.check(squats, onward, 2)
     assert ends.stands.all()
     assert all(up.progress < tools.ways_up.stance.progress for up in squats)
 
@@ -45,7 +46,7 @@ def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(
     moved = [state for state in search.archive if state.before is not None]
     assert len(moved) >= 2
     begun = [state.before for state in moved if state.before is not None]
-    moves = [[state.move] for state in moved if state.move is not None]
+    moves = [state.move for state in moved if state.move is not None]
     ends = tools.player.check(begun, moves, 1)
     assert ends.rests.all()
     assert ends.are_like(moved).all()
@@ -58,11 +59,11 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     left, right = (robot.joint_names.index(name) for name in ("l_ank_pitch", "r_ank_pitch"))
     bent[left] += 0.7
     bent[right] = robot.mirror_joints(bent)[right]
-    moves = [[PostureMove(knots=knots[None], duration=0.5, kind="test")] for knots in (home, bent)]
+    moves = [PostureMove(knots=knots[None], duration=0.5, kind="test") for knots in (home, bent)]
     ends = tools.player.check([stance, stance], moves, 2)
     assert ends.stands.tolist() == [[True, True], [False, False]]
     assert ends.are_like([stance, stance]).tolist() == [True, False]
-    stands = [replace(stance, before=stance, move=move) for [move] in moves]
+    stands = [replace(stance, before=stance, move=move) for move in moves]
     scenarios = USUAL.sample(world, stance.qpos, 2, np.random.default_rng(0))
     assert tools.player.follow(stands, scenarios).tolist() == [STANDS, 1]
 

@@ -25,7 +25,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
 
     def find_chain(self: ChainSearch) -> None:
         if self.turn == 0:
-            self.fresh += [
+            self.untried += [
                 PostureChain(start=self.start.qpos, held=self.start.target, moves=())
             ] * 9
         self.turn += 1

@@ -38,9 +38,10 @@ def test_a_chain_is_the_way_from_its_start():
     assert sampled[-1] == 1.0
 
 
-def test_a_way_up_is_what_is_left_to_a_stand():
+def test_a_way_up_leads_through_what_is_left_to_a_stand():
     stance = make_state(1.0)
     squat = make_state(0.5, after=stance, onward=make_move(1.0), depth=1)
     sitting = make_state(0.2, after=squat, onward=make_move(0.5), depth=2)
-    assert [move.target[0] for move in sitting.way_up] == [0.5, 1.0]
-    assert stance.way_up == ()
+    assert sitting.root is stance
+    assert sitting.leads_through(squat)
+    assert not squat.leads_through(sitting)

@@ -92,13 +92,14 @@ class ChainDiscovery:
         self.tools = ChainTools(world, np.random.default_rng(seed), settings)
         self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)
         self._world, self._most, self._accept = world, most, accept
-        starts = {side: lay_on_side(world, side, self.tools.rng) for side in sides}
+        starts = [lay_on_side(world, side, self.tools.rng) for side in sides]
         self.sides = [
             SideSearch(side, ChainSearch(self.tools, start))
-            for side, start in starts.items()
+            for side, start in zip(sides, starts, strict=True)
             if start is not None
         ]
-        self.skipped = tuple(side for side, start in starts.items() if start is None)
+        searched = {each.side for each in self.sides}
+        self.skipped = tuple(side for side in sides if side not in searched)
         """Sides on which the robot does not stay."""
 
     @property

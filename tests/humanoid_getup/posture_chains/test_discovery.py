@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.motions import build
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
@@ -83,3 +85,15 @@ def test_what_is_not_accepted_is_not_kept(begin: Begin):
     assert run(discovery, 2) == ["too hot"] * 2
     assert not discovery.sides[0].kept
     assert not discovery.is_done
+
+
+def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
+    world: World, monkeypatch: pytest.MonkeyPatch
+):
+    def lay_on_its_back(world: World, side: LyingSide, rng: np.random.Generator) -> object:
+        return build.lay_on_side(world, side, rng) if side == "supine" else None
+
+    monkeypatch.setattr("humanoid_getup.posture_chains.discovery.lay_on_side", lay_on_its_back)
+    discovery = ChainDiscovery(world, seed=0, settings=SMALL)
+    assert [each.side for each in discovery.sides] == ["supine"]
+    assert discovery.skipped == ("prone", "left")

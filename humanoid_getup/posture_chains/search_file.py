@@ -179,7 +179,7 @@ class _Reader:
         for archive, members, draws in rows:
             states = [self._states[k] for k in members if k != NOTHING]
             archive.restore(states, draws[: len(states)].tolist())
-        ups.stance = next(up for up in ups if up.after is None)
+        ups.stance = next(iter(ups)).root
         for each, risen in zip(discovery.sides, arrays["risen"], strict=True):
             each.search.start = next(iter(each.search.archive)).path[0]
             each.search.risen = {self._states[k] for k in risen if k != NOTHING}

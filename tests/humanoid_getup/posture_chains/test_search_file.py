@@ -1,6 +1,7 @@
 """A search goes on from its file as if it had never ended."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,19 @@ def test_a_restored_search_goes_on_alike(world: World, saved: tuple[Path, ChainD
     assert describe(restored) != describe(went_on)
     advance(restored)
     assert describe(restored) == describe(went_on)
+
+
+def test_a_search_goes_on_where_another_state_has_replaced_the_stance(world: World, tmp_path: Path):
+    discovery, path = begin(world), tmp_path / "search.npz"
+    ups = discovery.tools.ways_up
+    squat = next(up for up in ups if up.after is ups.stance)
+    assert ups.archive.add(replace(squat, cell=ups.stance.cell))
+    assert not any(up is ups.stance for up in ups)
+    save_arrays(path, describe_search(discovery, 3))
+    restored = begin(world)
+    restore_search(path, restored, 3, load)
+    assert np.array_equal(restored.tools.ways_up.stance.qpos, ups.stance.qpos)
+    assert all(up.root is restored.tools.ways_up.stance for up in restored.tools.ways_up)
 
 
 def test_a_file_of_another_search_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):

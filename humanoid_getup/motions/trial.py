@@ -1,4 +1,4 @@
-"""A trial: keyframes played once in simulation, undisturbed at full torque."""
+"""A trial: keyframes played once in simulation, undisturbed."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ from humanoid_getup.motions.motion import NO_END, STANDING, Motion
 from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.simulation.touch import find_touching_bodies
 from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, TorqueLimit
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 
@@ -47,11 +48,13 @@ class Trial:
     outcome: Outcome
 
     @classmethod
-    def of(cls, world: World, keyframes: Keyframes, start: Array) -> Trial:
-        """Roll keyframes out from MuJoCo positions (nq,)."""
+    def of(
+        cls, world: World, keyframes: Keyframes, start: Array, limit: TorqueLimit = FULL_TORQUE
+    ) -> Trial:
+        """Roll keyframes out from MuJoCo positions (nq,), under a torque limit."""
         hold = HOLD_TIME if keyframes.end_class == STANDING else LYING_TIME
         targets = keyframes.targets(world.robot, hold + 1.0)
-        record = play(world, Scenarios.nominal(world, start), targets[None]).take(0)
+        record = play(world, Scenarios.nominal(world, start, limit), targets[None]).take(0)
         return cls(
             world=world,
             keyframes=keyframes,

@@ -11,12 +11,17 @@ from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion, StartClass
-from humanoid_getup.motions.optimization import UNDISTURBED, TrajectoryOptimizer
+from humanoid_getup.motions.optimization import (
+    MARGIN,
+    UNDISTURBED,
+    TrajectoryOptimizer,
+    make_scenarios,
+)
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_keyframes import FOUND, make_keyframes
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
-from humanoid_getup.posture_chains.shortening import Shortener
+from humanoid_getup.posture_chains.shortening import WORLDS, Shortener
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 from robots.quaternion import Array
@@ -50,6 +55,14 @@ class MadeMotion:
         return replace(self, motion=None, failure=failure)
 
 
+def name_strategy(namer: KindNamer, trial: Trial) -> str:
+    """Name the strategy of a found rise by the postures that it passes."""
+    period, stand = trial.world.robot.control_period, float(trial.stand.start_time)
+    risen = trial.outcome.qpos[: max(round(stand / period), 1)]
+    passed = namer.name(risen, trial.keyframes.start_class)
+    return FOUND + (f", over {passed}" if passed else "")
+
+
 class MotionMaker:
     """Makes motions of chains of one robot in one world, under one torque limit."""
 
@@ -75,7 +88,8 @@ class MotionMaker:
             chain, world.robot, name=name, start_class=start_class, rest=rest
         )
         keyframes = replace(keyframes, torque_limit=self._torque)
-        shortener = Shortener(world, chain.start, self._torque, rng, threads=self._threads)
+        scenarios = make_scenarios(world, chain.start, self._torque, WORLDS, MARGIN, rng)
+        shortener = Shortener(world, scenarios, threads=self._threads)
         optimizer = TrajectoryOptimizer(world, chain.start, threads=self._threads)
         found = self._choose(shortener.shorten(keyframes), optimizer)
         if WORTH <= found.share < KEPT_SHARE and found.duration < LONG * shortener.scale:
@@ -107,11 +121,7 @@ class MotionMaker:
         trial = Trial.of(world, found.keyframes, start)
         if not trial.succeeded:
             return replace(found, failure=f"at full torque it {trial.describe()}")
-        risen = trial.outcome.qpos[
-            : max(round(float(trial.stand.start_time) / world.robot.control_period), 1)
-        ]
-        passed = self._namer.name(risen, found.keyframes.start_class)
-        strategy = FOUND + (f", over {passed}" if passed else "")
+        strategy = name_strategy(self._namer, trial)
         keyframes = replace(found.keyframes, strategy=strategy)
         motion = replace(trial.record(self._describe(found)), strategy=strategy)
         try:

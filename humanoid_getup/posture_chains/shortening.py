@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.optimization import MARGIN, make_scenarios
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.posture_chains.chain_keyframes import STILL
 from humanoid_getup.posture_chains.move_player import OP3_LEG
@@ -18,9 +18,9 @@ from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots.body.lengths import leg_length
 from robots.quaternion import Array
 
-WORLDS = 8  # in which a shortened rise is tried, two of them undisturbed
+WORLDS = 8  # in which a shortened rise is tried
 ALL, FEW = tuple(range(WORLDS)), (0, 4)
-"""For several changes, and for one alone: undisturbed, and disturbed at the lowest limit."""
+"""For several changes, and for one alone."""
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
@@ -38,21 +38,16 @@ Change = Callable[[Keyframes], Keyframes]
 class Shortener:
     """Shortens keyframes as far as the robot still stands in disturbed worlds."""
 
-    def __init__(
-        self,
-        world: World,
-        start: Array,
-        torque_limit: float,
-        rng: np.random.Generator,
-        *,
-        threads: int = 0,
-    ) -> None:
-        """Prepare to shorten rises from MuJoCo positions (nq,), under a torque limit [N·m]."""
+    def __init__(self, world: World, scenarios: Scenarios, *, threads: int = 0) -> None:
+        """Prepare to shorten rises that have to stand in scenarios (`WORLDS`,).
+
+        The first is undisturbed, the fifth the hardest.
+        """
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
         coarsest = world.vary(timestep=world.robot.control_period)
         self._first = Experiment(coarsest, threads=threads)
-        self._scenarios = make_scenarios(world, start, torque_limit, WORLDS, MARGIN, rng)
+        self._scenarios = scenarios
         self._preference = Preference(
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
         )

@@ -20,6 +20,7 @@ from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
 from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.crawl import Crawl
+from humanoid_getup.strategies.search.found_motions import MotionFinder
 from humanoid_getup.strategies.search.free_rise import FreeRise
 from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
 from humanoid_getup.strategies.search_record import SearchRecord
@@ -106,6 +107,7 @@ class PlannedRise:
             approach=Approach(world, planning=options.planning),
             filter=self.filter,
             crawl=Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=options.threads),
+            finder=MotionFinder(world, self.torque_limit, threads=options.threads),
             assistance=options.assistance,
             budget=search_budget,
         )

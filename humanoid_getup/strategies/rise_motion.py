@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.experiments.starts.falls import classify, find_side
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
@@ -38,16 +37,11 @@ def make_move(world: World, start: Posture, move: Move) -> Motion:
         move.target,
         move.qpos,
         name="crawl",
-        start_class=_find_side(start),
+        start_class=find_side(start),
         end_class=NO_END,
         strategy="crawl",
         provenance={"program": "getup rise"} | name_body(world.robot),
     )
-
-
-def _find_side(start: Posture) -> LyingSide:
-    """Classify a robot by the side to which it leans; it need not lie."""
-    return classify(start.orientation) or ("prone" if start.gravity_b[0] > 0.0 else "supine")
 
 
 def chain(world: World, path: Trajectory, connection: Connection) -> Motion:

@@ -62,6 +62,11 @@ def classify(orientation: Array) -> LyingSide | None:
     return "left" if y > 0.0 else "right"
 
 
+def find_side(posture: Posture) -> LyingSide:
+    """Classify a robot by the side to which it leans; it need not lie."""
+    return classify(posture.orientation) or ("prone" if posture.gravity_b[0] > 0.0 else "supine")
+
+
 def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fall:
     """Drop limp robots with random joints until one comes to lie in a class.
 

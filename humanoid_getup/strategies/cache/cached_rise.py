@@ -182,9 +182,8 @@ class CachedRise:
         except PlanCacheError as error:
             self._warn(f"{error}; the entry is ignored")
             return None
-        joined = next((m for m in planner.database.rising if m.name == rise.connection), None)
-        if joined is None:
-            return None
+        known = (m for m in planner.database.rising if m.name == rise.connection)
+        joined = next(known, motion)  # a motion that was found for this rise is not stored
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
         checks = 1 if near.is_same else NEAR_CHECKS

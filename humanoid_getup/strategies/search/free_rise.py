@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from humanoid_getup.experiments.starts.falls import find_side
 from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.standing_places import StandingPlaces
@@ -34,6 +35,7 @@ CRAWLS = 2  # searches for a move that leads nearer to room
 REFITS = 3
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
+FINDING = 20.0  # of the search budget, simulated in coarse steps to find a motion
 
 
 class FreeRise:
@@ -41,7 +43,8 @@ class FreeRise:
 
     First the nearest connecting postures of a few motions are tried, and the cheapest rise that
     stands is taken. If none stands, or none is good enough, further motions and slower paths
-    follow, on uneven ground with better fitted legs; then new paths from the ends of the rollouts.
+    follow, on uneven ground with better fitted legs; then new paths from the ends of the rollouts;
+    then, on level ground, a motion that is found in physics from this start.
     A rise that stands is improved by a search if the preference requires it. If limbs are so
     interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
     robot without room to stand crawls first: the result is then a move, after which the rise has to
@@ -76,6 +79,7 @@ class FreeRise:
         try:
             planned = self._try_first(search, first, start, connections, rng)
             self._try_second(search, first, places, rng)
+            self._try_found(search, start, rng)
             search.improve()
         except KeyboardInterrupt:
             standing = self._tools.world.robot.standing_neck_height
@@ -132,6 +136,16 @@ class FreeRise:
             else:
                 search.try_all(candidates, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
+
+    def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
+        """Find a motion in physics where no stored one leads to a stand on level ground."""
+        if not self._is_flat or search.found.rollout is not None:
+            return
+        budget = FINDING * self._tools.budget
+        found = self._tools.finder.find(start, find_side(start), budget, rng)
+        search.try_all(self._tools.approach.move_straight(start, found))
+        if found and not search.is_done:
+            search.vary()
 
     def _go_on(
         self, search: RiseSearch, continuation: Continuation, rng: np.random.Generator

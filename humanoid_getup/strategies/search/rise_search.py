@@ -14,6 +14,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyRecord
 from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.crawl import Crawl, Move
+from humanoid_getup.strategies.search.found_motions import MotionFinder
 from robots import Posture
 
 FINALISTS = 3  # rollouts of a round that may be checked
@@ -29,6 +30,7 @@ class SearchTools:
     approach: Approach
     filter: DynamicsFilter
     crawl: Crawl
+    finder: MotionFinder
     assistance: float
     """Share of the virtual actuator's torques."""
     budget: float
@@ -37,7 +39,7 @@ class SearchTools:
     @property
     def searched(self) -> float:
         """Return the time that searches have simulated so far [s]."""
-        return self.filter.searched + self.crawl.simulated
+        return self.filter.searched + self.crawl.simulated + self.finder.simulated
 
 
 @dataclass(frozen=True, kw_only=True)

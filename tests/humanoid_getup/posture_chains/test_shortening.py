@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import lay_down
-from humanoid_getup.motions.optimization import TrajectoryOptimizer
+from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
 from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.motion_maker import MotionMaker
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
-from humanoid_getup.posture_chains.shortening import Shortener, find_rests, without_keys
+from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, find_rests, without_keys
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE
 from robots.body.limbs import Limbs
@@ -71,9 +71,8 @@ def test_keys_are_cut_with_the_way_to_them_and_never_the_last(world: World, chai
 
 def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain: PostureChain):
     keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
-    shortener = Shortener(
-        world, chain.start, keyframes.torque_limit, np.random.default_rng(0), threads=1
-    )
+    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
+    shortener = Shortener(world, scenarios, threads=1)
     versions = shortener.shorten(keyframes)
     assert versions[0] is keyframes
     assert len(versions[-1].keys) <= 3

@@ -81,6 +81,7 @@ def search_with(dynamics: Filter) -> RiseSearch:
         approach=None,
         filter=dynamics,
         crawl=None,
+        finder=None,
         assistance=0.7,
         budget=100.0,
     )

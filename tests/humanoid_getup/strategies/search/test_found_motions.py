@@ -1,0 +1,108 @@
+"""Where no stored motion leads to a stand, one is found in physics from the start itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.motion_database import Connection, MotionDatabase, find_motion
+from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.posture_chains.chain_search import ChainSearch
+from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.search.found_motions import MotionFinder
+from humanoid_getup.strategies.search.free_rise import FreeRise
+from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
+from robots.body.limbs import Limbs
+from robots.body.squats import list_squats
+from robots.body.statics import Statics
+from robots.kinematics import place, read_posture
+
+
+@pytest.fixture(scope="module")
+def squat(world: World) -> Posture:
+    """Return OP3 at rest in a squat."""
+    angles = list_squats(Limbs(world.robot), Statics(world.robot))[4].joint_pos
+    return read_posture(world.robot, world.model, lay_down(world, "squat", angles))
+
+
+def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(
+    world: World, squat: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    home = world.robot.standing.joint_pos
+
+    def find_chain(self: ChainSearch) -> None:
+        held = self.start.target
+        knots = [held + share * (home - held) for share in (0.5, 0.2, 1.0)]
+        moves = [PostureMove(knots=k[None], duration=0.8, kind="test") for k in knots]
+        self.chains.append(PostureChain(start=self.start.qpos, held=held, moves=tuple(moves)))
+
+    monkeypatch.setattr(ChainSearch, "advance", find_chain)
+    finder = MotionFinder(world, FULL_TORQUE, threads=1)
+    found = finder.find(squat, "squat", 1e6, np.random.default_rng(0))
+    motions = [connection.motion for connection in found]
+    assert len(motions) >= 2
+    assert [m.duration for m in motions] == sorted(m.duration for m in motions)
+    assert all(motion.rises and motion.strategy == "found" for motion in motions)
+    assert [connection.frame for connection in found] == [0] * len(found)
+    for motion in motions:
+        np.testing.assert_allclose(motion.joint_pos[0], squat.joint_pos, atol=1e-6)
+    assert finder.simulated > 0.0
+
+
+def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Posture):
+    finder = MotionFinder(world, TorqueLimit(0.6), threads=1)
+    assert finder.find(squat, "squat", 1e6, np.random.default_rng(0)) == []
+    small = World(tiny)
+    finder = MotionFinder(small, FULL_TORQUE, threads=1)
+    assert finder.find(tiny.standing, "squat", 1e6, np.random.default_rng(0)) == []
+
+
+def test_a_search_ends_with_its_budget(world: World):
+    start = sample_fall(world, "supine", seed=1).posture
+    finder = MotionFinder(world, FULL_TORQUE, threads=1)
+    assert finder.find(start, "supine", 1.0, np.random.default_rng(0)) == []
+
+
+def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(
+    world: World, op3: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    known = find_motion(op3, "supine_sit_up_fast")
+    lying = read_posture(op3, world.model, lay_down(world, "supine", known.joint_pos[0]))
+    asked = list[tuple[Posture, str, float]]()
+
+    def find(_: object, start: Posture, side: str, budget: float, __: object) -> list[Connection]:
+        asked.append((start, side, budget))
+        return [Connection(replace(known, name="found", strategy="found, over sit"), 0, 0.0)]
+
+    prone = find_motion(op3, "prone_push_up_fast")
+    planner = PlannedRise(world, MotionDatabase([prone], PostureMetric.of(op3)), search_budget=5.0)
+    monkeypatch.setattr(FreeRise, "_try_first", lambda *_: False)
+    monkeypatch.setattr(FreeRise, "_try_second", lambda *_: None)
+    monkeypatch.setattr(MotionFinder, "find", find)
+    plan = planner.plan(lying, np.random.default_rng(0))
+    assert asked == [(lying, "supine", 100.0)]
+    assert plan.status is RiseStatus.STOOD
+    assert isinstance(plan, MotionPlan)
+    assert plan.title == "rise_by_found"
+    assert plan.label == "found, over sit"
+
+
+@pytest.mark.slow
+def test_op3_rises_from_its_back_with_motions_from_its_front_alone(world: World, op3: Robot):
+    prone = [find_motion(op3, name) for name in ("prone_push_up_fast",)]
+    only = [replace(m, entry=np.arange(len(m.time)) == 0) for m in prone]
+    planner = PlannedRise(world, MotionDatabase(only, PostureMetric.of(op3)))
+    start = sample_fall(world, "supine", seed=1).posture
+    plan = planner.plan(start, np.random.default_rng(0))
+    assert plan.status is RiseStatus.STOOD
+    assert isinstance(plan, MotionPlan)
+    np.testing.assert_allclose(
+        place(op3, world.model, plan.motion.posture(0)),
+        place(op3, world.model, start),
+        atol=1e-6,
+    )

@@ -31,7 +31,7 @@ class SideRow(msgspec.Struct, frozen=True, kw_only=True):
     """By all sides together, when this one had its motion, or at the end."""
     processor_s: float
     share: float = 0.0
-    """Of 48 disturbed worlds in which the motion stands; 0 without one."""
+    """Of the 48 rollouts that judge a motion; 0 without one."""
     stand_time_s: float = float("nan")
     keys: int = 0
     strategy: str = ""

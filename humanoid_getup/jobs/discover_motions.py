@@ -53,6 +53,7 @@ def discover(
             be resumed.
     """
     DiscoverRequest.accept(request)
+    choose_sides(request)
     monitor = ProgressMonitor(report, cancel)
     found = _harvest(request, monitor) if request.policy else _search(request, monitor)
     monitor.begin("drawing")

@@ -14,10 +14,9 @@ from humanoid_getup.motions.build import UNFINISHED, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_keyframes
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.playback.preflight import preflight
-from humanoid_getup.posture_chains.chain_keyframes import FOUND
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import FOUND_SIDES, ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import check_lifting

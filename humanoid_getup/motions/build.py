@@ -25,7 +25,7 @@ from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.motions.search_log import SearchLog, SearchTask
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, quaternion
+from robots import FULL_TORQUE, Posture, Robot, TorqueLimit, quaternion
 from robots.kinematics import place
 from robots.quaternion import Array
 
@@ -175,11 +175,11 @@ def lay_on_side(world: World, side: LyingSide, rng: np.random.Generator) -> Arra
     None if it does so in random postures, too.
     """
     layout = world.robot.layout(world.model)
-    qpos = lay_down(world, side, world.robot.standing.joint_pos)
-    for _ in range(POSTURES):
+    for tried in range(POSTURES):
+        stance = world.robot.standing.joint_pos
+        qpos = lay_down_at_random(world, side, rng) if tried else lay_down(world, side, stance)
         if classify(qpos[layout.root_orientation]) == side:
             return qpos
-        qpos = lay_down_at_random(world, side, rng)
     return None
 
 
@@ -187,8 +187,10 @@ class NoEntryError(RuntimeError):
     """A motion has no entry frames: it stands only as recorded, not when started at rest."""
 
 
-def with_entries(world: World, motion: Motion) -> Motion:
+def with_entries(world: World, motion: Motion, limit: TorqueLimit = FULL_TORQUE) -> Motion:
     """Mark the entry frames of a motion: started there at rest, it still ends standing.
+
+    That is so under a torque limit of every servo.
 
     Raises:
         NoEntryError: if there is none.
@@ -197,19 +199,21 @@ def with_entries(world: World, motion: Motion) -> Motion:
     entry = np.zeros(len(motion.time), dtype=bool)
     for first in range(0, len(frames), ENTRY_BATCH):
         some = frames[first : first + ENTRY_BATCH]
-        entry[some] = _stands_from(world, motion, some)
+        entry[some] = _stands_from(world, motion, some, limit)
     if not entry.any():
         raise NoEntryError(f"motion '{motion.name}' does not end standing from rest at any frame")
     return replace(motion, entry=entry)
 
 
-def _stands_from(world: World, motion: Motion, frames: np.ndarray) -> np.ndarray:
+def _stands_from(
+    world: World, motion: Motion, frames: np.ndarray, limit: TorqueLimit
+) -> np.ndarray:
     robot, period = world.robot, world.robot.control_period
     plays = [join(motion, int(k), motion.joint_pos[k], period) for k in frames]
     length = max(map(len, plays)) + round(HOLD_TIME / period)
     targets = np.array([hold_last(play, length) for play in plays])
     starts = np.array([place(robot, world.model, motion.posture(int(f))) for f in frames])
-    return Outcome(play(world, Scenarios.nominal(world, starts), targets), robot).stood
+    return Outcome(play(world, Scenarios.nominal(world, starts, limit), targets), robot).stood
 
 
 def motion_file(folder: Path, name: str) -> Path:

@@ -23,6 +23,8 @@ StartClass = Literal["supine", "prone", "left", "right", "squat", "standing"]
 START_CLASSES: tuple[StartClass, ...] = get_args(StartClass)
 EndClass = Literal["supine", "prone", "left", "right", "standing"]
 STANDING = "standing"
+FOUND = "found"
+"""Strategy of a motion that was found in physics, and name of one that is not stored."""
 NO_END = "other"
 END_CLASSES: tuple[str, ...] = (*get_args(EndClass), NO_END)
 MIRRORED_CLASS: dict[str, Literal["left", "right"]] = {"left": "right", "right": "left"}

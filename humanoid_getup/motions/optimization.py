@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -48,12 +49,15 @@ class TrajectoryOptimizer:
         *,
         preference: Preference | None = None,
         threads: int = 1,
+        most: float = math.inf,
     ) -> None:
         """Prepare to optimize from MuJoCo positions (nq,).
 
-        Without a preference, time and torque cost what the keyframes say.
+        Without a preference, time and torque cost what the keyframes say. No servo ever has more
+        torque than ``most`` [N·m].
         """
         self.world, self.start, self.preference = world, start, preference
+        self._most = most
         wants_margin = preference is not None and preference.wants_margin
         self._disturbance = MARGIN if wants_margin else USUAL
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
@@ -178,7 +182,9 @@ class TrajectoryOptimizer:
         self, keyframes: Keyframes, count: int, rng: np.random.Generator
     ) -> Scenarios:
         limit = keyframes.torque_limit
-        return make_scenarios(self.world, self.start, limit, count, self._disturbance, rng)
+        return make_scenarios(
+            self.world, self.start, limit, count, self._disturbance, rng, most=self._most
+        )
 
 
 def count_work(generations: int, done: int = 0) -> float:
@@ -195,19 +201,21 @@ def make_scenarios(
     count: int,
     disturbance: Disturbance,
     rng: np.random.Generator,
+    *,
+    most: float = math.inf,
 ) -> Scenarios:
     """Make scenarios from MuJoCo positions (nq,): two undisturbed, all others disturbed.
 
     The first is at the motion's own torque limit [N·m], the second at full torque. The disturbed
     ones take turns at that limit and at `LIMIT_SHARES`, in the robot's own mode, so that a motion
-    succeeds under the limits that users set.
+    succeeds under the limits that users set. None is above the ``most`` [N·m].
     """
     scenarios = disturbance.sample(world, start, count, rng, TorqueLimit(own_limit))
     starts, parameters = scenarios.starts, scenarios.parameters
     full = float(world.robot.max_torque.max())
     limits = np.array([own_limit, *(share * full for share in LIMIT_SHARES)])
-    parameters.torque_limit[2:] = np.resize(limits, count - 2)
-    starts[1], parameters.torque_limit[1] = starts[0], full
+    parameters.torque_limit[2:] = np.resize(np.minimum(limits, most), count - 2)
+    starts[1], parameters.torque_limit[1] = starts[0], min(full, most)
     parameters.friction[1] = parameters.friction[0]
     parameters.voltage[1] = parameters.voltage[0]
     return scenarios

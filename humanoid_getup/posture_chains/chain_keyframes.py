@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.motion import StartClass
+from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from robots import Robot
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
-TIME_COST, TORQUE_COST = 0.5, 1.0  # of a motion that is optimized later
+TIME_COST, TORQUE_COST = 0.5, 1.0  # where a motion is optimized
 STILL = np.radians(0.01)  # change of a target below which a joint does not move
 TIMED = 2001  # shares of the time at which a move's smooth step is inverted
-FOUND = "found"
-"""Strategy of a chain until it is known what it passes."""
 
 
 def make_keyframes(

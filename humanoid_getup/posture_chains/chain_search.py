@@ -43,15 +43,19 @@ class ChainTools:
     """What searches from several starts of one robot share: its simulation, moves and ways up."""
 
     def __init__(
-        self, world: World, rng: np.random.Generator, settings: SearchSettings | None = None
+        self,
+        world: World,
+        rng: np.random.Generator,
+        settings: SearchSettings | None = None,
+        moves: RandomMoves | None = None,
     ) -> None:
-        """Find the balanced squats from which a robot stands up."""
+        """Find the balanced squats from which a robot stands up; make moves if none are given."""
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
         self.player = MovePlayer(
             world, rng, limit=self.settings.limit, threads=self.settings.threads
         )
-        self.moves = RandomMoves(world.robot, rng)
+        self.moves = moves or RandomMoves(world.robot, rng)
         self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import lay_on_side
-from humanoid_getup.motions.motion import Motion
-from humanoid_getup.posture_chains.chain_keyframes import FOUND
+from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.posture_chains.chain_search import (
     TURNS,
     ChainSearch,

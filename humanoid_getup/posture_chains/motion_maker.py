@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.motion import Motion, StartClass
+from humanoid_getup.motions.motion import FOUND, Motion, StartClass
 from humanoid_getup.motions.optimization import (
     MARGIN,
     UNDISTURBED,
@@ -18,7 +18,7 @@ from humanoid_getup.motions.optimization import (
     make_scenarios,
 )
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.posture_chains.chain_keyframes import FOUND, make_keyframes
+from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.posture_chains.shortening import WORLDS, Shortener
@@ -68,7 +68,7 @@ class MotionMaker:
 
     def __init__(self, world: World, *, seed: int, limit: TorqueLimit, threads: int = 0) -> None:
         """Prepare; disturbances are drawn from the seed, alike for all chains."""
-        self._world, self._seed, self._threads = world, seed, threads
+        self._world, self._seed, self._limit, self._threads = world, seed, limit, threads
         full = float(world.robot.max_torque.max())
         self._torque = full if limit.value is None else limit.value
         self._namer = KindNamer(world)
@@ -88,18 +88,22 @@ class MotionMaker:
             chain, world.robot, name=name, start_class=start_class, rest=rest
         )
         keyframes = replace(keyframes, torque_limit=self._torque)
-        scenarios = make_scenarios(world, chain.start, self._torque, WORLDS, MARGIN, rng)
+        scenarios = make_scenarios(
+            world, chain.start, self._torque, WORLDS, MARGIN, rng, most=self._torque
+        )
         shortener = Shortener(world, scenarios, threads=self._threads)
-        optimizer = TrajectoryOptimizer(world, chain.start, threads=self._threads)
+        optimizer = TrajectoryOptimizer(
+            world, chain.start, threads=self._threads, most=self._torque
+        )
         found = self._choose(shortener.shorten(keyframes), optimizer)
         if WORTH <= found.share < KEPT_SHARE and found.duration < LONG * shortener.scale:
-            best, share = optimizer.optimize(found.keyframes, GENERATIONS, self._seed)
-            found = MadeMotion(keyframes=best.stretch(world.robot), share=share)
+            best = optimizer.optimize(found.keyframes, GENERATIONS, self._seed)[0]
+            found = max(found, self._judge(best, optimizer), key=lambda each: each.share)
         self.simulated += shortener.simulated + optimizer.simulated
         if found.share >= KEPT_SHARE:
             return self._record(found, chain.start)
         return found.refuse(
-            f"stands in {found.share:.0%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
+            f"stands in {found.share:.1%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
         )
 
     def _choose(self, versions: Sequence[Keyframes], optimizer: TrajectoryOptimizer) -> MadeMotion:
@@ -107,25 +111,28 @@ class MotionMaker:
         rows = np.unique(np.linspace(0, len(versions) - 1, JUDGED).round().astype(int))
         judged = list[MadeMotion]()
         for row in rows[::-1]:
-            keyframes = versions[row].stretch(self._world.robot)
-            stood = optimizer.judge(keyframes, self._seed)[1]
-            share = compute_share(stood, UNDISTURBED)
-            judged.append(MadeMotion(keyframes=keyframes, share=share))
-            if share >= KEPT_SHARE:
+            judged.append(self._judge(versions[row], optimizer))
+            if judged[-1].share >= KEPT_SHARE:
                 break
         return max(judged, key=lambda each: each.share)
+
+    def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:
+        """Judge keyframes with the time that the servos need."""
+        keyframes = keyframes.stretch(self._world.robot)
+        stood = optimizer.judge(keyframes, self._seed)[1]
+        return MadeMotion(keyframes=keyframes, share=compute_share(stood, UNDISTURBED))
 
     def _record(self, found: MadeMotion, start: Array) -> MadeMotion:
         """Record a sound version as a motion."""
         world = self._world
-        trial = Trial.of(world, found.keyframes, start)
+        trial = Trial.of(world, found.keyframes, start, self._limit)
         if not trial.succeeded:
-            return replace(found, failure=f"at full torque it {trial.describe()}")
+            return replace(found, failure=f"undisturbed, it {trial.describe()}")
         strategy = name_strategy(self._namer, trial)
         keyframes = replace(found.keyframes, strategy=strategy)
         motion = replace(trial.record(self._describe(found)), strategy=strategy)
         try:
-            motion = with_entries(world, motion)
+            motion = with_entries(world, motion, self._limit)
         except NoEntryError as error:
             return replace(found, failure=str(error))
         return replace(found, keyframes=keyframes, motion=motion, failure="")

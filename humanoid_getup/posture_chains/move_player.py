@@ -23,7 +23,7 @@ from humanoid_getup.posture_chains.resting_state import (
     sample_moves,
 )
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, TorqueLimit
+from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.body.lengths import leg_length
 from robots.quaternion import Array
 
@@ -82,6 +82,11 @@ class Arrivals:
         return make_state(self.qpos[row, 0], target, self.features, first, **fields)
 
 
+def measure_time_scale(robot: Robot) -> float:
+    """Measure the times of a robot as a factor on those of OP3."""
+    return float(np.sqrt(leg_length(robot) / OP3_LEG))
+
+
 def make_state(
     qpos: Array, target: Array, features: Features, row: int, **fields: Any
 ) -> RestingState:
@@ -120,7 +125,7 @@ class MovePlayer:
         self._finer = Experiment(world.vary(timestep=period / FINER), threads=threads)
         self._layout = world.robot.layout(world.model)
         self.meter = FeatureMeter(world)
-        self.scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
+        self.scale = measure_time_scale(world.robot)
         """Times of this robot over those of OP3."""
         self.simulated = 0.0
         """Time simulated so far [s]."""

@@ -55,7 +55,7 @@ class RandomMoves:
             "joints": (0.12, self._change_joints),
             "limb": (0.13, self._move_limb),
             "limbs": (0.13, self._move_limbs),
-            "folded legs": (0.15, self._fold_legs),
+            "folded legs": (0.15 if all(map(len, self._bending)) else 0.0, self._fold_legs),
             "homeward": (0.12, self._go_homeward),
             "squat": (0.10 if squats else 0.0, self._squat),
             "crouch": (0.12 if len(self.crouches) else 0.0, self._crouch),

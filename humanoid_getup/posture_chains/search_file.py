@@ -15,6 +15,7 @@ from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.progress.ledger import check_recipe
 from robots.storage.arrays import load_arrays, to_numbers, to_text
+from robots.storage.validation import shown
 
 VERSION = 1
 """Changes when files of earlier searches cannot be continued."""
@@ -67,6 +68,8 @@ def restore_search(
     try:
         arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
         kept = json.loads(to_text(arrays["recipe"], "recipe"))
+        if not isinstance(kept, dict):
+            raise ValueError(f"recipe is {shown(kept)}, expected a table")
     except ValueError as error:
         raise ValueError(f"{path}: {error} ({REMEDY})") from error
     check_recipe(path, make_recipe(discovery, seed), kept, REMEDY)

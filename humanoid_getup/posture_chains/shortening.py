@@ -13,14 +13,13 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.posture_chains.chain_keyframes import STILL
-from humanoid_getup.posture_chains.move_player import OP3_LEG
+from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
-from robots.body.lengths import leg_length
 from robots.quaternion import Array
 
 WORLDS = 8  # in which a shortened rise is tried
 ALL, FEW = tuple(range(WORLDS)), (0, 4)
-"""For several changes, and for one alone."""
+"""Those in which several changes are tried, and one alone."""
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
@@ -41,7 +40,7 @@ class Shortener:
     def __init__(self, world: World, scenarios: Scenarios, *, threads: int = 0) -> None:
         """Prepare to shorten rises that have to stand in scenarios (`WORLDS`,).
 
-        The first is undisturbed, the fifth the hardest.
+        The first is undisturbed.
         """
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
@@ -52,7 +51,7 @@ class Shortener:
             time=1.0, rms_torque=RMS_COST / world.robot.max_torque.mean(), neck_delta_v=IMPACT_COST
         )
         self._cost = np.full(WORLDS, np.inf)
-        self.scale = float(np.sqrt(leg_length(world.robot) / OP3_LEG))
+        self.scale = measure_time_scale(world.robot)
         """Times of this robot over those of OP3."""
         self.simulated = 0.0
         """Time simulated so far [s]."""

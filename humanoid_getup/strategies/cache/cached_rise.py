@@ -13,7 +13,7 @@ import numpy as np
 
 from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.course import Course
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import best_yaw, measure_tilt
 from humanoid_getup.strategies.cache.plan_cache import (
@@ -182,8 +182,11 @@ class CachedRise:
         except PlanCacheError as error:
             self._warn(f"{error}; the entry is ignored")
             return None
-        known = (m for m in planner.database.rising if m.name == rise.connection)
-        joined = next(known, motion)  # a motion that was found for this rise is not stored
+        known = {m.name: m for m in planner.database.rising}
+        if rise.connection == FOUND:  # for this rise alone, and not stored
+            known[FOUND] = replace(motion, name=FOUND)
+        if (joined := known.get(rise.connection)) is None:
+            return None
         plan_s = time.perf_counter() - began
         began = time.perf_counter()
         checks = 1 if near.is_same else NEAR_CHECKS

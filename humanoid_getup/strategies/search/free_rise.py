@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import find_side
 from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.standing_places import StandingPlaces
@@ -141,8 +140,7 @@ class FreeRise:
         """Find a motion in physics where no stored one leads to a stand on level ground."""
         if not self._is_flat or search.found.rollout is not None:
             return
-        budget = FINDING * self._tools.budget
-        found = self._tools.finder.find(start, find_side(start), budget, rng)
+        found = self._tools.finder.find(start, FINDING * self._tools.budget, rng)
         search.try_all(self._tools.approach.move_straight(start, found))
         if found and not search.is_done:
             search.vary()

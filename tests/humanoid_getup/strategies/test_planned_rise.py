@@ -135,7 +135,7 @@ def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database
     only = MotionDatabase(
         [replace(m, entry=np.arange(len(m.time)) == 0) for m in prone], PostureMetric.of(op3)
     )
-    plan = PlannedRise(world, only).plan(fall, np.random.default_rng(0))
+    plan = PlannedRise(world, only, search_budget=60.0).plan(fall, np.random.default_rng(0))
     assert plan.status in (RiseStatus.STOOD, RiseStatus.FELL)
     assert plan.planned
     assert plan.rounds >= 1

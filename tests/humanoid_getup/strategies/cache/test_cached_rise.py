@@ -13,7 +13,7 @@ from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import sample_fall
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import aligned_orientation_distance
 from humanoid_getup.scenes.obstacle import make_capsule
@@ -127,6 +127,22 @@ def test_the_same_start_again_gives_the_same_motion_after_one_rollout(
     assert figures.entry == first.entry.name
     assert (figures.distance, figures.joint_rad, figures.tilt_rad) == (0.0, 0.0, 0.0)
     assert figures.age_s >= 0.0
+
+
+@pytest.mark.parametrize(("name", "planned"), [(FOUND, 1), ("removed", 2)])
+def test_a_rise_along_a_found_motion_is_used_again_and_one_along_a_removed_motion_is_not(
+    counting, solved, start, tmp_path, name: str, planned: int
+):
+    joined = solved[0].connection
+    counting.answer = replace(
+        solved[0], connection=replace(joined, motion=replace(joined.motion, name=name))
+    )
+    cached = CachedRise(counting, PlanCache(tmp_path / "plans"))
+    cached.plan(start, np.random.default_rng(0))
+    again = cached.plan(start, np.random.default_rng(1))
+    assert len(counting.states) == planned
+    assert again.connection.motion.name == name
+    assert (again.nearness is not None) == (name == FOUND)
 
 
 def test_a_near_start_elsewhere_is_checked_in_disturbed_worlds(cache, counting, start, op3):

@@ -51,6 +51,13 @@ def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, sta
     assert len(np.unique(starts[2:], axis=0)) == len(starts) - 2
 
 
+def test_no_scenario_has_more_torque_than_permitted(world, start):
+    rng = np.random.default_rng(0)
+    scenarios = make_scenarios(world, start, 2.7, 11, USUAL, rng, most=2.7)
+    limits = scenarios.parameters.torque_limit
+    np.testing.assert_allclose(limits, [2.7, 2.7, *[2.7, 2.7, 2.5] * 3], atol=0.01)
+
+
 def test_what_stands_at_full_torque_is_kept_with_its_true_share(op3, keyframes, monkeypatch):
     """Whatever limit its keys wish for: at 0.3 N·m nothing stands."""
     limits = []

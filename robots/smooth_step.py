@@ -14,3 +14,8 @@ def smooth_step(share: Array) -> Array:
     """
     share = np.clip(share, 0.0, 1.0)
     return share * share * (3.0 - 2.0 * share)
+
+
+def invert_smooth_step(value: Array) -> Array:
+    """Map values of the smooth step from 0 to 1 to their shares, any shape."""
+    return 0.5 - np.sin(np.arcsin(1.0 - 2.0 * value) / 3.0)

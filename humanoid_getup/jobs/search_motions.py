@@ -48,13 +48,14 @@ class MotionSearch:
         self._check_known()
         with refusing():
             Limbs(robot)
+            limit = TorqueLimit(request.torque_limit).on(robot)
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
             seed=request.seed,
             sides=choose_sides(request),
             most=request.most,
-            settings=SearchSettings(limit=_make_limit(request, robot)),
+            settings=SearchSettings(limit=limit),
             accept=self._preflight,
         )
         if request.resume:
@@ -211,11 +212,6 @@ def choose_sides(request: DiscoverRequest) -> tuple[LyingSide, ...]:
     if problems:
         raise BadInputError(*problems)
     return tuple(side for side in FOUND_SIDES if side in (request.sides or FOUND_SIDES))
-
-
-def _make_limit(request: DiscoverRequest, robot: Robot) -> TorqueLimit:
-    with refusing():
-        return TorqueLimit(request.torque_limit).on(robot)
 
 
 def describe_motion(motion: Motion) -> str:

@@ -8,12 +8,10 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import FOUND, StartClass
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from robots import Robot
-from robots.quaternion import Array
-from robots.smooth_step import smooth_step
+from robots.smooth_step import invert_smooth_step
 
 TIME_COST, TORQUE_COST = 0.5, 1.0  # where a motion is optimized
 STILL = np.radians(0.01)  # change of a target below which a joint does not move
-TIMED = 2001  # shares of the time at which a move's smooth step is inverted
 
 
 def make_keyframes(
@@ -26,7 +24,9 @@ def make_keyframes(
     keys, durations = [chain.held], list[float]()
     for move in chain.moves:
         keys += [*move.knots, move.target]
-        durations += [*move.duration * np.diff(_time_knots(len(move.knots))), rest]
+        # A move is a smooth step over all its knots: the first and the last take longer.
+        at = invert_smooth_step(np.linspace(0.0, 1.0, len(move.knots) + 1))
+        durations += [*move.duration * np.diff(at), rest]
     keys[-1] = robot.standing.joint_pos
     moving = np.flatnonzero(np.ptp(keys, axis=0) > STILL)
     free = np.union1d(moving, robot.mirror_index[moving])
@@ -42,12 +42,3 @@ def make_keyframes(
         time_cost=TIME_COST,
         torque_cost=TORQUE_COST,
     )
-
-
-def _time_knots(count: int) -> Array:
-    """Return the shares of a move's time at which it is at its start and its knots, (P+1,).
-
-    A move is a smooth step over all its knots: it takes longer to the first and to the last.
-    """
-    share = np.linspace(0.0, 1.0, TIMED)
-    return np.interp(np.linspace(0.0, 1.0, count + 1), smooth_step(share), share)

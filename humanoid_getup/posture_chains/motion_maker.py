@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.motion import FOUND, Motion, StartClass
+from humanoid_getup.motions.motion import Motion, StartClass
 from humanoid_getup.motions.optimization import (
     MARGIN,
     UNDISTURBED,
@@ -53,14 +53,6 @@ class MadeMotion:
     def refuse(self, failure: str) -> MadeMotion:
         """Return it without the motion."""
         return replace(self, motion=None, failure=failure)
-
-
-def name_strategy(namer: KindNamer, trial: Trial) -> str:
-    """Name the strategy of a found rise by the postures that it passes."""
-    period, stand = trial.world.robot.control_period, float(trial.stand.start_time)
-    risen = trial.outcome.qpos[: max(round(stand / period), 1)]
-    passed = namer.name(risen, trial.keyframes.start_class)
-    return FOUND + (f", over {passed}" if passed else "")
 
 
 class MotionMaker:
@@ -128,7 +120,7 @@ class MotionMaker:
         trial = Trial.of(world, found.keyframes, start, self._limit)
         if not trial.succeeded:
             return replace(found, failure=f"undisturbed, it {trial.describe()}")
-        strategy = name_strategy(self._namer, trial)
+        strategy = self._namer.name_strategy(trial)
         keyframes = replace(found.keyframes, strategy=strategy)
         motion = replace(trial.record(self._describe(found)), strategy=strategy)
         try:

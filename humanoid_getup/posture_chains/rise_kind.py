@@ -9,7 +9,8 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from humanoid_getup.experiments.starts.falls import classify
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import FOUND, Motion
+from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.features import FeatureMeter
 from humanoid_getup.simulation.world import World
 from robots.body.lengths import leg_length
@@ -41,6 +42,13 @@ class KindNamer:
         seen = [name for name, run in groupby(names) if len([*run]) >= 3]
         seen = [name for name in seen if name not in (PASSING, start_class)]
         return ", ".join(dict.fromkeys(seen))
+
+    def name_strategy(self, trial: Trial) -> str:
+        """Name the strategy of a rise that was found in physics, such as "found, over kneel"."""
+        period, stand = self._world.robot.control_period, float(trial.stand.start_time)
+        risen = trial.outcome.qpos[: max(round(stand / period), 1)]
+        passed = self.name(risen, trial.keyframes.start_class)
+        return FOUND + (f", over {passed}" if passed else "")
 
     def _list(self, qpos: Array) -> list[str]:
         """Name each posture."""

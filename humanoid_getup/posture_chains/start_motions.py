@@ -12,7 +12,6 @@ from humanoid_getup.motions.trial import Trial
 from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
 from humanoid_getup.posture_chains.lifting import check_lifting
-from humanoid_getup.posture_chains.motion_maker import name_strategy
 from humanoid_getup.posture_chains.move_player import measure_time_scale
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
@@ -74,7 +73,7 @@ class StartMotions:
         return [self._record(trial) for trial in trials if trial.succeeded]
 
     def _record(self, trial: Trial) -> Motion:
-        strategy = name_strategy(KindNamer(self._world), trial)
+        strategy = KindNamer(self._world).name_strategy(trial)
         return replace(trial.record({}), strategy=strategy)
 
 

@@ -38,10 +38,8 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
 
     Bodies that overlap in the stance may overlap in squats.
     """
-    search, usual = (
-        _SquatSearch(limbs),
-        find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos),
-    )
+    search = _SquatSearch(limbs)
+    usual = find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos)
     squats: list[Squat] = []
     missed = 0
     for extension in EXTENSIONS:

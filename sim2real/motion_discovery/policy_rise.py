@@ -41,8 +41,7 @@ def collect_rises(
     """
     fallen = sample_falls(world, {start_class: count // 2}, rng)
     starts = [place(world.robot, world.model, fall.posture) for fall in fallen]
-    laid = [lay_down_at_random(world, start_class, rng) for _ in range(count - len(starts))]
-    starts += laid
+    starts += [lay_down_at_random(world, start_class, rng) for _ in range(count - len(starts))]
     postures = [read_posture(world.robot, world.model, qpos) for qpos in starts]
     driver = PolicyDriver.of(policy)
     found = PolicyTrial(robot=world.robot, policy=driver, scene=world.scene).run(postures)

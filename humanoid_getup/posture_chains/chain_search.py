@@ -22,8 +22,10 @@ NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
-MOST_JUDGED = 8  # chains of a batch that are played whole
+MOST_JUDGED = 4  # chains of a batch that are played whole
 MOST_CHAINS = 16  # that are kept of each start
+ENOUGH = 3  # chains of which no motion was tried; then only shorter ones are played whole
+SHORTER = 0.9  # of the shortest of them
 TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
 """Kinds of batches, in turn."""
 
@@ -143,8 +145,11 @@ class ChainSearch:
         """Note the shortest chains to stands that lead there from their start, played whole.
 
         A state that is missed then is removed, with all that were reached through it; from those
-        after it in the chain a way up is known.
+        after it in the chain a way up is known. With enough chains, only shorter ones are played:
+        it is what costs most.
         """
+        longest = SHORTER * self.untried[0].duration if len(self.untried) >= ENOUGH else np.inf
+        ends = [end for end in ends if end.stand.chain.duration < longest]
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)[:MOST_JUDGED]
         if not ends:
             return

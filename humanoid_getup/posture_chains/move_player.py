@@ -106,7 +106,7 @@ class MovePlayer:
 
     A trial simulates one physics step a control period, which is enough to tell which moves are
     worth a check; a check simulates the undisturbed world in finer steps. A whole chain is
-    judged in the world's own steps, by a held stand.
+    judged by a held stand, undisturbed in the world's own steps, disturbed in those of a check.
     """
 
     def __init__(
@@ -165,11 +165,11 @@ class MovePlayer:
         return np.sum(~near, axis=1) <= MISSES
 
     def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> NDArray[np.int_]:
-        """Play M whole chains in K scenarios of their start, in the world's own physics steps.
+        """Play M whole chains in K scenarios of their start.
 
         Args:
             ends: Stands at the ends of M chains from one start.
-            scenarios: The first is undisturbed.
+            scenarios: The first is undisturbed, and played in the world's own physics steps.
 
         Returns:
             `STANDS` where a chain ends in a held stand in nearly all of them; else the number of
@@ -179,15 +179,16 @@ class MovePlayer:
         targets = self._sample([path[0] for path in paths], [end.chain.moves for end in ends])
         hold = round(HOLD_TIME / self.world.robot.control_period) + 1
         targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
-        first = scenarios.take(np.arange(1))
-        lost = self._find_lost(paths, targets, first, misses=0)
+        first, others = scenarios.take(np.arange(1)), scenarios.take(np.arange(1, len(scenarios)))
+        lost = self._find_lost(self._experiment, paths, targets, first, misses=0)
         if (standing := np.flatnonzero(lost == STANDS)).size:
             some = [paths[int(k)] for k in standing]
-            lost[standing] = self._find_lost(some, targets[standing], scenarios, MISSES)
+            lost[standing] = self._find_lost(self._finer, some, targets[standing], others, MISSES)
         return lost
 
     def _find_lost(
         self,
+        experiment: Experiment,
         paths: Sequence[list[RestingState]],
         targets: Array,
         scenarios: Scenarios,
@@ -196,7 +197,7 @@ class MovePlayer:
         """Play targets (M, T, n) in scenarios; find where more chains than permitted are lost."""
         each = len(scenarios)
         sent = np.repeat(targets, each, axis=0)
-        record = self._experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
+        record = experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
         self.simulated += record.duration
         stood = Outcome(record, self.world.robot).stood.reshape(-1, each)
         lost = np.full(len(paths), STANDS)

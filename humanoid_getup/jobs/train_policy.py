@@ -2,48 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
+from humanoid_getup.jobs.learning_state import TrainedPolicy
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
+from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported
     from sim2real.training.iteration_log import TrainReport
-
-RECENT = 20  # iterations whose falls are counted: enough for a steady share
-
-
-class TrainedPolicy:
-    """State of a training, from the reports of its iterations."""
-
-    def __init__(self, *, leads: bool) -> None:
-        """Begin without a report; of several processes, only the leading one reports."""
-        self.leads = leads
-        self.recent: deque[TrainReport] = deque(maxlen=RECENT)
-        """Reports of the last iterations; none if the training had as many as requested."""
-
-    @property
-    def share(self) -> float:
-        """Return the share of recent falls that ended standing; nan for none."""
-        falls = sum(report.falls for report in self.recent)
-        return sum(report.stood for report in self.recent) / falls if falls else math.nan
-
-    def __str__(self) -> str:
-        """Summarize how the training ended."""
-        if not self.recent:
-            return "trained already, for the requested number of iterations"
-        last = self.recent[-1]
-        return (
-            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
-            f"{format_time(last.seconds)}; recently {self.share:.0%} of falls ended standing"
-        )
 
 
 def train(
@@ -78,11 +50,14 @@ def train(
         iterations=request.iterations or recipe.iterations,
         robots=request.robots or recipe.robots,
     )
-    trained = TrainedPolicy(leads=DistributedProcess.from_environment(os.environ).leads)
+    motions = len(list((robot.folder / MOTION_FOLDER).glob("*.npz")))
+    leads = DistributedProcess.from_environment(os.environ).leads
+    trained = TrainedPolicy(leads=leads, motions=motions)
 
     def note(each: TrainReport) -> None:
-        trained.recent.append(each)
-        text = f"{trained.share:.0%} stand, {each.steps / max(each.seconds, 1e-9):,.0f} steps/s"
+        if said := trained.note(each):
+            monitor.tell(said)
+        text = f"{trained.describe()}, {each.steps / max(each.seconds, 1e-9):,.0f} steps/s"
         done = each.iteration + 1
         monitor.show(Progress(phase="training", done=done, total=recipe.iterations, note=text))
 
@@ -125,11 +100,3 @@ def _check_device(device: str, *, has_gpu: bool) -> None:
         return
     expected = "cpu or cuda" if has_gpu else "cpu: torch finds no GPU here"
     raise BadInputError(f"--device is '{device}', expected {expected}")
-
-
-def format_time(seconds: float) -> str:
-    """Format a duration: 42 s, 7 min, 1 h 05 min."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

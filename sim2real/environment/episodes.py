@@ -14,6 +14,7 @@ LONGEST = 6.0
 # s of standing that count as success: half of what a judge requires, since exploration noise
 # disturbs a stand that would be held.
 HELD = 1.5
+ALONE = 0.05  # of the weight; a robot with less assistive force gets up by itself
 
 
 @dataclass(frozen=True)
@@ -22,10 +23,14 @@ class EndedEpisodes:
 
     ended: NDArray[np.int_]
     """Robots whose episode is over."""
+    from_fall: NDArray[np.int_]
+    """Those that began with a fall."""
     starts: NDArray[np.int_]
-    """Rows in the pool of falls of those that began with a fall."""
+    """Row in the pool of falls of each of these."""
     stood: NDArray[np.bool_]
     """Whether each of these ended standing."""
+    alone: NDArray[np.bool_]
+    """Whether each of these had hardly any assistive force."""
 
 
 @dataclass(eq=False)
@@ -42,6 +47,8 @@ class Episodes:
     """Row in the pool of falls; -1 for other initial states, (N,)."""
     ends_early: NDArray[np.bool_]
     """Whether an episode ends once its robot has stood, (N,)."""
+    alone: NDArray[np.bool_]
+    """Whether the assistive force is less than ``ALONE`` of the robot's weight, (N,)."""
 
     @staticmethod
     def of(n: int, longest: int) -> Episodes:
@@ -52,14 +59,20 @@ class Episodes:
             held=np.zeros(n, dtype=int),
             start=np.full(n, -1),
             ends_early=np.zeros(n, dtype=bool),
+            alone=np.ones(n, dtype=bool),
         )
 
     def begin(
-        self, ids: NDArray[np.int_], start: NDArray[np.int_], ends_early: NDArray[np.bool_]
+        self,
+        ids: NDArray[np.int_],
+        start: NDArray[np.int_],
+        ends_early: NDArray[np.bool_],
+        force: Array,
     ) -> None:
-        """Start new episodes of some robots."""
+        """Start new episodes of some robots, under an assistive force as a share of the weight."""
         self.restart(ids)
         self.start[ids], self.ends_early[ids] = start, ends_early
+        self.alone[ids] = force < ALONE
 
     def restart(self, ids: NDArray[np.int_]) -> None:
         """Start episodes from where the last ones ended."""
@@ -86,4 +99,6 @@ class Episodes:
         is_over = (self.age >= self.length) | (stood & self.ends_early) | diverged | terminated
         ended = np.flatnonzero(is_over)
         from_fall = ended[self.start[ended] >= 0]
-        return EndedEpisodes(ended, self.start[from_fall], stood[from_fall])
+        return EndedEpisodes(
+            ended, from_fall, self.start[from_fall], stood[from_fall], self.alone[from_fall]
+        )

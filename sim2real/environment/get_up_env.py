@@ -170,7 +170,7 @@ class GetUpEnv(VectorEnv):
         over = self.episodes.advance(
             inputs.standing, terminated, self.sim.diverged, round(HELD / self.step_time)
         )
-        report = self._note(over)
+        report = self._note(over, state.height)
         ended = over.ended
         truncated = np.zeros(self.num_envs, dtype=bool)
         truncated[ended] = True
@@ -206,12 +206,18 @@ class GetUpEnv(VectorEnv):
             return np.zeros(self.num_envs, dtype=bool)
         return self.style.find_terminated(inputs.style, inputs, self.step_time)
 
-    def _note(self, over: EndedEpisodes) -> dict[str, Any]:
-        """Count how episodes from falls ended; the curricula follow."""
+    def _note(self, over: EndedEpisodes, height: Array) -> dict[str, Any]:
+        """Count how episodes from falls ended, and how high (N,); the curricula follow."""
         self.pool.note(over.starts, over.stood)
         self._force.note(over.stood)
         self._terrain.note(over.starts, over.stood)
-        return {"falls": len(over.starts), "stood": int(over.stood.sum())}
+        return {
+            "falls": len(over.starts),
+            "stood": int(over.stood.sum()),
+            "alone": int(over.alone.sum()),
+            "stood_alone": int((over.stood & over.alone).sum()),
+            "height_alone": float(height[over.from_fall][over.alone].sum()),
+        }
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""
@@ -229,10 +235,11 @@ class GetUpEnv(VectorEnv):
             drawn = o.randomization.disturbance.draw(self.sim.world, count, rng)
             self.sim.set_parameters(ids, drawn)
         self.sim.place(ids, qpos)
-        self.sim.set_assistive_force(ids, rng.uniform(0.0, self._force.lift, count))
+        force = rng.uniform(0.0, self._force.lift, count)
+        self.sim.set_assistive_force(ids, force)
         self.target[ids] = qpos[:, layout.qpos] + self.sim.parameters.joint_offset[ids]
         self.memory[ids] = 0.0  # as on a robot that lies
-        self.episodes.begin(ids, start, rng.random(count) < o.ends_early)
+        self.episodes.begin(ids, start, rng.random(count) < o.ends_early, force)
         self.sensed = self.sim.sense(rng if o.randomization else None)
         if self.style is not None:
             library = self.style.library

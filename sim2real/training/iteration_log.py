@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +14,9 @@ import numpy as np
 
 from sim2real.training.config import STEPS, Recipe
 from sim2real.training.distributed import DistributedProcess
+
+COUNTED = ("falls", "stood", "alone", "stood_alone")
+"""What is counted over an iteration; names in the environment's information, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +41,12 @@ class TrainReport:
     [Frezzato22], section 6.4."""
     level: int = 0
     """Highest level of the terrain that is open."""
+    alone: int = 0
+    """Number of these falls with hardly any assistive force."""
+    stood_alone: int = 0
+    """Number of those that ended in a stand."""
+    height_alone: float = 0.0
+    """Height of the neck at their end, as a share of that of the stance; 0 for none."""
 
 
 class IterationLog:
@@ -52,7 +62,8 @@ class IterationLog:
         self._file, self._recipe, self._report, self._process = file, recipe, report, process
         self._rewards: list[float] = []
         self._task_rewards: list[float] = []
-        self._falls = self._stood = 0
+        self._counts = Counter[str]()
+        self._height = 0.0
         self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
 
@@ -73,7 +84,8 @@ class IterationLog:
         """Count one policy step by its mean reward and the environment's information."""
         self._rewards.append(reward)
         self._task_rewards.append(info["task_reward"])
-        self._falls, self._stood = self._falls + info["falls"], self._stood + info["stood"]
+        self._counts.update({name: info[name] for name in COUNTED})
+        self._height += info["height_alone"]
         if len(self._rewards) < STEPS:
             return
         report = TrainReport(
@@ -81,16 +93,17 @@ class IterationLog:
             iterations=self._recipe.iterations,
             steps=(self._iteration + 1) * STEPS * self._recipe.robots * self._process.of,
             seconds=round(self._seconds_before + time.monotonic() - self._start, 1),
-            falls=self._falls,
-            stood=self._stood,
             reward=round(float(np.mean(self._rewards)), 4),
             lift=round(info["assistive_force"], 3),
             return_rate=round(float(np.mean(self._task_rewards)), 4),
             level=info["level"],
+            height_alone=round(self._height / max(self._counts["alone"], 1), 3),
+            **{name: self._counts[name] for name in COUNTED},
         )
         self._rewards, self._task_rewards = [], []
         self._iteration += 1
-        self._falls = self._stood = 0
+        self._counts.clear()
+        self._height = 0.0
         if not self._process.leads:
             return
         row = asdict(report)

@@ -9,7 +9,6 @@ from humanoid_getup.jobs.requests.learning import ExportRequest, PriorRequest, T
 from humanoid_getup.jobs.train_policy import export as write_policy
 from humanoid_getup.jobs.train_policy import train as learn
 
-LEARNED = 0.2  # share of falls that end standing, from which a body is learning
 CHECKPOINT = "checkpoint.pt"
 
 
@@ -39,10 +38,9 @@ def train(command: TrainRequest) -> int:
         raise KeyboardInterrupt(hint) from interrupt
     if trained.leads:
         console_for().print(f"{command.out}: {trained}")
-        if trained.share < LEARNED:
+        if trained.recent and not trained.is_learning:
             console_for().print(
-                f"it has not learned to get up yet; `getup robots check {command.robot}` names "
-                "joints that are too weak, and the same command with more --iterations continues",
+                f"{trained.assess()}; the same command with more --iterations continues",
                 markup=False,
             )
     return DID_IT

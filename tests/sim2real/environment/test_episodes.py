@@ -12,10 +12,20 @@ NONE, ALL = np.zeros(3, dtype=bool), np.ones(3, dtype=bool)
 
 
 def begin(*, ends_early: bool) -> Episodes:
-    """Begin three episodes: from falls 7 and 8, and one from elsewhere."""
+    """Begin three episodes: from falls 7 and 8, this one with help, and one from elsewhere."""
     episodes = Episodes.of(3, LONGEST)
-    episodes.begin(np.arange(3), np.array([7, 8, -1]), np.full(3, ends_early))
+    force = np.array([0.02, 0.3, 0.0])
+    episodes.begin(np.arange(3), np.array([7, 8, -1]), np.full(3, ends_early), force)
     return episodes
+
+
+def test_a_fall_with_help_does_not_count_as_stood_alone():
+    episodes = begin(ends_early=True)
+    for _ in range(HELD):
+        outcome = episodes.advance(ALL, NONE, NONE, HELD)
+    assert outcome.from_fall.tolist() == [0, 1]
+    assert outcome.stood.tolist() == [True, True]
+    assert outcome.alone.tolist() == [True, False]
 
 
 def test_a_stand_that_is_held_ends_an_episode_as_a_success():

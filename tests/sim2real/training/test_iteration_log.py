@@ -18,20 +18,23 @@ def read_rows(file: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def run_iteration(log: IterationLog, *, falls: int = 1, stood: int = 0) -> None:
+def run_iteration(log: IterationLog, *, steps: int = STEPS, **counts: float) -> None:
     """Log the policy steps of one iteration; their rewards are 0, 1, 2..."""
-    for step in range(STEPS):
-        info = {"falls": falls, "stood": stood, "task_reward": 0.5, "level": 2}
+    nothing = {"falls": 1, "stood": 0, "alone": 0, "stood_alone": 0, "height_alone": 0.0}
+    for step in range(steps):
+        info = nothing | counts | {"task_reward": 0.5, "level": 2}
         log(float(step), info | {"assistive_force": 0.25})
 
 
 def test_a_row_is_the_sum_of_an_iteration_and_is_reported(tmp_path: Path):
     reports: list[TrainReport] = []
     log = IterationLog(tmp_path / "progress.csv", RECIPE, reports.append, ALONE)
-    run_iteration(log, falls=3, stood=1)
+    run_iteration(log, falls=3, stood=1, alone=2, stood_alone=1, height_alone=1.5)
     run_iteration(log)
     first, second = read_rows(tmp_path / "progress.csv")
     assert (first["falls"], first["stood"]) == (str(3 * STEPS), str(STEPS))
+    assert (first["alone"], first["stood_alone"]) == (str(2 * STEPS), str(STEPS))
+    assert (first["height_alone"], second["height_alone"]) == ("0.75", "0.0"), "a mean"
     assert (second["falls"], second["stood"]) == (str(STEPS), "0"), "sums begin again"
     assert float(first["reward"]) == pytest.approx((STEPS - 1) / 2)
     assert (first["lift"], first["return_rate"], first["level"]) == ("0.25", "0.5", "2")
@@ -40,8 +43,7 @@ def test_a_row_is_the_sum_of_an_iteration_and_is_reported(tmp_path: Path):
 
 def test_nothing_is_written_before_an_iteration_is_complete(tmp_path: Path):
     log = IterationLog(tmp_path / "progress.csv", RECIPE, lambda _: None, ALONE)
-    for _ in range(STEPS - 1):
-        log(0.0, {"falls": 0, "stood": 0, "task_reward": 0.0, "level": 0, "assistive_force": 0.0})
+    run_iteration(log, steps=STEPS - 1)
     assert not (tmp_path / "progress.csv").exists()
 
 

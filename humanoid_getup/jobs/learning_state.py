@@ -1,0 +1,106 @@
+"""How far a training has come, and what a body that does not learn may lack."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim2real.training.iteration_log import TrainReport
+
+RECENT = 20  # iterations whose falls are counted: enough for a steady share
+LEARNED = 0.2  # share of falls without help that end standing, from which a body is learning
+ASSESSED = 600.0  # s of training after which it should be
+DOWN = 0.5  # of the standing neck height, below which robots do not get off the ground
+
+
+class TrainedPolicy:
+    """State of a training, from the reports of its iterations.
+
+    The assistive force holds robots up: falls with more than a little of it do not count as
+    stood.
+    """
+
+    def __init__(self, *, leads: bool, motions: int) -> None:
+        """Begin without a report; of several processes, only the leading one reports.
+
+        The robot has so many stored motions, along which episodes start.
+        """
+        self.leads, self._motions = leads, motions
+        self.recent: deque[TrainReport] = deque(maxlen=RECENT)
+        """Reports of the last iterations; none if the training had as many as requested."""
+        self._lift = 0.0
+        self._is_assessed = False
+
+    def note(self, report: TrainReport) -> str:
+        """Note a report; return what is to be told once, after ten minutes."""
+        if not self.recent:
+            self._lift = report.lift
+            is_continued = report.iteration > 0
+            self._is_assessed = is_continued and report.seconds >= ASSESSED
+        self.recent.append(report)
+        if self._is_assessed or report.seconds < ASSESSED:
+            return ""
+        self._is_assessed = True
+        return self.assess()
+
+    @property
+    def share(self) -> float:
+        """Return the share of recent falls without help that ended standing; nan for none."""
+        alone = sum(report.alone for report in self.recent)
+        return sum(report.stood_alone for report in self.recent) / alone if alone else math.nan
+
+    @property
+    def is_learning(self) -> bool:
+        """Tell whether robots get up by themselves, or need less help than at first."""
+        return self.share >= LEARNED or (bool(self.recent) and self.recent[-1].lift < self._lift)
+
+    def describe(self) -> str:
+        """Describe how many recent falls end standing, and how much robots are helped."""
+        share = "none" if math.isnan(self.share) else f"{self.share:.0%}"
+        last = self.recent[-1]
+        if not last.lift:
+            return f"{share} of falls end standing"
+        falls = max(sum(report.falls for report in self.recent), 1)
+        helped = sum(report.stood for report in self.recent) / falls
+        return (
+            f"{share} of falls end standing without help, {helped:.0%} with up to {last.lift:.0%} "
+            "of the weight held"
+        )
+
+    def assess(self) -> str:
+        """Tell whether a body is learning, and what it may lack."""
+        said = f"after {format_time(self.recent[-1].seconds)} {self.describe()}: "
+        return said + ("it is learning" if self.is_learning else f"not learned yet; {self._hint}")
+
+    @property
+    def _hint(self) -> str:
+        alone = sum(report.alone for report in self.recent)
+        neck = sum(report.alone * report.height_alone for report in self.recent) / max(alone, 1)
+        height = f"necks end at {neck:.0%} of the standing height; "
+        if not self._motions:
+            return (
+                f"{height}no motion is stored to start along: `getup motions discover` finds some"
+            )
+        if neck < DOWN:
+            return f"{height}`getup robots check` names joints that are too weak to lift the robot"
+        return f"{height}more --iterations may do"
+
+    def __str__(self) -> str:
+        """Summarize how the training ended."""
+        if not self.recent:
+            return "trained already, for the requested number of iterations"
+        last = self.recent[-1]
+        return (
+            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
+            f"{format_time(last.seconds)}; recently {self.describe()}"
+        )
+
+
+def format_time(seconds: float) -> str:
+    """Format a duration: 42 s, 7 min, 1 h 05 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

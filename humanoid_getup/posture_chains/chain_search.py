@@ -24,8 +24,8 @@ SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lowe
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 4  # chains of a batch that are played whole
 MOST_CHAINS = 16  # that are kept of each start
-ENOUGH = 3  # chains of which no motion was tried; then only shorter ones are played whole
-SHORTER = 0.9  # of the shortest of them
+ENOUGH = 3  # chains of which no motion was tried, from which longer ones are not played whole
+SHORTER = 0.9  # of the time of one that never falls, from which another is worth it
 TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
 """Kinds of batches, in turn."""
 
@@ -92,7 +92,7 @@ class ChainSearch:
         self.start = self._player.describe(start, held)
         self.archive.add(self.start)
         self.chains: list[PostureChain] = []
-        """The shortest chains found so far that stand in all worlds, the shortest first."""
+        """The best chains found so far: those that fall least, the shortest first."""
         self.untried: list[PostureChain] = []
         """Those of which no motion was tried yet."""
         self.turn = 0
@@ -145,18 +145,17 @@ class ChainSearch:
         """Note the shortest chains to stands that lead there from their start, played whole.
 
         A state that is missed then is removed, with all that were reached through it; from those
-        after it in the chain a way up is known. With enough chains, only shorter ones are played:
-        it is what costs most.
+        after it in the chain a way up is known. With enough chains that do not fall, only shorter
+        ones are played: it is what costs most.
         """
-        longest = SHORTER * self.untried[0].duration if len(self.untried) >= ENOUGH else np.inf
-        ends = [end for end in ends if end.stand.chain.duration < longest]
+        ends = [end for end in ends if end.stand.chain.duration < self._find_longest()]
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)[:MOST_JUDGED]
         if not ends:
             return
-        lost = self._player.follow([end.stand for end in ends], self._scenarios)
-        for end, number in zip(ends, lost.tolist(), strict=True):
+        found = self._player.follow([end.stand for end in ends], self._scenarios)
+        for end, number, fallen in zip(ends, found.lost.tolist(), found.fallen, strict=True):
             if number == STANDS:
-                self.chains.append(end.stand.chain)
+                self.chains.append(replace(end.stand.chain, fallen=int(fallen)))
                 self.untried.append(self.chains[-1])
                 self._tools.ways_up.add_chain(end.stand)
             elif number < end.own:
@@ -164,8 +163,16 @@ class ChainSearch:
                 self.archive.drop(end.stand.path[number])
             elif end.up is not None:
                 self._tools.ways_up.drop(end.up, number - end.own)
-        self.chains = sorted(self.chains, key=lambda chain: chain.duration)[:MOST_CHAINS]
-        self.untried = sorted(self.untried, key=lambda chain: chain.duration)[:MOST_CHAINS]
+        self.chains = sorted(self.chains, key=_rank)[:MOST_CHAINS]
+        self.untried = sorted(self.untried, key=_rank)[:MOST_CHAINS]
+
+    def _find_longest(self) -> float:
+        """Return the time that a chain to be played whole may take at most [s]."""
+        if len(self.untried) < ENOUGH:
+            return np.inf
+        if self.untried[0].fallen:
+            return max(chain.duration for chain in self.untried)
+        return SHORTER * self.untried[0].duration
 
     def _list_near(self) -> list[RestingState]:
         """List states near to a stand from which no rise was tried yet, the nearest first."""
@@ -212,6 +219,11 @@ class ChainSearch:
         )
         joined = [linked[row] for row in np.flatnonzero(ends.are_like(reached))]
         self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
+
+
+def _rank(chain: PostureChain) -> tuple[int, float]:
+    """Rank chains by the worlds in which they fall, then by their time."""
+    return chain.fallen, chain.duration
 
 
 def _join(state: RestingState, move: PostureMove, up: RestingState) -> ChainEnd:

@@ -27,7 +27,7 @@ FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
-WAITING = 1.3  # times the time until a side's first chain, before a motion is made
+WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
@@ -48,8 +48,8 @@ class SideSearch:
     """Simulated time of its own batches [s]."""
     repeats: int = 0
     """Motions that took the way of another one."""
-    found: float = math.inf
-    """That time when its first chain was found [s]."""
+    ready: float = math.inf
+    """That time from which the next motion is made [s]."""
     first: float = math.inf
     """That time when its first motion was kept [s]."""
 
@@ -60,16 +60,17 @@ class SideSearch:
         return len(self.kept) >= most or (bool(self.kept) and has_ended)
 
     def take_chain(self) -> PostureChain | None:
-        """Take the shortest chain of which no motion was tried yet, if there is one.
+        """Take the best chain of which no motion was tried yet, if it is time for one.
 
-        After the first one that is found, shorter ones have some time to be found as well.
+        After the first one that is found, and after every motion, better ones have some time to be
+        found: chains that are known together are often alike, and motions of them fail alike.
         """
         if not self.search.untried:
             return None
-        self.found = min(self.found, self.spent)
-        if not self.tried and self.spent < WAITING * self.found:
+        self.ready = min(self.ready, WAITING * self.spent)
+        if self.spent < self.ready:
             return None
-        self.tried += 1
+        self.tried, self.ready = self.tried + 1, WAITING * self.spent
         return self.search.untried.pop(0)
 
 

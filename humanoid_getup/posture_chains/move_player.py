@@ -82,6 +82,17 @@ class Arrivals:
         return make_state(self.qpos[row, 0], target, self.features, first, **fields)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """How M chains end that are played whole."""
+
+    lost: NDArray[np.int_]
+    """`STANDS` where a chain ends in a held stand in nearly all worlds; else the number of the
+    first state of its path that is missed in too many, (M,)."""
+    fallen: NDArray[np.int_]
+    """Worlds in which each does not, (M,)."""
+
+
 def measure_time_scale(robot: Robot) -> float:
     """Measure the times of a robot as a factor on those of OP3."""
     return float(np.sqrt(leg_length(robot) / OP3_LEG))
@@ -164,27 +175,24 @@ class MovePlayer:
         near = are_near(ends.features.cells.reshape(len(states), len(scenarios), -1), cells)
         return np.sum(~near, axis=1) <= MISSES
 
-    def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> NDArray[np.int_]:
+    def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> Followed:
         """Play M whole chains in K scenarios of their start.
 
         Args:
             ends: Stands at the ends of M chains from one start.
             scenarios: The first is undisturbed, and played in the world's own physics steps.
-
-        Returns:
-            `STANDS` where a chain ends in a held stand in nearly all of them; else the number of
-            the first state of its path that it then has missed in too many, (M,).
         """
         paths = [end.path for end in ends]
         targets = self._sample([path[0] for path in paths], [end.chain.moves for end in ends])
         hold = round(HOLD_TIME / self.world.robot.control_period) + 1
         targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
         first, others = scenarios.take(np.arange(1)), scenarios.take(np.arange(1, len(scenarios)))
-        lost = self._find_lost(self._experiment, paths, targets, first, misses=0)
-        if (standing := np.flatnonzero(lost == STANDS)).size:
+        found = self._find_lost(self._experiment, paths, targets, first, misses=0)
+        if (standing := np.flatnonzero(found.lost == STANDS)).size:
             some = [paths[int(k)] for k in standing]
-            lost[standing] = self._find_lost(self._finer, some, targets[standing], others, MISSES)
-        return lost
+            further = self._find_lost(self._finer, some, targets[standing], others, MISSES)
+            found.lost[standing], found.fallen[standing] = further.lost, further.fallen
+        return found
 
     def _find_lost(
         self,
@@ -193,18 +201,18 @@ class MovePlayer:
         targets: Array,
         scenarios: Scenarios,
         misses: int,
-    ) -> NDArray[np.int_]:
+    ) -> Followed:
         """Play targets (M, T, n) in scenarios; find where more chains than permitted are lost."""
         each = len(scenarios)
         sent = np.repeat(targets, each, axis=0)
         record = experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
         self.simulated += record.duration
         stood = Outcome(record, self.world.robot).stood.reshape(-1, each)
-        lost = np.full(len(paths), STANDS)
-        for k in np.flatnonzero((~stood).sum(axis=1) > misses):
+        found = Followed(lost=np.full(len(paths), STANDS), fallen=np.sum(~stood, axis=1))
+        for k in np.flatnonzero(found.fallen > misses):
             rows = slice(each * int(k), each * (int(k) + 1))
-            lost[k] = self._find_missed(paths[int(k)], record.qpos[rows], misses)
-        return lost
+            found.lost[k] = self._find_missed(paths[int(k)], record.qpos[rows], misses)
+        return found
 
     def _find_missed(self, path: list[RestingState], qpos: Array, misses: int) -> int:
         """Find the first state of a path that too many of K worlds have missed, (K, T, nq)."""

@@ -54,6 +54,8 @@ class PostureChain:
     held: Array
     """Targets that are held there [rad], (n,)."""
     moves: tuple[PostureMove, ...]
+    fallen: int = 0
+    """Disturbed worlds in which it did not end in a held stand."""
 
     @property
     def duration(self) -> float:

@@ -17,13 +17,13 @@ from humanoid_getup.progress.ledger import check_recipe
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 1
+VERSION = 2
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
 ARCHIVES = ("members", "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
-COUNTS = ("tried", "repeats", "spent", "found", "first")
+COUNTS = ("tried", "repeats", "spent", "ready", "first")
 """Numbers of a side."""
 NOTHING = -1
 REMEDY = "give the same options, or remove the file to begin again"
@@ -93,7 +93,7 @@ class _Writer:
         archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
         members = [[self._number(state) for state in archive] for archive in archives]
         chains = [
-            [side, kind, *map(self._number_move, chain.moves)]
+            [side, kind, chain.fallen, *map(self._number_move, chain.moves)]
             for side, each in enumerate(discovery.sides)
             for kind, some in enumerate((each.search.chains, each.search.untried))
             for chain in some
@@ -187,17 +187,20 @@ class _Reader:
             each.search.start = next(iter(each.search.archive)).path[0]
             each.search.risen = {self._states[k] for k in risen if k != NOTHING}
             each.search.chains, each.search.untried = [], []
-        for side, kind, *moves in arrays["chains"].tolist():
+        for side, kind, fallen, *moves in arrays["chains"].tolist():
             search = discovery.sides[side].search
-            chain = self._find_chain(search.start, [k for k in moves if k != NOTHING])
+            chain = self._find_chain(search.start, fallen, [k for k in moves if k != NOTHING])
             (search.chains, search.untried)[kind].append(chain)
         ups.paired = {(self._states[s], self._states[u]) for s, u in arrays["paired"]}
         discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
         _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")), load)
 
-    def _find_chain(self, start: RestingState, moves: Sequence[int]) -> PostureChain:
+    def _find_chain(self, start: RestingState, fallen: int, moves: Sequence[int]) -> PostureChain:
         return PostureChain(
-            start=start.qpos, held=start.target, moves=tuple(self._moves[k] for k in moves)
+            start=start.qpos,
+            held=start.target,
+            moves=tuple(self._moves[k] for k in moves),
+            fallen=fallen,
         )
 
     def _read_moves(self) -> list[PostureMove]:

@@ -65,7 +65,7 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     assert ends.are_like([stance, stance]).tolist() == [True, False]
     stands = [replace(stance, before=stance, move=move) for move in moves]
     scenarios = USUAL.sample(world, stance.qpos, 2, np.random.default_rng(0))
-    assert tools.player.follow(stands, scenarios).tolist() == [STANDS, 1]
+    assert tools.player.follow(stands, scenarios).lost.tolist() == [STANDS, 1]
 
 
 def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lying: np.ndarray):

@@ -47,24 +47,22 @@ class Keyframes:
 
         A segment that would need targets faster than the servos is stretched.
         """
-        duration = self.duration
-        for _ in range(STRETCHES):
-            curve, time, stretch = self._measure_speed(duration, robot)
-            if np.all(stretch <= 1.0):
-                break
-            duration = duration * np.maximum(1.0, stretch)
+        _, curve, time = self._slow_down(robot, STRETCHES)
         moving = np.clip(curve(time), robot.lower, robot.upper)
         return hold_last(moving, len(moving) + round(hold / robot.control_period))
 
     def stretch(self, robot: Robot) -> Keyframes:
         """Give all segments the time that the servos need, so that none is stretched any more."""
+        return replace(self, duration=self._slow_down(robot, MOST_STRETCHES)[0])
+
+    def _slow_down(self, robot: Robot, rounds: int) -> tuple[Array, PchipInterpolator, Array]:
+        """Stretch segments that are too fast; return durations, and the last curve, sampled at."""
         duration = self.duration
-        for _ in range(MOST_STRETCHES):
-            stretch = self._measure_speed(duration, robot)[2]
-            if np.all(stretch <= 1.0):
-                break
+        curve, time, stretch = self._measure_speed(duration, robot)
+        while np.any(stretch > 1.0) and (rounds := rounds - 1):
             duration = duration * np.maximum(1.0, stretch)
-        return replace(self, duration=duration)
+            curve, time, stretch = self._measure_speed(duration, robot)
+        return duration, curve, time
 
     def _measure_speed(
         self, duration: Array, robot: Robot

@@ -54,6 +54,8 @@ class SafetyGuard(Backend):
       before the servos round it to whole ticks.
     - The torque limit is between 0 and the guard's own, derated where a servo is hot; the
       gain share and the PWM limit are between 0 and 1.
+    - A joint whose torque limit is 0 here, such as a limp one, is never driven, and may report
+      errors.
     - While the measurement of a joint is some periods old, all targets are held.
 
     A position servo needs a distance from its angle to its target to make torque, so that
@@ -167,10 +169,11 @@ class SafetyGuard(Backend):
     def _find_body_fault(self, state: State) -> Fault | None:
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
-        if state.alert.any():
+        alerts = np.flatnonzero(state.alert * (limits.torque_limit > 0.0))
+        if alerts.size:
             detail = ", ".join(
                 f"joint '{names[i]}' reports {HardwareError(int(state.alert[i])).describe()}"
-                for i in np.flatnonzero(state.alert)
+                for i in alerts
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
         lost = np.flatnonzero(~(state.joint_age <= self._limp_age))
@@ -197,7 +200,8 @@ class SafetyGuard(Backend):
         limits = self.limits
         driven = self._sent.torque_limit > 0.0
         reference = np.where(driven, self._limited.joint_pos, state.joint_pos)
-        released = command.torque_limit == 0.0
+        powered = limits.torque_limit > 0.0
+        released = (command.torque_limit == 0.0) | ~powered
         wanted = np.where(released, state.joint_pos, command.joint_pos)
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
@@ -209,7 +213,7 @@ class SafetyGuard(Backend):
         self._counts += (
             held & (in_range != wanted),
             held & (target != in_range),
-            torque != command.torque_limit,
+            powered & (torque != command.torque_limit),
             gain != command.gain_scale,
             pwm != command.pwm_limit,
         )

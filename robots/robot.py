@@ -191,6 +191,8 @@ class Robot(JointArrays):
     """One joint of each pair that spreads limbs and comes home by itself."""
     passive_joints: tuple[str, ...] = ()
     """Hinges of its model without servo; see `robots.passive_joints`."""
+    limp_joints: tuple[str, ...] = ()
+    """Joints whose servos make no torque, such as broken ones; they still measure."""
     couplings: tuple[Coupling, ...] = ()
     """Pairs of joints that two servos turn together."""
     limit_by: LimitMode = "pwm"
@@ -202,6 +204,11 @@ class Robot(JointArrays):
         self._derive(self.joints, self.couplings)
         for array in (self.standing.position, self.standing.orientation, self.standing.joint_pos):
             array.setflags(write=False)
+
+    @cached_property
+    def strength(self) -> Array:
+        """Return the share of each servo's torque that it has, (n,): 0 for limp joints."""
+        return np.array([float(name not in self.limp_joints) for name in self.joint_names])
 
     @property
     def imu_kind(self) -> ImuKind | None:

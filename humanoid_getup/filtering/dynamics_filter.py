@@ -390,7 +390,8 @@ class _Tracker:
         """Advance along the references, more slowly if a joint lags behind its target."""
         rate = np.ones(len(self._phase))
         if self._slows_down:
-            lag = np.abs(self._last - state.joint_pos).max(axis=1)
+            behind = np.abs(self._last - state.joint_pos) * self._robot.strength
+            lag = behind.max(axis=1)
             slowed = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
             rate = np.where(self._phase >= self._begins, slowed, 1.0)
         late = state.step >= LONGEST_STRETCH * self._count

@@ -53,7 +53,6 @@ def discover(
             be resumed.
     """
     DiscoverRequest.accept(request)
-    choose_sides(request)
     monitor = ProgressMonitor(report, cancel)
     found = _harvest(request, monitor) if request.policy else _search(request, monitor)
     monitor.begin("drawing")
@@ -104,7 +103,7 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
     discovery = MotionDiscovery(World(robot), policy, policy_name=name, seed=request.seed)
     found: list[Discovery] = []
     rises = request.rises or RISES
-    for side in choose_sides(request):
+    for side in choose_sides(request, robot):
         count = monitor.count(f"rises ({side})", rises)
         found.append(discovery.search(side, rises, request.most, count))
         for motion in found[-1].motions:

@@ -18,7 +18,7 @@ from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.playback.preflight import preflight
 from humanoid_getup.posture_chains.chain_search import SearchSettings
-from humanoid_getup.posture_chains.discovery import FOUND_SIDES, ChainDiscovery, SideSearch
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch, list_sides
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.posture_chains.search_file import describe_search, restore_search
@@ -53,7 +53,7 @@ class MotionSearch:
         self._discovery = ChainDiscovery(
             self._world,
             seed=request.seed,
-            sides=choose_sides(request),
+            sides=choose_sides(request, robot),
             most=request.most,
             settings=SearchSettings(limit=limit),
             accept=self._preflight,
@@ -73,7 +73,7 @@ class MotionSearch:
     def list_wanting(self) -> tuple[str, ...]:
         """List the sides without a motion."""
         kept = {each.side for each in self.sides if each.kept}
-        return tuple(side for side in choose_sides(self._request) if side not in kept)
+        return tuple(side for side in choose_sides(self._request, self._robot) if side not in kept)
 
     @staticmethod
     def file(robot: Robot) -> Path:
@@ -171,7 +171,7 @@ class MotionSearch:
                 f"a search that ended before it was done is there: go on with --resume, or remove "
                 f"{path} first"
             )
-        sides = choose_sides(self._request)
+        sides = choose_sides(self._request, self._robot)
         known = [name for side in sides for name in self._list_known(side, keys)]
         if known:
             raise BadInputError(
@@ -198,20 +198,21 @@ class MotionSearch:
         return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
 
 
-def choose_sides(request: DiscoverRequest) -> tuple[LyingSide, ...]:
+def choose_sides(request: DiscoverRequest, robot: Robot) -> tuple[LyingSide, ...]:
     """Choose the sides from which motions are searched, in their usual order.
 
     Raises:
-        BadInputError: if a side is unknown.
+        BadInputError: if a side is not searched.
     """
+    sides = list_sides(robot)
     problems = [
-        f"--sides is '{side}', expected {name_choices(FOUND_SIDES)}"
+        f"--sides is '{side}', expected {name_choices(sides)}"
         for side in request.sides
-        if side not in FOUND_SIDES
+        if side not in sides
     ]
     if problems:
         raise BadInputError(*problems)
-    return tuple(side for side in FOUND_SIDES if side in (request.sides or FOUND_SIDES))
+    return tuple(side for side in sides if side in (request.sides or sides))
 
 
 def describe_motion(motion: Motion) -> str:

@@ -21,9 +21,10 @@ from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.simulation.world import World
+from robots import Robot
 
-FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left")
-"""Sides from which rises are searched; those from the right mirror those from the left."""
+FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left", "right")
+"""Sides from which rises are searched."""
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
@@ -33,6 +34,15 @@ LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
 Accept = Callable[[Motion], str]
 """Returns why a motion cannot be kept; "" if it can."""
+
+
+def list_sides(robot: Robot) -> tuple[LyingSide, ...]:
+    """List the sides from which rises of a robot are searched.
+
+    Those from the right mirror those from the left, unless a limp joint has a partner that is not.
+    """
+    is_symmetric = np.array_equal(robot.strength, robot.strength[robot.mirror_index])
+    return FOUND_SIDES[:-1] if is_symmetric else FOUND_SIDES
 
 
 @dataclass(eq=False)
@@ -82,12 +92,13 @@ class ChainDiscovery:
         world: World,
         *,
         seed: int,
-        sides: tuple[LyingSide, ...] = FOUND_SIDES,
+        sides: tuple[LyingSide, ...] | None = None,
         most: int = 2,
         settings: SearchSettings | None = None,
         accept: Accept = lambda _: "",
     ) -> None:
-        """Prepare to find up to ``most`` motions from each side, of different ways."""
+        """Prepare to find up to ``most`` motions from each side, by default all, of other ways."""
+        sides = list_sides(world.robot) if sides is None else sides
         settings = settings or SearchSettings()
         self.tools = ChainTools(world, np.random.default_rng(seed), settings)
         self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)

@@ -76,7 +76,8 @@ class World:
         """Return the compiled model and the robot's description, which identify a world."""
         model = np.empty(mujoco.mj_sizeModel(self.model), np.uint8)
         mujoco.mj_saveModel(self.model, None, model)
-        return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes()
+        limp = " ".join(self.robot.limp_joints).encode()
+        return model.tobytes() + (self.robot.folder / "robot.toml").read_bytes() + limp
 
     def find_non_foot_contact(self, sensordata: Array) -> NDArray[np.bool_]:
         """Find contacts of more than the feet with the world, (..., nsensordata) to (...)."""

@@ -159,6 +159,7 @@ def _build_robot(
         rising_joints=table.rising_joints or (),
         spreading_joints=table.spreading_joints,
         passive_joints=table.passive_joints,
+        limp_joints=table.limp_joints,
         couplings=tuple(
             Coupling(
                 joints=(names.index(row.joints[0]), names.index(row.joints[1])),

@@ -91,6 +91,8 @@ class RobotTable:
     """One joint of each pair that spreads limbs and comes home by itself."""
     passive_joints: Names = ()
     """Hinges of the model without servo: springs, or coupled to others by equalities."""
+    limp_joints: Names = ()
+    """Joints whose servos make no torque, such as broken ones; they still measure."""
     couplings: Annotated[
         tuple[CouplingRow, ...], Meta(description="a list of tables, one for each pair of joints")
     ] = ()
@@ -124,6 +126,7 @@ def read_description(
     problems += _repeated(table.joints)
     problems += _wrong_mirrors(table.joints)
     problems += _wrong_couplings(table)
+    problems += _wrong_limp_joints(table)
     problems += _wrong_supply(table, servos)
     problems += _wrong_limit_mode(table, servos)
     return replace(table, rising_joints=rising), problems
@@ -161,6 +164,19 @@ def _choose_rising_joints(
         return tuple(name for pair, name in reversed(pairs.items()) if len(pair) > 1)
     problems += _wrong_pairs("rising_joints", table.rising_joints, mirror)
     return table.rising_joints
+
+
+def _wrong_limp_joints(table: RobotTable) -> list[str]:
+    """Check that limp joints are joints, each with a servo of its own."""
+    coupled = {name for row in table.couplings for name in row.joints}
+    names = {row.name for row in table.joints}
+    return [
+        f"limp_joints: unknown joint {shown(name)}"
+        if name not in names
+        else f"limp_joints: {shown(name)} is coupled, expected a joint with a servo of its own"
+        for name in table.limp_joints
+        if name not in names - coupled
+    ]
 
 
 def _wrong_pairs(key: str, names: tuple[str, ...], mirror: dict[str, str]) -> list[str]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
@@ -37,6 +36,8 @@ class SearchSettings:
     batch: int = BATCH
     worlds: int = WORLDS
     limit: TorqueLimit = FULL_TORQUE
+    weakest: float = 1.0
+    """Share of that limit that is left in every other disturbed world."""
     threads: int = 0
     """Of the simulation; 0 are one per processor. The result does not depend on it."""
 
@@ -55,7 +56,11 @@ class ChainTools:
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
         self.player = MovePlayer(
-            world, rng, limit=self.settings.limit, threads=self.settings.threads
+            world,
+            rng,
+            limit=self.settings.limit,
+            weakest=self.settings.weakest,
+            threads=self.settings.threads,
         )
         self.moves = moves or RandomMoves(world.robot, rng)
         self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
@@ -85,9 +90,7 @@ class ChainSearch:
         self._tools, self._player = tools, tools.player
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
-        self._scenarios = USUAL.sample(
-            tools.world, start, PLAYED, np.random.default_rng(0), tools.settings.limit
-        )
+        self._scenarios = self._player.sample(start, PLAYED)
         self.archive = Archive()
         self.start = self._player.describe(start, held)
         self.archive.add(self.start)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from humanoid_getup.posture_chains.chain_search import (
     ChainTools,
     SearchSettings,
 )
-from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, find_weakest
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.simulation.world import World
@@ -100,6 +100,7 @@ class ChainDiscovery:
         """Prepare to find up to ``most`` motions from each side, by default all, of other ways."""
         sides = list_sides(world.robot) if sides is None else sides
         settings = settings or SearchSettings()
+        settings = replace(settings, weakest=find_weakest(world.robot, settings.limit))
         self.tools = ChainTools(world, np.random.default_rng(seed), settings)
         self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)
         self._world, self._most, self._accept = world, most, accept

@@ -12,6 +12,7 @@ from humanoid_getup.motions.build import NoEntryError, with_entries
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import Motion, StartClass
 from humanoid_getup.motions.optimization import (
+    LIMIT_SHARES,
     MARGIN,
     UNDISTURBED,
     TrajectoryOptimizer,
@@ -23,9 +24,10 @@ from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.posture_chains.shortening import WORLDS, Shortener
 from humanoid_getup.simulation.world import World
-from robots import TorqueLimit
+from robots import Robot, TorqueLimit
 from robots.quaternion import Array
 
+WEAKEST = min(LIMIT_SHARES)
 KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
 WORTH = 0.3  # share from which a rise is optimized
 LONG = 7.0  # s for OP3, from which it is not
@@ -53,6 +55,12 @@ class MadeMotion:
     def refuse(self, failure: str) -> MadeMotion:
         """Return it without the motion."""
         return replace(self, motion=None, failure=failure)
+
+
+def find_weakest(robot: Robot, limit: TorqueLimit) -> float:
+    """Return the lowest torque under which motions are judged, as a share of a torque limit."""
+    full = float(robot.max_torque.max())
+    return WEAKEST if limit.value is None else min(WEAKEST * full / limit.value, 1.0)
 
 
 class MotionMaker:

@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import Normal, Uniform
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
+from humanoid_getup.experiments.disturbances.disturbance import (
+    USUAL,
+    Disturbance,
+    Scenarios,
+)
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
@@ -126,10 +130,14 @@ class MovePlayer:
         rng: np.random.Generator,
         *,
         limit: TorqueLimit = FULL_TORQUE,
+        weakest: float = 1.0,
         threads: int = 0,
     ) -> None:
-        """Prepare for a world, and for a torque limit of every servo."""
-        self.world, self._rng, self._limit = world, rng, limit
+        """Prepare for a world, and for a torque limit of every servo.
+
+        In every other disturbed world, ``weakest`` is the share of that limit that is left.
+        """
+        self.world, self._rng, self._limit, self._weakest = world, rng, limit, weakest
         period = world.robot.control_period
         self._trial = Experiment(world.vary(timestep=period), threads=threads)
         self._experiment = Experiment(world, threads=threads)
@@ -225,6 +233,16 @@ class MovePlayer:
                 return number
         return len(path) - 1
 
+    def sample(self, start: Array, worlds: int) -> Scenarios:
+        """Sample the worlds in which whole chains are played; the first is undisturbed.
+
+        They start from MuJoCo positions (nq,), and are the same ones for the same start.
+        """
+        rng = np.random.default_rng(0)
+        scenarios = USUAL.sample(self.world, start, worlds, rng, self._limit)
+        scenarios.parameters.torque_limit[1::2] *= self._weakest
+        return scenarios
+
     def _make_nominal(self, states: Sequence[RestingState]) -> Scenarios:
         starts = np.array([state.qpos for state in states])
         return Scenarios.nominal(self.world, starts, self._limit)
@@ -233,6 +251,7 @@ class MovePlayer:
         """Make disturbed scenarios from M states, K of each, (M * K,)."""
         starts = np.repeat([state.qpos for state in states], worlds, axis=0)
         parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
+        parameters.torque_limit.reshape(-1, worlds)[:, ::2] *= self._weakest
         noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)
         starts[:, self._layout.qpos] += noise
         return Scenarios(starts=starts, parameters=parameters)

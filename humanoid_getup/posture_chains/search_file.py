@@ -17,7 +17,7 @@ from humanoid_getup.progress.ledger import check_recipe
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 2
+VERSION = 3
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")

@@ -11,7 +11,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
-from humanoid_getup.posture_chains.move_player import STANDS
+from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.resting_state import PostureMove
 from humanoid_getup.simulation.world import World
 
@@ -51,6 +51,28 @@ def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(
     assert ends.rests.all()
     assert ends.are_like(moved).all()
     assert np.allclose(ends.qpos[:, 0], [state.qpos for state in moved])
+
+
+def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(
+    world: World, lying: np.ndarray
+):
+    robot = world.robot
+    player = MovePlayer(world, np.random.default_rng(0), weakest=0.6, threads=1)
+    share = player.sample(lying, 5).parameters.torque_limit / robot.max_torque.max()
+    assert share == pytest.approx([1.0, 0.6, 1.0, 0.6, 1.0])
+
+
+def test_a_rise_that_needs_full_torque_falls_in_weaker_worlds(tools: ChainTools, world: World):
+    """With a twentieth of the torque, servos cannot hold the stance."""
+    stance = tools.ways_up.stance
+    stay = PostureMove(knots=stance.target[None], duration=0.5, kind="test")
+    stand = replace(stance, before=stance, move=stay)
+    fallen = []
+    for weakest in (1.0, 0.05):
+        player = MovePlayer(world, np.random.default_rng(0), weakest=weakest, threads=1)
+        found = player.follow([stand], player.sample(stance.qpos, 4))
+        fallen.append(int(found.fallen[0]))
+    assert fallen == [0, 2]
 
 
 def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools, world: World):

@@ -11,11 +11,13 @@ from humanoid_getup.motions import build
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.motions.optimization import LIMIT_SHARES
 from humanoid_getup.posture_chains.chain_search import ChainSearch, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
-from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, find_weakest
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.world import World
+from robots import TorqueLimit
 
 SMALL = SearchSettings(batch=2, worlds=2, threads=1)
 Begin = Callable[..., ChainDiscovery]
@@ -97,3 +99,9 @@ def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     discovery = ChainDiscovery(world, seed=0, settings=SMALL)
     assert [each.side for each in discovery.sides] == ["supine"]
     assert discovery.skipped == ("prone", "left")
+
+
+def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(world: World):
+    full, weakest = float(world.robot.max_torque.max()), min(LIMIT_SHARES)
+    for limit, expected in [(None, weakest), (0.8 * full, weakest / 0.8), (0.5 * full, 1.0)]:
+        assert find_weakest(world.robot, TorqueLimit(limit)) == pytest.approx(expected)

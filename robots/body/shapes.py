@@ -22,6 +22,11 @@ PRIMITIVES = (
 ROUND = 1.1  # a capsule is taken where its volume is at most so many times the box's
 SLENDER = 1.6  # length over width from which a capsule is tried
 TURNS = np.radians(np.arange(0.0, 90.0, 5.0))  # about each axis, at which boxes are tried
+UPRIGHT = 1.05  # times the smallest volume that a box along the points' frame may have: it reads
+LARGE_FACE = 0.2  # of a hull's surface, from which a box lies flush with its largest flat face
+FLUSH = 1.5  # times the smallest volume that such a box may have
+PARALLEL = np.cos(np.radians(2.0))
+COPLANAR = 0.0015  # m; triangles so near to one plane, and parallel to it, are of one face
 LEAST_SIZE = 5e-4  # m, half of the thinnest sheet
 HULL_POINTS = 48
 DIRECTIONS = np.array(
@@ -130,18 +135,55 @@ def fit_shape(points: Array) -> Shape:
     """Fit the smallest box that holds points, or a capsule where it holds them as tightly.
 
     Boxes along the axes of the points' frame, turned about one of them, and along their
-    principal axes are tried.
+    principal axes are tried. Where the points have a large flat face, such as a sole, a box that
+    lies flush with it is taken, even if it is larger.
     """
     points = _corners(points)
     frames = [np.eye(3), np.linalg.svd(points - points.mean(axis=0))[2].T]
     for base in list(frames):
         frames += [base @ _turn(axis, angle) for axis in range(3) for angle in TURNS[1:]]
-    boxes = [_box(points, frame if np.linalg.det(frame) > 0 else -frame) for frame in frames]
-    best = min(boxes, key=lambda box: np.prod(box.size))
-    # An upright box is worth a few per cent of volume: people read it.
-    box = boxes[0] if np.prod(boxes[0].size) < 1.05 * np.prod(best.size) else best
+    box = _choose_box(points, frames)
+    normal = _find_large_face(points)
+    if normal is not None:
+        base = _make_frame(normal)
+        flush = _choose_box(points, [base, *(base @ _turn(2, angle) for angle in TURNS[1:])])
+        if np.prod(flush.size) < FLUSH * np.prod(box.size):
+            box = flush
     capsule = _capsule(points, box)
     return box if capsule is None else capsule
+
+
+def _choose_box(points: Array, frames: list[Array]) -> Shape:
+    """Fit boxes along frames; return the first, if it is about as small as the smallest."""
+    boxes = [_box(points, frame if np.linalg.det(frame) > 0 else -frame) for frame in frames]
+    best = min(boxes, key=lambda box: np.prod(box.size))
+    is_upright = np.prod(boxes[0].size) < UPRIGHT * np.prod(best.size)
+    return boxes[0] if is_upright else best
+
+
+def _find_large_face(points: Array) -> Array | None:
+    """Find the normal of the largest flat face of the points' hull, (3,); None if it is small."""
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return None
+    first, second, third = (hull.points[hull.simplices[:, k]] for k in range(3))
+    areas = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
+    is_one = (normals @ normals.T > PARALLEL) & (np.abs(offsets - offsets[:, None]) < COPLANAR)
+    total = is_one @ areas
+    face = is_one[int(np.argmax(total))]
+    normal = areas[face] @ normals[face]
+    return normal if total.max() > LARGE_FACE * areas.sum() else None
+
+
+def _make_frame(normal: Array) -> Array:
+    """Make a frame whose third axis is a normal, near the axes of the points' frame, (3, 3)."""
+    up = normal / np.linalg.norm(normal)
+    nearest = np.eye(3)[np.argsort(np.abs(up))[0]]
+    side = np.cross(up, nearest)
+    side /= np.linalg.norm(side)
+    return np.column_stack([np.cross(side, up), side, up])
 
 
 def _corners(points: Array) -> Array:

@@ -62,3 +62,22 @@ def measure_volume(shape: Shape) -> float:
         return float(8.0 * np.prod(shape.size))
     radius, half = shape.size[:2]
     return float(np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius))
+
+
+@given(
+    size=st.tuples(st.floats(0.04, 0.1), st.floats(0.03, 0.06)),
+    bracket=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(0.03, 0.06)),
+    tilt=st.integers(-3, 3),
+)
+def test_the_box_of_a_foot_lies_flush_with_its_sole(size, bracket, tilt: int):
+    """A plate with a bracket on it: the smallest box may lie across it."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 0.004)])
+    plate = corners * [*size, 1.0]
+    x, y, high = bracket
+    top = 0.005 * corners[:, :2] + np.array([x, y]) * size
+    points = np.concatenate([plate, np.column_stack([top, np.full(8, high)])])
+    turn = quaternion.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.radians(5.0 * tilt))
+    shape = fit_shape(quaternion.rotate(turn, points))
+    axes = [quaternion.rotate(shape.orientation, axis) for axis in np.eye(3)]
+    down = quaternion.rotate(turn, np.array([0.0, 0.0, 1.0]))
+    assert max(abs(axis @ down) for axis in axes) == pytest.approx(1.0, abs=1e-6)

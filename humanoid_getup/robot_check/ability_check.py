@@ -31,12 +31,15 @@ def check_depth(limbs: Limbs, squats: Sequence[Squat]) -> CheckFinding:
     deepest = min(squats, key=lambda squat: squat.neck_share)
     text = f"crouches in balance down to {deepest.neck_share:.0%} of its neck height"
     stops = _name_stops(limbs, deepest)
-    if deepest.neck_share <= DEEP_ENOUGH:
+    if round(deepest.neck_share, 2) <= DEEP_ENOUGH:  # as it is written
         return CheckFinding.ok("squat", text + stops)
     return CheckFinding.warning(
         "squat",
         f"{text}, expected at most {DEEP_ENOUGH:.0%}{stops}",
-        "widen the ranges that stop it, if the robot can",
+        "widen the ranges that stop it, if the robot can"
+        if stops
+        else "no range stops it: its balance does, or shapes that touch; import with or without "
+        "--meshes makes others",
     )
 
 

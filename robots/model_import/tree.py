@@ -17,7 +17,8 @@ from robots.storage.validation import shown
 
 SPANS = (0.1, 3.0)  # m from the lowest to the highest joint; others are of another unit
 MASSES = (0.1, 500.0)  # kg
-FREEDOMS_IN_SPACE = 6
+FREE_BASES = (("hinge",) * 3 + ("slide",) * 3, ("ball",) + ("slide",) * 3)
+"""Kinds of joints that are together as free as a free joint, in alphabetical order."""
 WORLD = 0
 
 
@@ -158,9 +159,9 @@ def _find_joint_problems(source: ModelSource, root: int, notes: list[str]) -> It
     own = [j for j in range(model.njnt) if model.jnt_bodyid[j] == root]
     kinds = [JOINT_KINDS[int(model.jnt_type[j])] for j in own]
     is_floating = kinds == ["free"]
-    is_replaced = len(kinds) == FREEDOMS_IN_SPACE and kinds.count("slide") == 3
-    if is_replaced:
-        notes.append("the root's three slides and three hinges are replaced by a free joint")
+    if tuple(sorted(kinds)) in FREE_BASES:
+        turns = "ball" if "ball" in kinds else "three hinges"
+        notes.append(f"the root's three slides and {turns} are replaced by a free joint")
     elif not kinds and not source.is_floating:
         notes.append(f"body {shown(model.body(root).name)} was fixed to the world: it floats now")
     elif kinds and not is_floating:

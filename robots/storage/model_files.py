@@ -91,6 +91,7 @@ class _ModelFiles:
         self._open: list[Path] = []
         self._problems: list[str] = []
         self._pointers: list[str] = []
+        self._missing: dict[str, Path] = {}
 
     def check(self, path: Path) -> list[str]:
         parts, copies = self._count_file(path)
@@ -106,6 +107,13 @@ class _ModelFiles:
             )
         if self._pointers:  # the first stands for all
             self._problems.append(f"{shown(self._pointers[0])} {POINTER_PROBLEM}")
+        if self._missing:
+            name, folder = next(iter(self._missing.items()))
+            others = len(self._missing) - 1
+            more = f" and {others} more that it names are" if others else " is"
+            self._problems.append(
+                f"{shown(name)}{more} not found, expected in {folder}"
+            )
         return list(dict.fromkeys(self._problems))
 
     def _count_file(self, path: Path) -> tuple[int, int]:
@@ -123,7 +131,8 @@ class _ModelFiles:
         self._bytes += len(content)
         self._open.append(path)
         folders = [path.parent, self._folder]
-        folders += [path.parent / e.get(k, "") for e in root.iter("compiler") for k in FOLDERS]
+        given = [e.get(k, "") for e in root.iter("compiler") for k in FOLDERS]
+        folders += [path.parent / folder for folder in given if folder]
         models = {
             model.get("name", ""): self._count_all(folders, model) for model in root.iter("model")
         }
@@ -197,9 +206,10 @@ class _ModelFiles:
         if element.tag in ("include", "model"):
             return
         for name in (value for key, value in element.items() if key.startswith("file")):
-            for place in _places(folders, name):
-                if not place.exists():
-                    continue
+            found = [place for place in _places(folders, name) if place.exists()]
+            if name and not found:
+                self._missing[name] = folders[min(2, len(folders) - 1)]
+            for place in found:
                 try:
                     self._assets[place.resolve()] = check_file(place, MAX_ASSET)
                     if is_pointer(place):

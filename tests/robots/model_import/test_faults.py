@@ -175,19 +175,25 @@ def test_the_root_of_a_urdf_floats(tmp_path: Path):
     assert set(robot.servos.types) == {"XM430-W350"}  # 4.1 N·m at 12 V, as its URDF says
 
 
-def test_a_root_of_three_slides_and_three_hinges_floats(tmp_path: Path):
-    kinds = {"slide": mujoco.mjtJoint.mjJNT_SLIDE, "turn": mujoco.mjtJoint.mjJNT_HINGE}
+@pytest.mark.parametrize(
+    ("turn", "count", "said"), [("HINGE", 3, "three hinges"), ("BALL", 1, "ball")]
+)
+def test_a_root_of_three_slides_that_turns_freely_floats(
+    tmp_path: Path, turn: str, count: int, said: str
+):
+    turning = getattr(mujoco.mjtJoint, f"mjJNT_{turn}")
+    kinds = {"slide": (mujoco.mjtJoint.mjJNT_SLIDE, 3), "turn": (turning, count)}
 
     def hold(spec: mujoco.MjSpec) -> None:
         torso = spec.body("torso")
         spec.delete(torso.joints[0])
-        for name, kind in kinds.items():
-            for axis, letter in zip(np.eye(3), "xyz", strict=True):
+        for name, (kind, number) in kinds.items():
+            for axis, letter in zip(np.eye(3)[:number], "xyz"[:number], strict=True):
                 torso.add_joint(name=f"{name}_{letter}", type=kind, axis=axis.tolist())
 
     (tmp_path / "model.xml").write_text(small_humanoid(change=hold))
     robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
-    assert "three slides and three hinges are replaced by a free joint" in robot.notes[0]
+    assert f"three slides and {said} are replaced by a free joint" in robot.notes[0]
     assert len(robot.joints) == 19
     assert not [name for name in robot.joints if name.startswith(tuple(kinds))]
 

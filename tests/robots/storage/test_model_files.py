@@ -90,9 +90,25 @@ def test_copies_in_attached_models_count(tmp_path: Path):
 def test_what_is_merely_wrong_is_left_to_mujoco(tmp_path: Path):
     wrong = (
         "<worldbody><replicate count='many'><geom size='x'/></replicate></worldbody>"
-        "<asset><mesh file='missing.stl'/></asset><include file='missing.xml'/>"
+        "<include file='missing.xml'/>"
     )
     assert problems_of(tmp_path, wrong) == ""
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["a.stl"], "'a.stl' is not found, expected in"),
+        (["a.stl", "b.stl", "c.stl"], "'a.stl' and 2 more that it names are not found"),
+    ],
+)
+def test_missing_meshes_are_counted_and_the_folder_is_named(
+    tmp_path: Path, names: list[str], message: str
+):
+    files = "".join(f"<mesh file='{name}'/>" for name in names)
+    found = problems_of(tmp_path, f"<compiler meshdir='parts'/><asset>{files}</asset>")
+    assert message in found
+    assert str(tmp_path / "parts") in found
 
 
 def test_a_path_that_mujoco_cannot_open_is_refused():

@@ -102,11 +102,16 @@ def choose_servos(
             "TYPE=PATTERN"
         )
     read = [joint for joint in joints if joint in stated and joint not in named]
-    if read:
-        kinds = ", ".join(dict.fromkeys(t for t, j in zip(types, joints, strict=True) if j in read))
+    kinds = dict.fromkeys(t for t, j in zip(types, joints, strict=True) if j in read)
+    if known := ", ".join(kind for kind in kinds if kind not in own):
         guesses.append(
-            f"servos {kinds} at {supply:g} V: the types nearest to the model's limits of torque "
+            f"servos {known} at {supply:g} V: the types nearest to the model's limits of torque "
             "and speed; set others with --servo TYPE=PATTERN"
+        )
+    if made := ", ".join(kind for kind in kinds if kind in own):
+        guesses.append(
+            f"servos {made} at {supply:g} V: made up from the model's limits of torque and speed, "
+            "which no known type has; set their figures in servos.toml"
         )
     mass = sum(own[kind]["mass"] if kind in own else servo_models()[kind].mass for kind in types)
     if guesses and mass > HEAVY * weight:

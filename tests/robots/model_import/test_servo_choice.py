@@ -105,6 +105,15 @@ def test_servos_that_outweigh_the_robot_are_reported():
     assert guess.endswith("set lighter types with --servo TYPE=PATTERN")
 
 
+def test_a_type_that_is_made_up_is_not_called_a_known_one():
+    choice = choose({"l_knee": 4.1, "r_knee": 4.1, "l_elbow": 90.0, "r_elbow": 90.0}, weight=32.0)
+    known, made = choice.guesses[:2]
+    assert "the types nearest to the model's limits" in known
+    assert "made up from the model's limits" in made
+    assert choice.types[0] in known
+    assert choice.types[2] in made
+
+
 def test_motors_of_its_own_weigh_no_more_than_their_share_of_the_robot():
     """A person's 49 joints of 200 N·m: by their torque alone they would weigh 153 kg."""
     joints = [f"joint_{k}" for k in range(49)]

@@ -116,11 +116,12 @@ class Shortener:
 
     def _pick_first(self, candidates: Sequence[Keyframes]) -> list[Keyframes]:
         """Return the first of some keyframes that stand and cost less, if there is one."""
-        cost = self._judge(candidates)
-        better = np.flatnonzero(cost.mean(axis=1) < self._cost.mean())[:1]
-        for k in better:
-            self._cost = cost[k]
-        return [candidates[k] for k in better]
+        for each in candidates:
+            cost = self._judge([each])[0]
+            if cost.mean() < self._cost.mean():
+                self._cost = cost
+                return [each]
+        return []
 
     def _judge(
         self,

@@ -111,9 +111,7 @@ class _ModelFiles:
             name, folder = next(iter(self._missing.items()))
             others = len(self._missing) - 1
             more = f" and {others} more that it names are" if others else " is"
-            self._problems.append(
-                f"{shown(name)}{more} not found, expected in {folder}"
-            )
+            self._problems.append(f"{shown(name)}{more} not found, expected in {folder}")
         return list(dict.fromkeys(self._problems))
 
     def _count_file(self, path: Path) -> tuple[int, int]:

@@ -90,7 +90,7 @@ class DiscoverRequest(RobotOption):
     """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
     sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
     """Sides from which motions are searched: supine, prone, left; those from the right mirror
-    those from the left; default: all."""
+    those from the left, unless a limp joint makes them differ; default: all."""
     most: Count = 2
     """Motions from each side, of different ways up."""
     budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None

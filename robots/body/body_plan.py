@@ -30,6 +30,8 @@ class BodyPlan:
     head: tuple[int, ...]
     soles: tuple[str, str]
     """Sites of the left and the right sole."""
+    passive: tuple[str, ...] = ()
+    """Further hinges, which follow these."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -48,9 +50,10 @@ class BodyPlan:
 
     @cached_property
     def view(self) -> JointView:
-        """Return a view of the hinges."""
-        hinges = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
-        return JointView(self.model, hinges.tolist())
+        """Return a view of the hinges; passive ones follow them."""
+        hinges = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+        active = [k for k in hinges if self.model.joint(k).name not in self.passive]
+        return JointView(self.model, active, self.passive)
 
     @cached_property
     def left_leg(self) -> Leg:

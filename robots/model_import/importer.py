@@ -60,6 +60,7 @@ class ImportedRobot:
     servos: ServoChoice
     rising_joints: tuple[str, ...]
     spreading_joints: tuple[str, ...]
+    passive_joints: tuple[str, ...]
     notes: tuple[str, ...]
     """Messages: changes, and what could not be found."""
     folds: tuple[Fold, ...] = ()
@@ -82,8 +83,12 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     anatomy = find_anatomy(tree, path, notes)
     reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}
-    builder = Rebuilder(anatomy, keep_hulls=options.keep_hulls, fixed=fixed, notes=notes)
-    rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed)
+    followers = [each for each in reduction.followers if each.joint not in fixed]
+    builder = Rebuilder(
+        anatomy, keep_hulls=options.keep_hulls, fixed=fixed, followers=followers, notes=notes
+    )
+    passive = {each.joint for each in followers}
+    rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed=fixed, passive=passive)
     placer = SitePlacer(path, anatomy, builder, guesses, source.flat)
     placer.add_sites(rebuilt.spec, rebuilt.look())
     rebuilt.compile()
@@ -106,6 +111,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
         servos=servos,
         rising_joints=list_rising(body, stance.joint_pos),
         spreading_joints=list_spreading(body, stance.joint_pos),
+        passive_joints=body.passive,
         notes=tuple(notes),
         folds=source.folds,
         guesses=(*guesses, *(fold.describe() for fold in source.folds), *servos.guesses),
@@ -140,11 +146,11 @@ def _settle_contacts(
     rebuilt: RebuiltModel, stance: Array, notes: list[str], guesses: list[str]
 ) -> None:
     """Switch off contacts that exist by construction; report those that remain."""
-    if listed := exclude_brackets(rebuilt.spec, rebuilt.model, stance):
+    if listed := exclude_brackets(rebuilt.spec, rebuilt.view, stance):
         guesses.append(f"contacts switched off, as shapes overlap there: {listed}")
     rebuilt.compile()
     model = rebuilt.model
-    for (a, b), depth in find_own_overlaps(model, stance).items():
+    for (a, b), depth in find_own_overlaps(rebuilt.view, stance).items():
         notes.append(
             f"in the stance {model.body(a).name} reaches {1e3 * depth:.0f} mm into "
             f"{model.body(b).name}: change [standing] or the shapes in model.xml"

@@ -13,6 +13,7 @@ from robots.body.shapes import list_solid, read_shapes
 from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.inertias import compute_box_inertia, find_excess
+from robots.model_import.tie_reduction import Follower
 from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
 
@@ -29,7 +30,13 @@ class Rebuilder:
     """Builds the model of a robot from the tree found in another model."""
 
     def __init__(
-        self, anatomy: Anatomy, *, keep_hulls: bool, fixed: Collection[str], notes: list[str]
+        self,
+        anatomy: Anatomy,
+        *,
+        keep_hulls: bool,
+        fixed: Collection[str],
+        followers: Collection[Follower] = (),
+        notes: list[str],
     ) -> None:
         """Prepare to build.
 
@@ -37,12 +44,13 @@ class Rebuilder:
             anatomy: Parts of the robot.
             keep_hulls: Whether meshes become convex hulls instead of boxes and capsules.
             fixed: Hinges that are fixed at the angle of the tree's pose.
+            followers: Hinges that follow others.
             notes: Messages for the user are appended here.
         """
         self._tree: KinematicTree = anatomy.tree
         self._model = anatomy.tree.model
         self._keep_hulls, self._fixed, self._notes = keep_hulls, set(fixed), notes
-        self._height = anatomy.height
+        self._height, self._followers = anatomy.height, followers
         self._boundless: list[str] = []
         self._points: dict[int, list[Array]] = {}
         self._excess: dict[str, float] = {}
@@ -80,6 +88,7 @@ class Rebuilder:
         for body, target in built.items():
             self._add_mass(target, body)
         self._copy_excludes(spec)
+        self._add_followers(spec)
         if self._boundless:
             listed = ", ".join(self._boundless)
             self._notes.append(
@@ -221,6 +230,18 @@ class Rebuilder:
                 spec.add_mesh(name=name, uservert=shape.points.ravel().tolist())
                 geom.meshname = name
                 # MuJoCo moves a mesh to its center of mass by itself.
+
+    def _add_followers(self, spec: mujoco.MjSpec) -> None:
+        """Add the equalities by which hinges follow others, from where both are at zero."""
+        for each in self._followers:
+            equality = spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+                name1=each.joint,
+                name2=each.leader,
+            )
+            equality.data[:5] = [0.0, each.ratio, 0.0, 0.0, 0.0]
+            equality.solref = np.array(STIFF_CONTACT)
 
     def _copy_excludes(self, spec: mujoco.MjSpec) -> None:
         model, inside = self._model, set(self._tree.bodies)

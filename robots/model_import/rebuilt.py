@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.body.body_plan import BodyPlan
+from robots.body.joint_view import JointView
 from robots.body.mirror_pairs import MirrorPairs
 from robots.model_import.anatomy import Anatomy
 from robots.model_import.rebuild import Rebuilder
@@ -25,15 +26,27 @@ class RebuiltModel:
     """
 
     def __init__(
-        self, path: Path, name: str, anatomy: Anatomy, builder: Rebuilder, fixed: Collection[str]
+        self,
+        path: Path,
+        name: str,
+        anatomy: Anatomy,
+        builder: Rebuilder,
+        *,
+        fixed: Collection[str],
+        passive: Collection[str] = (),
     ) -> None:
-        """Build the model of a file's robot, without the hinges that are fixed."""
+        """Build the model of a file's robot, without the hinges that are fixed.
+
+        Those that are passive are in the model, but are none of its n joints.
+        """
         self.path, self.anatomy, self.builder = path, anatomy, builder
         self.spec = builder.build(name)
         hinges = anatomy.tree.hinges
-        self._kept = [k for k, hinge in enumerate(hinges) if hinge.name not in fixed]
+        self.passive = tuple(hinge.name for hinge in hinges if hinge.name in passive)
+        others = {*fixed, *self.passive}
+        self._kept = [k for k, hinge in enumerate(hinges) if hinge.name not in others]
         self.compile()
-        self.joint_names = tuple(self.model.joint(k + 1).name for k in range(len(self._kept)))
+        self.joint_names = tuple(hinges[k].name for k in self._kept)
 
     def compile(self) -> None:
         """Compile the specification as it is now.
@@ -65,6 +78,7 @@ class RebuiltModel:
             arms=tuple((left, right) for left, right in arms if left and right),
             head=self.find(anatomy.head),
             soles=soles,
+            passive=self.passive,
         )
 
     def start_angles(self) -> Array:
@@ -72,12 +86,17 @@ class RebuiltModel:
         tree, model = self.anatomy.tree, self.model
         addresses = [tree.model.jnt_qposadr[tree.hinges[k].id] for k in self._kept]
         angles = np.array([tree.data.qpos[address] for address in addresses])
-        return np.clip(angles, model.jnt_range[1:, 0], model.jnt_range[1:, 1])
+        lower, upper = model.jnt_range[[model.joint(name).id for name in self.joint_names]].T
+        return np.clip(angles, lower, upper)
+
+    @property
+    def view(self) -> JointView:
+        """View the joints of the model as it is now."""
+        ids = [self.model.joint(name).id for name in self.joint_names]
+        return JointView(self.model, ids, self.passive)
 
     def look(self) -> mujoco.MjData:
         """Compute the kinematics in the tree's pose."""
-        data = mujoco.MjData(self.model)
-        data.qpos[7:] = self.start_angles()
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
-        return data
+        view = self.view
+        view.look(self.start_angles())
+        return view.data

@@ -103,6 +103,8 @@ def describe_robot(robot: ImportedRobot) -> str:
     document.add(tomlkit.comment(RISING_COMMENT))
     document.add("rising_joints", tomlkit.item(list(robot.rising_joints)))
     document.add("spreading_joints", tomlkit.item(list(robot.spreading_joints)))
+    if robot.passive_joints:
+        document.add("passive_joints", tomlkit.item(list(robot.passive_joints)))
     document.add(tomlkit.nl())
     document.add(tomlkit.comment(IDS_COMMENT))
     rows = [_describe_joint(robot, number) for number in range(len(robot.joints))]

@@ -36,12 +36,11 @@ def _free_arms(
     body: BodyPlan, solver: StanceSolver, stance: BalancedStance, extension: float
 ) -> BalancedStance:
     """Spread the arms until they touch only what they touch in any posture."""
-    model = body.model
-    always = {*find_brackets(model, stance.joint_pos, np.random.default_rng(0))}
+    always = {*find_brackets(body.view, stance.joint_pos, np.random.default_rng(0))}
     arms = _find_arm_bodies(body)
     for spread in SPREADS:
         tried = solver.solve(extension, spread)
-        touching = find_own_overlaps(model, tried.joint_pos).keys() - always
+        touching = find_own_overlaps(body.view, tried.joint_pos).keys() - always
         if tried.is_solved and not any(set(pair) & arms for pair in touching):
             return tried
     return stance

@@ -1,4 +1,4 @@
-"""Reduction of ties without a known drive: motors' hinges are welded, outputs stay."""
+"""Reduction of ties without a known drive: motors' hinges are welded, outputs and followers stay."""
 
 from __future__ import annotations
 
@@ -13,6 +13,23 @@ from robots.model_import.tree import KinematicTree
 LIGHT = 0.1  # share of what the output moves, below which a hinge is only its motor's
 
 
+@dataclass(frozen=True)
+class Follower:
+    """A hinge without motor that follows another one, as in a parallelogram."""
+
+    joint: str
+    leader: str
+    ratio: float
+    """Turns of the joint per turn of its leader."""
+
+    def describe(self) -> str:
+        """Describe it in a note."""
+        return (
+            f"joint {self.joint} follows {self.leader} ({self.ratio:.3g} turns to one) and has no "
+            "servo"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Reduction:
     """The joints that remain after a reduction of ties."""
@@ -21,12 +38,14 @@ class Reduction:
     """Joints that only turn a motor's shaft, to be welded."""
     actuators: dict[str, ActuatorFigures]
     """Limits of actuators at the remaining joints, by name."""
+    followers: tuple[Follower, ...] = ()
+    """Joints that remain without servo."""
 
 
 def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> Reduction:
     """Choose the output of each tie, with its motors' torque and speed there."""
     hinges = {hinge.name: hinge for hinge in tree.hinges}
-    motors: list[str] = []
+    motors, followers = list[str](), list[Follower]()
     actuators = dict(source.actuators)
     loops = [loop for bodies in source.loops if (loop := _open_loop(tree, bodies, notes))]
     for tie in (*source.ties, *loops):
@@ -35,6 +54,10 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
         mass = [float(tree.model.body_subtreemass[hinges[j].body]) for j in tie.joints]
         output = max(range(len(mass)), key=mass.__getitem__)
         drives = [k for k in range(len(mass)) if mass[k] < LIGHT * mass[output]]
+        if not drives and tie in source.ties and (follower := _find_follower(tie, source)):
+            followers.append(follower)
+            notes.append(follower.describe())
+            continue
         _describe(tie, output, drives, notes)
         motors += [tie.joints[k] for k in drives]
         name = tie.joints[output]
@@ -42,7 +65,17 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
             known = [k for k in drives if tie.joints[k] in source.actuators]
             if known:
                 actuators[name] = _combine(tie, output, known, source)
-    return Reduction(tuple(dict.fromkeys(motors)), actuators)
+    return Reduction(tuple(dict.fromkeys(motors)), actuators, tuple(followers))
+
+
+def _find_follower(tie: Tie, source: ModelSource) -> Follower | None:
+    """Find the joint without actuator of a pair whose other one has one."""
+    driven = [k for k, joint in enumerate(tie.joints) if joint in source.actuators]
+    if len(tie.joints) != 2 or len(driven) != 1:
+        return None
+    leader, follower = driven[0], 1 - driven[0]
+    ratio = -tie.shares[leader] / tie.shares[follower]
+    return Follower(tie.joints[follower], tie.joints[leader], ratio)
 
 
 def _open_loop(tree: KinematicTree, bodies: tuple[int, int], notes: list[str]) -> Tie | None:

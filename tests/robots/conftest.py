@@ -25,7 +25,7 @@ def anatomy() -> Anatomy:
 def small(anatomy: Anatomy) -> BodyPlan:
     """The small humanoid as rebuilt, with soles."""
     builder = Rebuilder(anatomy, keep_hulls=False, fixed=(), notes=[])
-    rebuilt = RebuiltModel(Path("small.xml"), "small", anatomy, builder, ())
+    rebuilt = RebuiltModel(Path("small.xml"), "small", anatomy, builder, fixed=())
     SitePlacer(Path("small.xml"), anatomy, builder, []).add_sites(rebuilt.spec, rebuilt.look())
     rebuilt.compile()
     return rebuilt.describe(SOLES)

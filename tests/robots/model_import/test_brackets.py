@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from robots.body.joint_view import JointView
 from robots.model_import.brackets import (
     exclude_brackets,
     find_brackets,
@@ -26,21 +27,26 @@ def build(depth: float) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     return spec, spec.compile()
 
 
+def view(model: mujoco.MjModel) -> JointView:
+    """View all hinges of a model."""
+    return JointView(model, range(1, model.njnt))
+
+
 def test_links_that_always_overlap_are_brackets():
     _, model = build(-0.04)  # its end is 3 cm deep in the torso, two hinges away
-    pairs = find_brackets(model, np.zeros(3), np.random.default_rng(0))
+    pairs = find_brackets(view(model), np.zeros(3), np.random.default_rng(0))
     assert [tuple(model.body(b).name for b in pair) for pair in pairs] == [("torso", "link")]
 
 
 def test_links_that_are_apart_are_none():
     spec, model = build(0.05)
-    assert find_brackets(model, np.zeros(3), np.random.default_rng(0)) == []
-    assert exclude_brackets(spec, model, np.zeros(3)) == ""
+    assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
+    assert exclude_brackets(spec, view(model), np.zeros(3)) == ""
 
 
 def test_their_contacts_are_switched_off():
     spec, model = build(-0.04)
-    assert exclude_brackets(spec, model, np.zeros(3)) == "torso with link"
+    assert exclude_brackets(spec, view(model), np.zeros(3)) == "torso with link"
     changed = spec.compile()
     data = mujoco.MjData(changed)
     mujoco.mj_forward(changed, data)
@@ -61,9 +67,9 @@ ARM = """<mujoco><worldbody><body name="torso"><freejoint/>
 def test_a_forearm_that_touches_the_torso_is_none():
     """Three hinges are between them, as between pelvis and thigh, but far from each other."""
     model = mujoco.MjModel.from_xml_string(ARM.replace("IN", "-0.05"))
-    touching = find_own_overlaps(model, np.zeros(3))
+    touching = find_own_overlaps(view(model), np.zeros(3))
     assert [tuple(model.body(b).name for b in pair) for pair in touching] == [("torso", "forearm")]
-    assert find_brackets(model, np.zeros(3), np.random.default_rng(0)) == []
+    assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
 
 
 def test_hinges_are_listed_along_the_way():

@@ -26,7 +26,7 @@ def test_it_stands_as_high_as_it_may(small: BodyPlan):
     angles, notes = search(small)
     assert notes == []
     assert measure_extension(small, angles) == pytest.approx(EXTENSIONS[0], abs=0.03)
-    assert not find_own_overlaps(small.model, angles)
+    assert not find_own_overlaps(small.view, angles)
 
 
 def thicken(small: BodyPlan, by: float) -> BodyPlan:
@@ -43,7 +43,7 @@ def thicken(small: BodyPlan, by: float) -> BodyPlan:
 def test_arms_hang_further_out_beside_thick_thighs(small: BodyPlan):
     thick = thicken(small, 0.045)
     angles, _ = search(thick)
-    touching = {small.model.body(b).name for p in find_own_overlaps(thick.model, angles) for b in p}
+    touching = {small.model.body(b).name for p in find_own_overlaps(thick.view, angles) for b in p}
     assert not {name for name in touching if "forearm" in name}
     roll = small.joint_names.index("left_upper_arm_joint")
     assert angles[roll] > search(small)[0][roll] + 0.05

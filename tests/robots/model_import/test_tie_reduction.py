@@ -5,10 +5,13 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from small_humanoid import small_humanoid
+from small_humanoid import small_humanoid, small_urdf
 
+from robots import load_robot
+from robots.body.joint_view import JointView
 from robots.description.servo_catalog import servo_models
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
+from robots.model_import.robot_folder import write_robot
 
 GEAR = 2.5  # turns of the motor to one of the knee
 TORQUE = 1.6  # N·m of the motor
@@ -98,3 +101,28 @@ def test_a_tie_beside_a_gear_is_reported_too(tmp_path: Path):
     assert [each.joints for each in robot.folds] == [("left_shank_joint",)]
     (note,) = [note for note in robot.notes if "are coupled in the model" in note]
     assert "right_forearm_joint" in note and "right_upper_arm_joint" in note
+
+
+def test_joints_that_mimic_others_follow_them_without_servo(tmp_path: Path):
+    """Forearms that follow their upper arms, as those of parallelograms do."""
+    text = small_urdf()
+    for side in ("left", "right"):
+        old = f'<child link="{side}_forearm"/>'
+        assert old in text
+        mimic = f'{old}<mimic joint="{side}_upper_arm_joint" multiplier="-0.5"/>'
+        text = text.replace(old, mimic)
+    (tmp_path / "model.urdf").write_text(text)
+    found = import_model(tmp_path / "model.urdf", ImportOptions(name="small"))
+    assert found.passive_joints == ("left_forearm_joint", "right_forearm_joint")
+    assert not {*found.passive_joints} & {*found.joints}
+    note = "left_forearm_joint follows left_upper_arm_joint (-0.5 turns to one) and has no servo"
+    assert any(note in each for each in found.notes)
+    write_robot(found, tmp_path / "small")
+    robot = load_robot(tmp_path / "small")
+    assert robot.passive_joints == found.passive_joints
+    view = JointView.of(robot)
+    angles = robot.standing.joint_pos.copy()
+    angles[robot.joint_names.index("left_upper_arm_joint")] += 0.4
+    view.look(angles)
+    moved = view.data.joint("left_forearm_joint").qpos[0]
+    assert moved == pytest.approx(-0.5 * angles[robot.joint_names.index("left_upper_arm_joint")])

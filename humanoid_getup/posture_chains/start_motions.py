@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,9 +29,17 @@ MOST_VERSIONS = 3  # of a chain, that become motions
 class StartMotions:
     """Finds motions of one robot from where it lies, in a world without obstacles."""
 
-    def __init__(self, world: World, limit: TorqueLimit, *, threads: int = 0) -> None:
-        """Prepare for a torque limit."""
+    def __init__(
+        self,
+        world: World,
+        limit: TorqueLimit,
+        known: Sequence[Motion] = (),
+        *,
+        threads: int = 0,
+    ) -> None:
+        """Prepare for a torque limit, and for known motions, which may be joined on the way."""
         self._world, self._limit, self._threads = world, limit, threads
+        self._known = known
         self._moves = _make_moves(world, limit)
         self.simulated = 0.0
         """Time simulated so far [s]."""
@@ -47,6 +56,7 @@ class StartMotions:
             return []
         settings = SearchSettings(limit=self._limit, threads=self._threads)
         tools = ChainTools(self._world, rng, settings, self._moves)
+        tools.ways_up.add_motions(self._known)
         search = ChainSearch(tools, place(self._world.robot, self._world.model, start))
         found = list[Motion]()
         while not found and tools.player.simulated < budget:

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots.kinematics import place
 from robots.quaternion import Array
+from robots.smooth_step import invert_smooth_step
 
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
 CROUCH_ROUNDS = 2  # in which the nearest pairs of crouches and ways up are tried
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
+ENTRIES = 4  # frames of a stored motion that are filed
+KNOT_TIME = 0.1  # s between the targets that are taken from it
+BATCH = 64  # of them that are played at once
 FARTHEST = 1.2  # distance over which states are paired
 
 
@@ -59,6 +65,38 @@ class WaysUp:
             if self.archive.wants(state):
                 new.append(state)
         self._check(new)
+
+    def add_motions(self, motions: Sequence[Motion]) -> None:
+        """File entry frames of motions that rise, from which their rests lead to the stance.
+
+        Whether they do is tried and checked here, under this search's torque limit.
+        """
+        robot, model = self._player.world.robot, self._player.world.model
+        entries, onward = list[RestingState](), list[PostureMove]()
+        for motion in motions:
+            frames = motion.entry_frames
+            chosen = np.linspace(0, len(frames) - 1, min(ENTRIES, len(frames)))
+            for frame in frames[chosen.round().astype(int)]:
+                posture = motion.posture(int(frame))
+                entries.append(
+                    self._player.describe(place(robot, model, posture), posture.joint_pos)
+                )
+                onward.append(_cut_rest(motion, int(frame), robot.standing.joint_pos))
+        order = np.argsort([move.duration for move in onward], kind="stable")
+        for rows in np.split(order, range(BATCH, len(order), BATCH)):
+            self._check(self._try_onward([entries[k] for k in rows], [onward[k] for k in rows]))
+
+    def _try_onward(
+        self, states: list[RestingState], onward: list[PostureMove]
+    ) -> list[RestingState]:
+        """Try moves to the stance; return the states from which they lead there."""
+        if not states:
+            return []
+        tried = self._player.try_out(states, onward)
+        return [
+            replace(states[k], after=self.stance, onward=onward[k], depth=1)
+            for k in np.flatnonzero(tried.are_like([self.stance] * len(states)))
+        ]
 
     def add_chain(self, last: RestingState, first: int = 0) -> None:
         """File the states of a chain to a stand, from one of its path on: each has a way up."""
@@ -159,6 +197,17 @@ class WaysUp:
         for state, leads in zip(states, ends.are_like(goals), strict=True):
             if leads:
                 self.archive.add(state)
+
+
+def _cut_rest(motion: Motion, frame: int, stance: Array) -> PostureMove:
+    """Make the move along a motion from one of its frames to the stance (n,)."""
+    begins = float(motion.time[frame])
+    duration = max(float(motion.time[-1]) - begins, KNOT_TIME)
+    count = math.ceil(duration / KNOT_TIME)
+    share = invert_smooth_step(np.linspace(0.0, 1.0, count + 1)[1:])
+    knots = motion.sample(begins + duration * share)
+    knots[-1] = stance
+    return PostureMove(knots=knots, duration=duration, kind="motion")
 
 
 def _locate(states: list[RestingState]) -> Array:

@@ -107,7 +107,9 @@ class PlannedRise:
             approach=Approach(world, planning=options.planning),
             filter=self.filter,
             crawl=Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=options.threads),
-            finder=MotionFinder(world, self.torque_limit, threads=options.threads),
+            finder=MotionFinder(
+                world, self.torque_limit, self.database.rising, threads=options.threads
+            ),
             assistance=options.assistance,
             budget=search_budget,
         )

@@ -1,4 +1,4 @@
-"""Reduction of ties without a known drive: motors' hinges are welded, outputs and followers stay."""
+"""Reduction of ties without a known drive: motors are welded, outputs and followers stay."""
 
 from __future__ import annotations
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from humanoid_getup.experiments.starts.falls import find_side
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
@@ -22,9 +24,17 @@ class MotionFinder:
     An addition to [Lin12], whose rises join motions of a database.
     """
 
-    def __init__(self, world: World, torque_limit: TorqueLimit, *, threads: int = 0) -> None:
-        """Prepare for a world without obstacles, and for a torque limit."""
+    def __init__(
+        self,
+        world: World,
+        torque_limit: TorqueLimit,
+        known: Sequence[Motion] = (),
+        *,
+        threads: int = 0,
+    ) -> None:
+        """Prepare for a world without obstacles, for a torque limit, and for known motions."""
         self._world, self._limit, self._threads = world, torque_limit, threads
+        self._known = known
         self.simulated = 0.0
         """Time simulated so far [s]."""
 
@@ -43,4 +53,4 @@ class MotionFinder:
     def _search(self) -> StartMotions:
         from humanoid_getup.posture_chains.start_motions import StartMotions
 
-        return StartMotions(self._world, self._limit, threads=self._threads)
+        return StartMotions(self._world, self._limit, self._known, threads=self._threads)

@@ -10,6 +10,7 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
+from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.resting_state import PostureMove
@@ -35,6 +36,20 @@ def test_ways_up_begin_with_squats_from_which_a_robot_stands_up(tools: ChainTool
     ends = tools.player.check(squats, onward, 2)
     assert ends.stands.all()
     assert all(up.progress < tools.ways_up.stance.progress for up in squats)
+
+
+def test_entry_frames_of_known_motions_are_ways_up_where_they_lead_to_a_stand(world: World):
+    own = ChainTools(world, np.random.default_rng(0), SMALL)
+    rises = find_motion(world.robot, "supine_sit_up_fast")
+    halted = replace(rises, joint_target=np.repeat(rises.joint_target[:1], len(rises.time), axis=0))
+    for motion, is_way_up in ((halted, False), (rises, True)):
+        own.ways_up.add_motions([motion])
+        added = [up for up in own.ways_up if up.onward and up.onward.kind == "motion"]
+        assert bool(added) == is_way_up
+    onward = [up.onward for up in added if up.onward is not None]
+    assert own.player.check(added, onward, 2).stands.all()
+    longest = max(move.duration for move in onward)
+    assert longest == pytest.approx(rises.time[-1], rel=0.5), "one is from far below"
 
 
 def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(

@@ -7,10 +7,12 @@ import pytest
 
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, find_motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
+from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -53,6 +55,21 @@ def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(
     for motion in motions:
         np.testing.assert_allclose(motion.joint_pos[0], squat.joint_pos, atol=1e-6)
     assert finder.simulated > 0.0
+
+
+def test_a_search_begins_with_the_known_motions(
+    world: World, squat: Posture, monkeypatch: pytest.MonkeyPatch
+):
+    given = list[str]()
+    known = [find_motion(world.robot, "supine_sit_up_fast")]
+    planner = PlannedRise(world, MotionDatabase(known, PostureMetric.of(world.robot)))
+
+    def note(_: object, motions: tuple[Motion, ...]) -> None:
+        given.extend(motion.name for motion in motions)
+
+    monkeypatch.setattr(WaysUp, "add_motions", note)
+    planner._tools.finder.find(squat, 0.0, np.random.default_rng(0))
+    assert given == ["supine_sit_up_fast"]
 
 
 def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Posture):

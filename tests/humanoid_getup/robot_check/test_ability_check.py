@@ -30,7 +30,9 @@ def test_no_squat_leaves_the_strength_unknown(limbs: Limbs):
     assert "no balanced posture" in found.text
 
 
-@pytest.mark.parametrize(("share", "level"), [(0.7, "ok"), (0.8, "warning")])
+@pytest.mark.parametrize(
+    ("share", "level"), [(0.7, "ok"), (0.752, "ok"), (0.758, "warning"), (0.8, "warning")]
+)
 def test_the_deepest_squat_decides(limbs: Limbs, op3: Robot, share: float, level: str):
     found = check_depth(limbs, [crouch(op3, 0.9), crouch(op3, share)])
     assert found.level == level

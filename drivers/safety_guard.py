@@ -54,8 +54,7 @@ class SafetyGuard(Backend):
       before the servos round it to whole ticks.
     - The torque limit is between 0 and the guard's own, derated where a servo is hot; the
       gain share and the PWM limit are between 0 and 1.
-    - A joint whose torque limit is 0 here, such as a limp one, is never driven, and may report
-      errors.
+    - A limp joint of the robot is never driven, and may report errors.
     - While the measurement of a joint is some periods old, all targets are held.
 
     A position servo needs a distance from its angle to its target to make torque, so that
@@ -73,6 +72,7 @@ class SafetyGuard(Backend):
         self.robot, self.period = backend.robot, backend.period
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self._reach = self.limits.max_velocity * self.period
+        self._is_limp = self.robot.strength == 0.0
         # Half a period less: ages are sums of periods, beyond rounding.
         self._hold_age = (self.limits.hold_cycles - 0.5) * self.period
         self._limp_age = (self.limits.limp_cycles - 0.5) * self.period
@@ -169,7 +169,7 @@ class SafetyGuard(Backend):
     def _find_body_fault(self, state: State) -> Fault | None:
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
-        alerts = np.flatnonzero(state.alert * (limits.torque_limit > 0.0))
+        alerts = np.flatnonzero(state.alert * ~self._is_limp)
         if alerts.size:
             detail = ", ".join(
                 f"joint '{names[i]}' reports {HardwareError(int(state.alert[i])).describe()}"
@@ -200,20 +200,20 @@ class SafetyGuard(Backend):
         limits = self.limits
         driven = self._sent.torque_limit > 0.0
         reference = np.where(driven, self._limited.joint_pos, state.joint_pos)
-        powered = limits.torque_limit > 0.0
-        released = (command.torque_limit == 0.0) | ~powered
+        released = (command.torque_limit == 0.0) | self._is_limp
         wanted = np.where(released, state.joint_pos, command.joint_pos)
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
         target = np.where(released, state.joint_pos, target)
         torque = np.minimum(command.torque_limit, limits.derate(state.temperature))
+        torque = np.where(self._is_limp, 0.0, torque)
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
         pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)
         held = ~released
         self._counts += (
             held & (in_range != wanted),
             held & (target != in_range),
-            powered & (torque != command.torque_limit),
+            ~self._is_limp & (torque != command.torque_limit),
             gain != command.gain_scale,
             pwm != command.pwm_limit,
         )

@@ -55,8 +55,13 @@ def test_a_coupled_joint_cannot_be_limp(own_robot: Path):
     )
 
 
-def test_the_guard_never_drives_a_limp_joint_and_counts_no_clip(limp: Robot):
-    with SafetyGuard(RecordingBackend(limp)) as guard:
+@pytest.mark.parametrize("own_limits", [False, True])
+def test_the_guard_never_drives_a_limp_joint_and_counts_no_clip(
+    limp: Robot, tiny: Robot, *, own_limits: bool
+):
+    """Whatever torque a user's own limits permit there."""
+    limits = GuardLimits.of(tiny) if own_limits else None
+    with SafetyGuard(RecordingBackend(limp), limits) as guard:
         for _ in range(3):
             sent = guard.write(Command.position(limp, np.full(2, 0.01)))
     assert sent.torque_limit[0] == 0.0

@@ -64,7 +64,7 @@ class GuardLimits:
 
     @staticmethod
     def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
-        """Build the limits of a robot's joints and servos; limp joints get no torque.
+        """Build the limits of a robot's joints and servos.
 
         ``torque_limit`` holds at every servo [N·m] whose own is not lower.
         """
@@ -75,8 +75,7 @@ class GuardLimits:
             lower=robot.lower,
             upper=robot.upper,
             max_velocity=robot.max_velocity,
-            torque_limit=np.minimum(robot.max_torque, robot.transmission.torque_at_actuator(cap))
-            * robot.strength,
+            torque_limit=np.minimum(robot.max_torque, robot.transmission.torque_at_actuator(cap)),
             max_temperature=find_max_temperature(robot),
             derate_temperature=find_derate_temperature(robot),
             min_voltage=robot.supply_range[0],

@@ -81,7 +81,7 @@ def limit_servos(
 
     Goal Current and Goal PWM are whole counts, rounded down. By current, the limit holds at any
     speed that the supply allows. By PWM it holds at standstill: there is less torque the faster
-    the servo turns, and more while the joint is turned against its motor.
+    the servo turns, and more while the joint is turned against its motor. Limp joints get none.
 
     Args:
         robot: Robot whose servos are limited.
@@ -92,7 +92,7 @@ def limit_servos(
     """
     mode = LIMIT_MODES.index(by) if isinstance(by, str) else by
     is_pwm, is_current = np.equal(mode, PWM), np.equal(mode, CURRENT)
-    limit = np.broadcast_to(torque_limit, np.broadcast_shapes(np.shape(torque_limit), (robot.n,)))
+    limit = robot.strength * torque_limit
     share = np.where(is_pwm, round_pwm(limit / robot.max_torque), 1.0)
     pwm = np.minimum(share, round_pwm(pwm_limit))
     torque = np.where(is_pwm, robot.max_torque, limit)

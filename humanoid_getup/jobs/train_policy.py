@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
-from humanoid_getup.jobs.learning_state import TrainedPolicy
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
+from humanoid_getup.jobs.trained_policy import TrainedPolicy
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 
@@ -52,7 +52,7 @@ def train(
     )
     motions = len(list((robot.folder / MOTION_FOLDER).glob("*.npz")))
     leads = DistributedProcess.from_environment(os.environ).leads
-    trained = TrainedPolicy(leads=leads, motions=motions)
+    trained = TrainedPolicy(leads=leads, motions=motions, lift=recipe.lift)
 
     def note(each: TrainReport) -> None:
         if said := trained.note(each):

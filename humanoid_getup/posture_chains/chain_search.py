@@ -90,7 +90,7 @@ class ChainSearch:
         self._tools, self._player = tools, tools.player
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
-        self._scenarios = self._player.sample(start, PLAYED)
+        self._scenarios = self._player.sample_worlds(start, PLAYED)
         self.archive = Archive()
         self.start = self._player.describe(start, held)
         self.archive.add(self.start)

@@ -233,7 +233,7 @@ class MovePlayer:
                 return number
         return len(path) - 1
 
-    def sample(self, start: Array, worlds: int) -> Scenarios:
+    def sample_worlds(self, start: Array, worlds: int) -> Scenarios:
         """Sample the worlds in which whole chains are played; the first is undisturbed.
 
         They start from MuJoCo positions (nq,), and are the same ones for the same start.

@@ -56,7 +56,7 @@ class StartMotions:
             return []
         settings = SearchSettings(limit=self._limit, threads=self._threads)
         tools = ChainTools(self._world, rng, settings, self._moves)
-        tools.ways_up.add_motions(self._known)
+        tools.ways_up.add_motions(self._known, settings.batch)
         search = ChainSearch(tools, place(self._world.robot, self._world.model, start))
         found = list[Motion]()
         while not found and tools.player.simulated < budget:

@@ -25,7 +25,6 @@ TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 ENTRIES = 4  # frames of a stored motion that are filed
 KNOT_TIME = 0.1  # s between the targets that are taken from it
-BATCH = 64  # of them that are played at once
 FARTHEST = 1.2  # distance over which states are paired
 
 
@@ -66,10 +65,10 @@ class WaysUp:
                 new.append(state)
         self._check(new)
 
-    def add_motions(self, motions: Sequence[Motion]) -> None:
-        """File entry frames of motions that rise, from which their rests lead to the stance.
+    def add_motions(self, motions: Sequence[Motion], count: int) -> None:
+        """File entry frames of motions that rise, from which what follows leads to the stance.
 
-        Whether they do is tried and checked here, under this search's torque limit.
+        Whether it does is tried and checked, a number at a time, under this search's torque limit.
         """
         robot, model = self._player.world.robot, self._player.world.model
         entries, onward = list[RestingState](), list[PostureMove]()
@@ -81,21 +80,21 @@ class WaysUp:
                 entries.append(
                     self._player.describe(place(robot, model, posture), posture.joint_pos)
                 )
-                onward.append(_cut_rest(motion, int(frame), robot.standing.joint_pos))
+                onward.append(_follow(motion, int(frame), robot.standing.joint_pos))
         order = np.argsort([move.duration for move in onward], kind="stable")
-        for rows in np.split(order, range(BATCH, len(order), BATCH)):
-            self._check(self._try_onward([entries[k] for k in rows], [onward[k] for k in rows]))
+        for first in range(0, len(order), count):
+            rows = order[first : first + count]
+            states, moves = [entries[k] for k in rows], [onward[k] for k in rows]
+            self._check(self._try_onward(states, moves, [self.stance] * len(rows)))
 
     def _try_onward(
-        self, states: list[RestingState], onward: list[PostureMove]
+        self, states: list[RestingState], onward: list[PostureMove], ups: list[RestingState]
     ) -> list[RestingState]:
-        """Try moves to the stance; return the states from which they lead there."""
-        if not states:
-            return []
-        tried = self._player.try_out(states, onward)
+        """Try a move from each state to one with a way up; return those that lead there."""
+        leads = self._player.try_out(states, onward).are_like(ups)
         return [
-            replace(states[k], after=self.stance, onward=onward[k], depth=1)
-            for k in np.flatnonzero(tried.are_like([self.stance] * len(states)))
+            replace(states[k], after=ups[k], onward=onward[k], depth=ups[k].depth + 1)
+            for k in np.flatnonzero(leads)
         ]
 
     def add_chain(self, last: RestingState, first: int = 0) -> None:
@@ -154,15 +153,8 @@ class WaysUp:
             if not pairs:
                 return
             onward = [self.aim(state, up, rng) for state, up in pairs]
-            tried = self._player.try_out([state for state, _ in pairs], onward)
-            linked = tried.rests[:, 0] & tried.are_like([up for _, up in pairs])
-            found = [
-                replace(
-                    pairs[k][0], after=pairs[k][1], onward=onward[k], depth=pairs[k][1].depth + 1
-                )
-                for k in np.flatnonzero(linked)
-            ]
-            self._check(found)
+            states, ups = [state for state, _ in pairs], [up for _, up in pairs]
+            self._check(self._try_onward(states, onward, ups))
 
     def _hold(self, postures: Array) -> list[RestingState]:
         """Hold postures on their soles (K, n); return the states of those that rest."""
@@ -199,7 +191,7 @@ class WaysUp:
                 self.archive.add(state)
 
 
-def _cut_rest(motion: Motion, frame: int, stance: Array) -> PostureMove:
+def _follow(motion: Motion, frame: int, stance: Array) -> PostureMove:
     """Make the move along a motion from one of its frames to the stance (n,)."""
     begins = float(motion.time[frame])
     duration = max(float(motion.time[-1]) - begins, KNOT_TIME)

@@ -33,7 +33,7 @@ class DomainParameters:
     limit_by: NDArray[np.int_]
     """What the torque limit acts on, as an index into ``LIMIT_MODES``, (N,)."""
     strength: Array
-    """Scale of each servo's torque and gain, (N, n); 0 for limp joints."""
+    """Scale of each servo's torque and gain, (N, n)."""
     armature: Array
     """Scale of the rotors' inertia, (N,)."""
     friction_loss: Array
@@ -82,7 +82,7 @@ class DomainParameters:
             voltage=np.full(n, voltage),
             torque_limit=np.full(n, limit),
             limit_by=np.full(n, LIMIT_MODES.index(limit_by or robot.limit_by)),
-            strength=np.tile(robot.strength, (n, 1)),
+            strength=np.ones((n, robot.n)),
             armature=np.ones(n),
             friction_loss=np.ones(n),
             action_delay=np.zeros(n),

@@ -83,6 +83,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     anatomy = find_anatomy(tree, path, notes)
     reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}
+    fixed |= {each.joint for each in reduction.followers if each.leader in fixed}
     followers = [each for each in reduction.followers if each.joint not in fixed]
     builder = Rebuilder(
         anatomy, keep_hulls=options.keep_hulls, fixed=fixed, followers=followers, notes=notes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from robots.body.links import list_way_up
@@ -56,7 +56,6 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
         drives = [k for k in range(len(mass)) if mass[k] < LIGHT * mass[output]]
         if not drives and tie in source.ties and (follower := _find_follower(tie, source)):
             followers.append(follower)
-            notes.append(follower.describe())
             continue
         _describe(tie, output, drives, notes)
         motors += [tie.joints[k] for k in drives]
@@ -65,7 +64,23 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
             known = [k for k in drives if tie.joints[k] in source.actuators]
             if known:
                 actuators[name] = _combine(tie, output, known, source)
-    return Reduction(tuple(dict.fromkeys(motors)), actuators, tuple(followers))
+    return Reduction(
+        tuple(dict.fromkeys(motors)), actuators, tuple(_sort_out(followers, motors, notes))
+    )
+
+
+def _sort_out(
+    followers: Sequence[Follower], motors: Sequence[str], notes: list[str]
+) -> Iterator[Follower]:
+    """Yield the first leader of each joint, unless only a motor's shaft turns there."""
+    known = set(motors)
+    for each in followers:
+        if {each.joint, each.leader} & {*motors}:
+            notes.append(describe_separate((each.joint, each.leader)))
+        elif each.joint not in known:
+            known.add(each.joint)
+            notes.append(each.describe())
+            yield each
 
 
 def _find_follower(tie: Tie, source: ModelSource) -> Follower | None:

@@ -49,7 +49,8 @@ FOLDERS = ("meshdir", "assetdir", "texturedir")
 def find_file_problems(path: Path) -> list[str]:
     """Find why MuJoCo should not read a model file: what it names, and how much it would make.
 
-    Ordinary mistakes are left to MuJoCo, whose messages are better.
+    Ordinary mistakes are left to MuJoCo, whose messages are better; but for missing files, of
+    which it names one, without the folder.
     """
     try:
         str(path).encode("utf-8")
@@ -91,7 +92,8 @@ class _ModelFiles:
         self._open: list[Path] = []
         self._problems: list[str] = []
         self._pointers: list[str] = []
-        self._missing: dict[str, Path] = {}
+        self._folders: dict[Path, None] = {}
+        self._names: dict[str, Path] = {}
 
     def check(self, path: Path) -> list[str]:
         parts, copies = self._count_file(path)
@@ -107,11 +109,18 @@ class _ModelFiles:
             )
         if self._pointers:  # the first stands for all
             self._problems.append(f"{shown(self._pointers[0])} {POINTER_PROBLEM}")
-        if self._missing:
-            name, folder = next(iter(self._missing.items()))
-            others = len(self._missing) - 1
+        # A <compiler> counts for all that is included, so all folders are looked through.
+        missing = [
+            name
+            for name in self._names
+            if not any(place.exists() for place in _places([*self._folders], name))
+        ]
+        if missing:
+            first, others = missing[0], len(missing) - 1
             more = f" and {others} more that it names are" if others else " is"
-            self._problems.append(f"{shown(name)}{more} not found, expected in {folder}")
+            self._problems.append(
+                f"{shown(first)}{more} not found, expected in {self._names[first]}"
+            )
         return list(dict.fromkeys(self._problems))
 
     def _count_file(self, path: Path) -> tuple[int, int]:
@@ -130,14 +139,16 @@ class _ModelFiles:
         self._open.append(path)
         folders = [path.parent, self._folder]
         given = [e.get(k, "") for e in root.iter("compiler") for k in FOLDERS]
-        folders += [path.parent / folder for folder in given if folder]
+        own = [path.parent / folder for folder in given if folder]
+        folders += own
+        self._folders |= dict.fromkeys([*folders, *(self._folder / f for f in given if f)])
         models = {
             model.get("name", ""): self._count_all(folders, model) for model in root.iter("model")
         }
         for element in root.iter():
             self._check_sizes(element)
             self._check_numbers(element)
-            self._check_assets(element, folders)
+            self._check_assets(element, folders, (own or folders)[0])
         counts = self._count(root, folders, models)
         self._open.pop()
         return counts
@@ -200,14 +211,15 @@ class _ModelFiles:
                     f"<{element.tag}> has {key} {shown(text)}, expected finite numbers"
                 )
 
-    def _check_assets(self, element: ET.Element, folders: list[Path]) -> None:
+    def _check_assets(self, element: ET.Element, folders: list[Path], expected: Path) -> None:
         if element.tag in ("include", "model"):
             return
         for name in (value for key, value in element.items() if key.startswith("file")):
-            found = [place for place in _places(folders, name) if place.exists()]
-            if name and not found:
-                self._missing[name] = folders[min(2, len(folders) - 1)]
-            for place in found:
+            if name:
+                self._names.setdefault(name, expected)
+            for place in _places(folders, name):
+                if not place.exists():
+                    continue
                 try:
                     self._assets[place.resolve()] = check_file(place, MAX_ASSET)
                     if is_pointer(place):

@@ -138,7 +138,7 @@ class Disturbance:
             world, n, voltage=self.voltage, torque_limit=limit.value, limit_by=limit.by
         )
         p.torque_limit[:] *= draw(self.torque_share, rng, n)
-        p.strength[:] *= draw(self.strength, rng, n, robot.n)
+        p.strength[:] = draw(self.strength, rng, n, robot.n)
         if self.weak_share > 0.0 and self.weak_servo != 1.0:
             weak = np.ones(n, dtype=bool)
             if self.weak_share < 1.0:

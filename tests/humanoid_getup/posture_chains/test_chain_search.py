@@ -43,7 +43,7 @@ def test_entry_frames_of_known_motions_are_ways_up_where_they_lead_to_a_stand(wo
     rises = find_motion(world.robot, "supine_sit_up_fast")
     halted = replace(rises, joint_target=np.repeat(rises.joint_target[:1], len(rises.time), axis=0))
     for motion, is_way_up in ((halted, False), (rises, True)):
-        own.ways_up.add_motions([motion])
+        own.ways_up.add_motions([motion], SMALL.batch)
         added = [up for up in own.ways_up if up.onward and up.onward.kind == "motion"]
         assert bool(added) == is_way_up
     onward = [up.onward for up in added if up.onward is not None]
@@ -73,7 +73,7 @@ def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(
 ):
     robot = world.robot
     player = MovePlayer(world, np.random.default_rng(0), weakest=0.6, threads=1)
-    share = player.sample(lying, 5).parameters.torque_limit / robot.max_torque.max()
+    share = player.sample_worlds(lying, 5).parameters.torque_limit / robot.max_torque.max()
     assert share == pytest.approx([1.0, 0.6, 1.0, 0.6, 1.0])
 
 
@@ -85,7 +85,7 @@ def test_a_rise_that_needs_full_torque_falls_in_weaker_worlds(tools: ChainTools,
     fallen = []
     for weakest in (1.0, 0.05):
         player = MovePlayer(world, np.random.default_rng(0), weakest=weakest, threads=1)
-        found = player.follow([stand], player.sample(stance.qpos, 4))
+        found = player.follow([stand], player.sample_worlds(stance.qpos, 4))
         fallen.append(int(found.fallen[0]))
     assert fallen == [0, 2]
 

@@ -103,8 +103,9 @@ def test_a_tie_beside_a_gear_is_reported_too(tmp_path: Path):
     assert "right_forearm_joint" in note and "right_upper_arm_joint" in note
 
 
-def test_joints_that_mimic_others_follow_them_without_servo(tmp_path: Path):
-    """Forearms that follow their upper arms, as those of parallelograms do."""
+@pytest.fixture
+def mimicking(tmp_path: Path) -> Path:
+    """Write a robot whose forearms follow its upper arms, as those of parallelograms do."""
     text = small_urdf()
     for side in ("left", "right"):
         old = f'<child link="{side}_forearm"/>'
@@ -112,7 +113,34 @@ def test_joints_that_mimic_others_follow_them_without_servo(tmp_path: Path):
         mimic = f'{old}<mimic joint="{side}_upper_arm_joint" multiplier="-0.5"/>'
         text = text.replace(old, mimic)
     (tmp_path / "model.urdf").write_text(text)
-    found = import_model(tmp_path / "model.urdf", ImportOptions(name="small"))
+    return tmp_path / "model.urdf"
+
+
+def test_what_follows_a_fixed_joint_is_fixed(mimicking: Path):
+    arms = tuple(f"{side}_upper_arm_joint" for side in ("left", "right"))
+    found = import_model(mimicking, ImportOptions(name="small", fixed=arms))
+    assert found.passive_joints == ()
+    assert not [name for name in found.joints if "arm_joint" in name and "upper" not in name]
+
+
+def test_what_follows_a_motors_shaft_is_separate(tmp_path: Path):
+    def follow_shaft(spec: mujoco.MjSpec) -> None:
+        add_motor(spec)
+        for name, ratio in (("left_shank_joint", 1.0 / GEAR), ("left_foot_joint", 0.2)):
+            spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT,
+                name1=name,
+                name2="motor",
+                data=[0.0, ratio, *[0.0] * 10],
+            )
+
+    robot = imported(tmp_path, follow_shaft)
+    assert robot.passive_joints == ()
+    assert robot.spec.compile().neq == 0
+
+
+def test_joints_that_mimic_others_follow_them_without_servo(mimicking: Path, tmp_path: Path):
+    found = import_model(mimicking, ImportOptions(name="small"))
     assert found.passive_joints == ("left_forearm_joint", "right_forearm_joint")
     assert not {*found.passive_joints} & {*found.joints}
     note = "left_forearm_joint follows left_upper_arm_joint (-0.5 turns to one) and has no servo"

@@ -111,6 +111,17 @@ def test_missing_meshes_are_counted_and_the_folder_is_named(
     assert str(tmp_path / "parts") in found
 
 
+@pytest.mark.parametrize("compiler_in", ["outer", "inner"])
+def test_a_compiler_counts_for_meshes_of_included_files(tmp_path: Path, compiler_in: str):
+    """As in MuJoCo, whichever of the files has it."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "a.stl").write_bytes(b"")
+    compiler, mesh = "<compiler meshdir='parts'/>", "<asset><mesh file='a.stl'/></asset>"
+    outer, inner = (compiler, mesh) if compiler_in == "outer" else (mesh, compiler)
+    (tmp_path / "inner.xml").write_text(f"<mujoco>{inner}</mujoco>")
+    assert problems_of(tmp_path, outer + "<include file='inner.xml'/>") == ""
+
+
 def test_a_path_that_mujoco_cannot_open_is_refused():
     path = Path(os.fsdecode(b"/no/m\xff.xml"))
     assert find_file_problems(path) == [r"its path is '/no/m\udcff.xml', expected one in UTF-8"]

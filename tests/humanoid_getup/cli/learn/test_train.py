@@ -17,8 +17,8 @@ pytest.importorskip("tensorboard")
 
 from run_getup import Run
 
-from humanoid_getup.jobs.learning_state import format_time
 from humanoid_getup.jobs.requests.learning import TrainRequest
+from humanoid_getup.jobs.trained_policy import format_time
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train

@@ -64,7 +64,7 @@ def test_a_search_begins_with_the_known_motions(
     known = [find_motion(world.robot, "supine_sit_up_fast")]
     planner = PlannedRise(world, MotionDatabase(known, PostureMetric.of(world.robot)))
 
-    def note(_: object, motions: tuple[Motion, ...]) -> None:
+    def note(_: object, motions: tuple[Motion, ...], __: int) -> None:
         given.extend(motion.name for motion in motions)
 
     monkeypatch.setattr(WaysUp, "add_motions", note)

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("rsl_rl")
 
-from humanoid_getup.jobs.learning_state import ASSESSED, TrainedPolicy
+from humanoid_getup.jobs.trained_policy import ASSESSED, TrainedPolicy
 from sim2real.training.iteration_log import TrainReport
 
 pytestmark = pytest.mark.train
@@ -28,22 +28,41 @@ HELPED = TrainReport(
 """Of 100 falls 60 end standing, all of them with help."""
 
 
+def begin(motions: int = 3) -> TrainedPolicy:
+    return TrainedPolicy(leads=True, motions=motions, lift=HELPED.lift)
+
+
 def report(policy: TrainedPolicy, **fields: float) -> str:
     """Report an iteration; return what it told."""
     return policy.note(replace(HELPED, **fields))
 
 
 def test_robots_that_stand_by_the_force_alone_are_not_learning():
-    policy = TrainedPolicy(leads=True, motions=3)
+    policy = begin()
     report(policy)
     assert policy.share == 0.0
     assert not policy.is_learning
-    assert "0% of falls end standing without help, 60% with up to 80% of the weight" in str(policy)
+    said = "60% of falls end standing with up to 80% of the weight held, 0% without help"
+    assert said in str(policy)
+
+
+def test_without_a_fall_of_a_kind_no_share_of_it_is_told():
+    policy = begin()
+    report(policy, falls=0, stood=0, alone=0)
+    assert policy.describe() == "no fall has ended yet"
+    report(policy, alone=0)
+    assert policy.describe().endswith("of the weight held")
+
+
+def test_a_training_whose_force_has_faded_before_it_was_continued_is_learning():
+    policy = begin()
+    report(policy, iteration=200, lift=0.3)
+    assert policy.is_learning
 
 
 @pytest.mark.parametrize("better", [{"stood_alone": 3}, {"lift": 0.75}])
 def test_robots_that_stand_alone_or_with_less_help_are_learning(better: dict[str, float]):
-    policy = TrainedPolicy(leads=True, motions=3)
+    policy = begin()
     report(policy)
     assert not policy.is_learning
     for _ in range(20):
@@ -52,16 +71,16 @@ def test_robots_that_stand_alone_or_with_less_help_are_learning(better: dict[str
 
 
 def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning():
-    policy = TrainedPolicy(leads=True, motions=3)
+    policy = begin()
     assert report(policy, seconds=ASSESSED - 1.0) == ""
     told = report(policy, seconds=ASSESSED)
-    assert told.startswith("after 10 min 0% of falls end standing without help")
+    assert told.startswith("after 10 min 60% of falls end standing with up to 80%")
     assert "not learned yet; necks end at 40% of the standing height" in told
     assert report(policy, seconds=ASSESSED + 10.0) == ""
 
 
 def test_a_training_that_is_continued_later_is_not_assessed_again():
-    policy = TrainedPolicy(leads=True, motions=3)
+    policy = begin()
     assert report(policy, iteration=200, seconds=2.0 * ASSESSED) == ""
 
 
@@ -74,5 +93,5 @@ def test_a_training_that_is_continued_later_is_not_assessed_again():
     ],
 )
 def test_what_a_body_lacks_that_does_not_learn(motions: int, neck: float, lacks: str):
-    policy = TrainedPolicy(leads=True, motions=motions)
+    policy = begin(motions)
     assert lacks in report(policy, seconds=ASSESSED, height_alone=neck)

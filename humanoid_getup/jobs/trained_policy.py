@@ -1,4 +1,4 @@
-"""How far a training has come, and what a body that does not learn may lack."""
+"""A policy in training: how far it has come, and what a body that does not learn may lack."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ class TrainedPolicy:
     stood.
     """
 
-    def __init__(self, *, leads: bool, motions: int) -> None:
-        """Begin without a report; of several processes, only the leading one reports.
+    def __init__(self, *, leads: bool, motions: int, lift: float) -> None:
+        """Begin without a report.
 
-        The robot has so many stored motions, along which episodes start.
+        Args:
+            leads: Whether this process is the one of several that reports.
+            motions: Stored motions of the robot, along which episodes start.
+            lift: Initial upper limit of the assistive force, as a fraction of the weight.
         """
-        self.leads, self._motions = leads, motions
+        self.leads, self._motions, self._lift = leads, motions, lift
         self.recent: deque[TrainReport] = deque(maxlen=RECENT)
         """Reports of the last iterations; none if the training had as many as requested."""
-        self._lift = 0.0
         self._is_assessed = False
 
     def note(self, report: TrainReport) -> str:
         """Note a report; return what is to be told once, after ten minutes."""
         if not self.recent:
-            self._lift = report.lift
             is_continued = report.iteration > 0
             self._is_assessed = is_continued and report.seconds >= ASSESSED
         self.recent.append(report)
@@ -58,16 +59,14 @@ class TrainedPolicy:
 
     def describe(self) -> str:
         """Describe how many recent falls end standing, and how much robots are helped."""
-        share = "none" if math.isnan(self.share) else f"{self.share:.0%}"
-        last = self.recent[-1]
-        if not last.lift:
-            return f"{share} of falls end standing"
-        falls = max(sum(report.falls for report in self.recent), 1)
-        helped = sum(report.stood for report in self.recent) / falls
-        return (
-            f"{share} of falls end standing without help, {helped:.0%} with up to {last.lift:.0%} "
-            "of the weight held"
-        )
+        lift, falls = self.recent[-1].lift, sum(report.falls for report in self.recent)
+        if not falls:
+            return "no fall has ended yet"
+        stood = sum(report.stood for report in self.recent) / falls
+        if not lift:
+            return f"{stood:.0%} of falls end standing"
+        helped = f"{stood:.0%} of falls end standing with up to {lift:.0%} of the weight held"
+        return helped if math.isnan(self.share) else f"{helped}, {self.share:.0%} without help"
 
     def assess(self) -> str:
         """Tell whether a body is learning, and what it may lack."""

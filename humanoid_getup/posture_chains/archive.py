@@ -70,6 +70,12 @@ class Archive:
         """Return how often each state was drawn since it was filed."""
         return list(self._draws.values())
 
+    def copy(self) -> Archive:
+        """Return an archive of the same states, that grows by itself."""
+        other = Archive(downwards=self._sign < 0.0)
+        other.restore(list(self), self.draws)
+        return other
+
     def restore(self, states: Sequence[RestingState], draws: Sequence[int]) -> None:
         """Replace all states, in their order, and how often each was drawn."""
         self._states = {state.cell: state for state in states}

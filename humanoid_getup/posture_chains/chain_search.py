@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,15 +56,27 @@ class ChainTools:
         """Find the balanced squats from which a robot stands up; make moves if none are given."""
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
-        self.player = MovePlayer(
-            world,
-            rng,
-            limit=self.settings.limit,
-            weakest=self.settings.weakest,
-            threads=self.settings.threads,
-        )
+        self.player = self._make_player()
         self.moves = moves or RandomMoves(world.robot, rng)
         self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
+
+    def copy(self, rng: np.random.Generator) -> ChainTools:
+        """Return tools for another search that begin with what these know."""
+        other = copy.copy(self)
+        other.rng = rng
+        other.player = other._make_player()
+        other.ways_up = self.ways_up.copy(other.player)
+        return other
+
+    def _make_player(self) -> MovePlayer:
+        settings = self.settings
+        return MovePlayer(
+            self.world,
+            self.rng,
+            limit=settings.limit,
+            weakest=settings.weakest,
+            threads=settings.threads,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

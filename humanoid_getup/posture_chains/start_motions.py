@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,9 +41,8 @@ class StartMotions:
         """Prepare for a torque limit, and for known motions, which may be joined on the way."""
         self._world, self._limit, self._threads = world, limit, threads
         self._known = known
-        self._moves = _make_moves(world, limit)
         self.simulated = 0.0
-        """Time simulated so far [s]."""
+        """Time simulated so far for all starts [s]."""
 
     def find(
         self, start: Posture, start_class: StartClass, budget: float, rng: np.random.Generator
@@ -50,21 +50,31 @@ class StartMotions:
         """Find motions from a posture at rest: ever shorter versions of one, the shortest first.
 
         There is none if the search finds none in a simulated time [s], or if the robot has no two
-        legs with a knee, or servos that do not lift it.
+        legs with a knee, or servos that do not lift it. The ways up to begin with are made once,
+        but their time is counted for every start, so that no result depends on earlier ones.
         """
-        if self._moves is None:
+        if self._tools is None:
             return []
-        settings = SearchSettings(limit=self._limit, threads=self._threads)
-        tools = ChainTools(self._world, rng, settings, self._moves)
-        tools.ways_up.add_motions(self._known, settings.batch)
+        tools, known = self._tools.copy(rng), self._tools.player.simulated
         search = ChainSearch(tools, place(self._world.robot, self._world.model, start))
         found = list[Motion]()
-        while not found and tools.player.simulated < budget:
+        while not found and known + tools.player.simulated < budget:
             search.advance()
             if search.untried:
                 found = self._make(search.untried.pop(0), start_class, tools.player.rest, rng)
-        self.simulated += tools.player.simulated
+        self.simulated += known + tools.player.simulated
         return found
+
+    @cached_property
+    def _tools(self) -> ChainTools | None:
+        """Make what searches from all starts begin with; None if the robot cannot be lifted."""
+        moves = _make_moves(self._world, self._limit)
+        if moves is None:
+            return None
+        settings = SearchSettings(limit=self._limit, threads=self._threads)
+        tools = ChainTools(self._world, np.random.default_rng(0), settings, moves)
+        tools.ways_up.add_motions(self._known, settings.batch)
+        return tools
 
     def _make(
         self, chain: PostureChain, start_class: StartClass, rest: float, rng: np.random.Generator

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -51,6 +52,13 @@ class WaysUp:
 
     def __len__(self) -> int:
         return len(self.archive)
+
+    def copy(self, player: MovePlayer) -> WaysUp:
+        """Return the same ways up, that grow by themselves with another player's moves."""
+        other = copy.copy(self)
+        other._player = player
+        other.archive, other.paired = self.archive.copy(), {*self.paired}
+        return other
 
     def advance(self, count: int, rng: np.random.Generator) -> None:
         """Try a number of moves from states with a way up, and file where they lead."""

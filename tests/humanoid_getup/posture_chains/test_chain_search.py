@@ -117,6 +117,19 @@ def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lyin
     assert np.array_equal(found[0], found[1])
 
 
+def test_a_search_leaves_nothing_to_the_next_one(tools: ChainTools, lying: np.ndarray):
+    known, found = len(tools.ways_up), list[np.ndarray]()
+    for _ in range(2):
+        own = tools.copy(np.random.default_rng(5))
+        search = ChainSearch(own, lying)
+        search.advance()
+        search.advance()
+        found.append(np.array([state.qpos for state in (*own.ways_up, *search.archive)]))
+    assert len(found[0]) > known + 1
+    assert np.array_equal(found[0], found[1])
+    assert len(tools.ways_up) == known
+
+
 @pytest.mark.slow
 def test_op3_finds_rises_from_its_back_that_disturbances_do_not_break(
     world: World, lying: np.ndarray

@@ -60,11 +60,18 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
         squats: Those in which it was looked at.
     """
     has = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
+    drives = robot.strength > 0.0
     stance = np.abs(stance)
     need = np.max([stance, *(np.abs(squat.torque) for squat in squats)], axis=0)
     must = [np.abs(squat.torque) for squat in squats if squat.neck_share >= DEEP_ENOUGH]
     least = np.max([stance, *must], axis=0)
-    weak = [k for k in np.argsort(-need / has) if need[k] > HOLDS * has[k]]
+    for k in np.flatnonzero(~drives):
+        yield CheckFinding.warning(
+            f"joint '{robot.joint_names[k]}'",
+            f"is limp: it does not make the {need[k]:.2f} N·m that squat and stance need of it",
+            "mend its servo, and take it out of limp_joints of robot.toml",
+        )
+    weak = [k for k in np.argsort(-need / has) if need[k] > HOLDS * has[k] and drives[k]]
     for k in weak:
         is_in_stance = stance[k] > HOLDS * has[k]
         torque = stance[k] if is_in_stance else need[k]
@@ -79,7 +86,7 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
             + ("; or avoid deep squats" if least[k] <= has[k] and not is_in_stance else ""),
         )
     if not weak:
-        worst = int(np.argmax(need / has))
+        worst = int(np.argmax(drives * need / has))
         yield CheckFinding.ok(
             "squat",
             f"the most strained joint is '{robot.joint_names[worst]}' with {need[worst]:.2f} "
@@ -95,10 +102,13 @@ def check_arms(limbs: Limbs, weight: float, lowest_neck: float) -> Iterator[Chec
         weight: Of the robot [N].
         lowest_neck: Share of its height to which the neck comes down in a squat.
     """
-    arms = [limbs.all[name] for name in ARMS if name in limbs.all]
+    drives = limbs.robot.strength > 0.0
+    bending = [limbs.all[name] for name in ARMS if name in limbs.all]
+    arms = [arm for arm in bending if drives[list(arm.joints)].all()]
     if not arms:
+        what = "all that bend have a limp joint" if bending else "there are none that bend"
         yield CheckFinding.warning(
-            "arms", "there are none that bend, so it has to get up by legs and trunk alone", ""
+            "arms", f"{what}, so it has to get up by legs and trunk alone", ""
         )
         return
     yield _check_reach(limbs, arms, lowest_neck)

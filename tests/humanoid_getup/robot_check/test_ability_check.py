@@ -72,6 +72,20 @@ def test_a_lower_supply_leaves_less_torque(op3: Robot):
     assert {each.level for each in check_strength(low, stance, [])} == {"warning"}
 
 
+def test_a_limp_joint_is_named_and_the_other_arm_carries_its_share(op3: Robot):
+    limp = replace(op3, limp_joints=("l_sho_pitch",))
+    found, squat = check_strength(limp, np.full(op3.n, 1.0), [])
+    assert (found.level, found.subject) == ("warning", "joint 'l_sho_pitch'")
+    assert "does not make the 1.00 N·m" in found.text
+    assert squat.level == "ok"
+    one, both = ([*check_arms(Limbs(robot), 10.0, 0.7)][-1] for robot in (limp, op3))
+    needs = [float(each.text.split(" need ")[1].split()[0]) for each in (one, both)]
+    assert needs[0] == pytest.approx(2.0 * needs[1], abs=0.02)
+    armless = replace(op3, limp_joints=("l_sho_pitch", "r_el"))
+    (alone,) = check_arms(Limbs(armless), 10.0, 0.7)
+    assert alone.text.startswith("all that bend have a limp joint")
+
+
 def test_signs_of_torques_do_not_matter(op3: Robot):
     down, up = (
         [str(each) for each in check_strength(op3, np.full(op3.n, torque), [])]

@@ -91,6 +91,9 @@ class MotionSearch:
                 self._state = self._describe()
                 self._save(SAVED_EVERY)
                 self._show(self._discovery.simulated - begun, budget)
+            for each, made in self._discovery.conclude():
+                self._keep(each, made)
+                self._state = self._describe()
         except BaseException:
             self._save()
             raise

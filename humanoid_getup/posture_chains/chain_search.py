@@ -11,6 +11,7 @@ from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
+from humanoid_getup.posture_chains.shortcuts import ShortcutFinder
 from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
@@ -130,6 +131,11 @@ class ChainSearch:
         else:
             states = self.archive.draw(count, rng)
             self._try(states, self._tools.moves.draw_all(states, self._player.scale, rng))
+
+    def shorten(self, chain: PostureChain) -> PostureChain:
+        """Return a chain that was found with the shortcuts that its worlds permit."""
+        finder = ShortcutFinder(self._player, self._tools.moves, self._tools.settings.worlds)
+        return finder.shorten(chain, self._scenarios)
 
     def _try(self, states: list[RestingState], moves: list[PostureMove]) -> None:
         """Try moves; file where they lead if that is new, and the same in all worlds."""

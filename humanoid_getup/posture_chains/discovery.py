@@ -69,7 +69,7 @@ class SideSearch:
         has_ended = self.spent > self.first + further or self.repeats >= MOST_REPEATS
         return len(self.kept) >= most or (bool(self.kept) and has_ended)
 
-    def take_chain(self) -> PostureChain | None:
+    def take_chain(self, *, waits: bool = True) -> PostureChain | None:
         """Take the best chain of which no motion was tried yet, if it is time for one.
 
         After the first one that is found, and after every motion, better ones have some time to be
@@ -78,7 +78,7 @@ class SideSearch:
         if not self.search.untried:
             return None
         self.ready = min(self.ready, WAITING * self.spent)
-        if self.spent < self.ready:
+        if waits and self.spent < self.ready:
             return None
         self.tried, self.ready = self.tried + 1, WAITING * self.spent
         return self.search.untried.pop(0)
@@ -134,6 +134,12 @@ class ChainDiscovery:
             if chain := each.take_chain():
                 yield each, self._try(each, chain)
 
+    def conclude(self) -> Iterator[tuple[SideSearch, MadeMotion]]:
+        """Try a chain of each side without a motion, where the search ends; yield the motions."""
+        for each in self.sides:
+            if not each.kept and (chain := each.take_chain(waits=False)):
+                yield each, self._try(each, chain)
+
     def _list_turns(self) -> list[SideSearch]:
         """List the sides to search next; without a chain for long, mostly the one that is ahead.
 
@@ -149,7 +155,7 @@ class ChainDiscovery:
     def _try(self, each: SideSearch, chain: PostureChain) -> MadeMotion:
         """Make a motion of a chain; keep it if it can be."""
         name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
-        rest = self.tools.player.rest
+        chain, rest = each.search.shorten(chain), self.tools.player.rest
         made = self._check(each, self.maker.make(chain, rest, name=name, start_class=each.side))
         if made.motion is not None:
             each.kept.append(made.motion)

@@ -21,6 +21,7 @@ from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.features import FeatureMeter, Features
 from humanoid_getup.posture_chains.resting_state import (
+    PostureChain,
     PostureMove,
     RestingState,
     are_near,
@@ -182,6 +183,20 @@ class MovePlayer:
         cells = np.array([state.cell for state in states])[:, None]
         near = are_near(ends.features.cells.reshape(len(states), len(scenarios), -1), cells)
         return np.sum(~near, axis=1) <= MISSES
+
+    def trace(self, chain: PostureChain) -> list[RestingState]:
+        """Play a chain once, undisturbed; return its start and where each of its moves ends."""
+        period, targets = self.world.robot.control_period, [chain.held]
+        targets += [move.target for move in chain.moves]
+        steps = [
+            len(move.sample(held, period, self.rest))
+            for held, move in zip(targets, chain.moves, strict=False)
+        ]
+        starts = Scenarios.nominal(self.world, chain.start[None], self._limit)
+        record = self._finer.play(starts, chain.sample(period, self.rest)[None])
+        self.simulated += record.duration
+        ends = record.qpos[0, np.cumsum(steps) - 1]
+        return list(map(self.describe, [chain.start, *ends], targets))
 
     def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> Followed:
         """Play M whole chains in K scenarios of their start.

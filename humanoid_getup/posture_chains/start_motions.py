@@ -61,7 +61,8 @@ class StartMotions:
         while not found and known + tools.player.simulated < budget:
             search.advance()
             if search.untried:
-                found = self._make(search.untried.pop(0), start_class, tools.player.rest, rng)
+                chain = search.shorten(search.untried.pop(0))
+                found = self._make(chain, start_class, tools.player.rest, rng)
         self.simulated += known + tools.player.simulated
         return found
 

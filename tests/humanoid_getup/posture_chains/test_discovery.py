@@ -89,6 +89,17 @@ def test_what_is_not_accepted_is_not_kept(begin: Begin):
     assert not discovery.is_done
 
 
+def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin: Begin):
+    discovery = begin("supine_sit_up_fast")
+    side = discovery.sides[0]
+    side.search.advance()
+    side.spent, side.ready = 10.0, 13.0
+    assert side.take_chain() is None
+    assert [made.failure for _, made in discovery.conclude()] == [""]
+    assert [motion.name for motion in side.kept] == ["supine_found_1"]
+    assert [*discovery.conclude()] == []  # it has one
+
+
 def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     world: World, monkeypatch: pytest.MonkeyPatch
 ):

@@ -16,6 +16,8 @@ from robots.storage.model_files import (
 )
 from robots.storage.validation import shown
 
+NOT_FOUND = "is not found, expected it beside the model, or in a folder above"
+MOST_NAMED = 3  # meshes that are not found
 KINDS, SIZES = ("sphere", "cylinder", "capsule", "box"), ("radius", "length", "size")
 
 
@@ -54,7 +56,15 @@ class UrdfShapes:
             problems += troubles
             for mesh in () if troubles else link.iter("mesh"):
                 self._resolve(mesh)
-        return list(dict.fromkeys(problems))
+        return self._count_lost(list(dict.fromkeys(problems)))
+
+    def _count_lost(self, problems: list[str]) -> list[str]:
+        """Name the first meshes that are not found, and count the others."""
+        further = [text for text in problems if text.endswith(NOT_FOUND)][MOST_NAMED:]
+        if not further:
+            return problems
+        count = f"{self._path}: {len(further)} further meshes are not found"
+        return [text for text in problems if text not in further] + [count]
 
     def _drop_empty(self, link: ET.Element) -> None:
         """Drop shapes without extent."""
@@ -79,7 +89,7 @@ class UrdfShapes:
             where = f"{self._path}: mesh {shown(name)} of link {shown(link.get('name'))}"
             file = find_mesh(self._path, name)
             if file is None:
-                yield f"{where} is not found, expected it beside the model, or in a folder above"
+                yield f"{where} {NOT_FOUND}"
             elif file.suffix.lower() not in MESH_KINDS:
                 yield f"{where} is of kind {shown(file.suffix)}, expected {', '.join(MESH_KINDS)}"
             else:

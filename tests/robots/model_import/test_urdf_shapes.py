@@ -79,6 +79,13 @@ def test_without_any_that_can_be_read_all_are_named(model: Path):
     assert "mesh 'none.stl' of link 'a' is not found" in problems[0]
 
 
+def test_of_many_meshes_that_are_missing_the_first_are_named(model: Path):
+    shapes = [shape("collision", f'<mesh filename="{k}.stl"/>') for k in range(9)]
+    _, problems, _ = resolve(model, *shapes)
+    assert [f"mesh '{k}.stl'" in text for k, text in enumerate(problems[:3])] == [True] * 3
+    assert problems[3:] == [f"{model}: 6 further meshes are not found"]
+
+
 def test_pointers_of_git_lfs_are_reported_in_one_line(model: Path):
     for name in ("one.stl", "two.dae"):
         (model.parent / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")

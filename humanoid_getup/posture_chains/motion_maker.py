@@ -41,7 +41,8 @@ class MadeMotion:
 
     keyframes: Keyframes
     share: float
-    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls."""
+    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls. Where
+    it is below what is kept, it may be that of the first ones alone."""
     motion: Motion | None = None
     """None where it is not kept."""
     failure: str = ""
@@ -119,7 +120,7 @@ class MotionMaker:
     def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:
         """Judge keyframes with the time that the servos need."""
         keyframes = keyframes.stretch(self._world.robot)
-        stood = optimizer.judge(keyframes, self._seed)[1]
+        stood = optimizer.judge(keyframes, self._seed, least=KEPT_SHARE)[1]
         return MadeMotion(keyframes=keyframes, share=compute_share(stood, UNDISTURBED))
 
     def _record(self, found: MadeMotion, start: Array) -> MadeMotion:

@@ -6,7 +6,7 @@ from authored import load_robot_keyframes
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.motions import build
+from humanoid_getup.motions import build, optimization
 from humanoid_getup.motions.build import build_unimproved, settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import TrajectoryOptimizer, make_scenarios
@@ -72,6 +72,34 @@ def test_what_stands_at_full_torque_is_kept_with_its_true_share(op3, keyframes, 
     assert (built.failure, built.motion.end_class) == ("", "standing")
     assert built.motion.provenance["disturbed_success"] == 0.25
     assert limits == [built.motion.provenance["torque_limit"]] == [4.1]
+
+
+@pytest.mark.parametrize(
+    ("falls", "least", "expected"),
+    [
+        (2, 0.9, [3]),  # at most 8 of 9
+        (2, 0.8, [3, 6]),
+        (0, 0.1, [3]),  # undisturbed
+        (0, 0.0, [3, 6]),
+        (9, 1.0, [3, 6]),
+    ],
+)
+def test_a_judgement_ends_where_too_many_of_the_first_rollouts_fall(
+    world, keyframes, start, monkeypatch, falls, least, expected
+):
+    monkeypatch.setattr(optimization, "FINAL_SCENARIOS", 9)
+    monkeypatch.setattr(optimization, "FIRST_FINAL", 3)
+    played = list[int]()
+
+    def roll_out(_, __, ___, scenarios, *____):
+        played.append(len(scenarios))
+        return np.array([float(len(played))]), np.array([np.arange(len(scenarios)) != falls])
+
+    monkeypatch.setattr(TrajectoryOptimizer, "_roll_out", roll_out)
+    cost, stood = TrajectoryOptimizer(world, start).judge(keyframes, 0, least=least)
+    assert played == expected
+    assert len(stood) == sum(played)
+    assert cost == pytest.approx(np.average([1.0, 2.0][: len(played)], weights=played))
 
 
 @pytest.mark.parametrize("prefer", [None, "time", "torque", "impact", "robustness"])

@@ -10,7 +10,8 @@ from humanoid_getup.robot_check.finding import CheckFinding
 from robots import Robot
 from robots.body.limb import ARMS, LEGS, Limb
 from robots.body.limbs import Limbs
-from robots.body.squats import DEEP_ENOUGH, Squat
+from robots.body.squats import DEEP_ENOUGH, Squat, find_touching
+from robots.body.statics import Statics
 from robots.quaternion import Array
 
 AT_END = np.radians(3.0)  # from the end of a range at which a joint stops a squat
@@ -33,14 +34,19 @@ def check_depth(limbs: Limbs, squats: Sequence[Squat]) -> CheckFinding:
     stops = _name_stops(limbs, deepest)
     if round(deepest.neck_share, 2) <= DEEP_ENOUGH:  # as it is written
         return CheckFinding.ok("squat", text + stops)
-    return CheckFinding.warning(
-        "squat",
-        f"{text}, expected at most {DEEP_ENOUGH:.0%}{stops}",
-        "widen the ranges that stop it, if the robot can"
-        if stops
-        else "no range stops it: its balance does, or shapes that touch; import with or without "
-        "--meshes makes others",
-    )
+    text = f"{text}, expected at most {DEEP_ENOUGH:.0%}{stops}"
+    if stops:
+        remedy = "widen the ranges that stop it, if the robot can"
+    elif touching := find_touching(limbs, Statics(limbs.robot), squats):
+        pairs = [f"'{first}' and '{second}'" for first, second in touching]
+        text += f"; deeper, shapes touch: {', '.join(pairs)}"
+        remedy = (
+            "for parts that pass each other, add <exclude body1=... body2=.../> to <contact> of "
+            "the model; import with or without --meshes makes other shapes"
+        )
+    else:
+        remedy = "no range and no shape stops it: its balance does"
+    return CheckFinding.warning("squat", text, remedy)
 
 
 def _name_stops(limbs: Limbs, squat: Squat) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,19 @@ def list_squats(limbs: Limbs, statics: Statics) -> list[Squat]:
             )
         )
     return squats
+
+
+def find_touching(limbs: Limbs, statics: Statics, squats: Sequence[Squat]) -> list[tuple[str, str]]:
+    """Find the pairs of bodies that touch each other in the first deeper squat, by name."""
+    search, model = _SquatSearch(limbs), limbs.model
+    usual = find_overlaps_but_arms(limbs, limbs.robot.standing.joint_pos)
+    deepest = min(squat.neck_share for squat in squats)
+    for extension in EXTENSIONS:
+        angles = search.solve(float(extension))
+        if angles is not None and statics.measure_neck(angles) < deepest:
+            touching = sorted(find_overlaps_but_arms(limbs, angles) - usual)
+            return [(model.body(a).name, model.body(b).name) for a, b in touching]
+    return []
 
 
 class _SquatSearch:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from humanoid_getup.robot_check import ability_check
 from humanoid_getup.robot_check.ability_check import check_arms, check_depth, check_strength
 from robots import Robot
 from robots.body.limbs import Limbs
@@ -46,6 +47,22 @@ def test_joints_of_legs_that_stop_a_squat_are_named(limbs: Limbs, op3: Robot):
     }
     found = check_depth(limbs, [crouch(op3, 0.8, **ends)])
     assert found.text.endswith("; at the end of their ranges: l_knee")
+
+
+@pytest.mark.parametrize(
+    ("touching", "text", "remedy"),
+    [
+        ([("hip", "calf")], "; deeper, shapes touch: 'hip' and 'calf'", "<exclude body1"),
+        ([], "expected at most 75%", "its balance does"),
+    ],
+)
+def test_shapes_that_stop_a_squat_are_named(
+    limbs: Limbs, op3: Robot, monkeypatch: pytest.MonkeyPatch, touching, text, remedy
+):
+    monkeypatch.setattr(ability_check, "find_touching", lambda *_: touching)
+    found = check_depth(limbs, [crouch(op3, 0.8)])
+    assert found.text.endswith(text)
+    assert remedy in found.remedy
 
 
 @pytest.mark.parametrize(

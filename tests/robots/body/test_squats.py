@@ -6,7 +6,7 @@ import pytest
 from robots import Robot
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
-from robots.body.squats import Squat, list_squats
+from robots.body.squats import Squat, find_touching, list_squats
 from robots.body.statics import Statics
 
 
@@ -35,6 +35,21 @@ def test_the_mass_is_over_soles_that_are_parallel(squats: list[Squat], limbs: Li
     left, right = (limbs.leg(name) for name in LEGS)
     assert left.sole_axes[:, 2] @ right.sole_axes[:, 2] > 0.999
     assert abs(left.sole_position[0] - right.sole_position[0]) < 0.01
+
+
+def test_shapes_that_stop_a_squat_are_named(
+    squats: list[Squat], limbs: Limbs, op3: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    statics, pair = Statics(op3), ("l_ank_pitch_link", "l_hip_pitch_link")
+    ids = tuple(sorted(limbs.model.body(name).id for name in pair))
+
+    def touch(_: Limbs, joint_pos: np.ndarray) -> set[tuple[int, ...]]:
+        return {ids} if statics.measure_neck(joint_pos) < 0.8 else set()
+
+    monkeypatch.setattr("robots.body.squats.find_overlaps_but_arms", touch)
+    higher = list_squats(limbs, statics)
+    assert 0.8 <= higher[-1].neck_share < squats[0].neck_share
+    assert [{*names} for names in find_touching(limbs, statics, higher)] == [{*pair}]
 
 
 def test_arms_and_head_stay_in_the_stance(squats: list[Squat], limbs: Limbs, op3: Robot):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from humanoid_getup.posture_chains import lifting
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.simulation.world import World
@@ -28,3 +29,11 @@ def test_the_least_torque_with_which_it_rises_is_near_that_of_the_strained_joint
     least = found.factor * found.torque
     assert check_lifting(world, moves, 1.0, TorqueLimit(least)) is None
     assert f"limit of 0.6 N·m for {found.at_limit:.0%} of the time" in found.describe()
+
+
+def test_a_robot_whose_servos_are_hardly_at_their_limit_is_not_called_weak(
+    world: World, moves: RandomMoves, monkeypatch: pytest.MonkeyPatch
+):
+    strained = ("l_knee", 0.01, 4.1)
+    monkeypatch.setattr(lifting, "_find_strained", lambda *_: strained)
+    assert check_lifting(world, moves, 1.0, TorqueLimit(0.6)) is None

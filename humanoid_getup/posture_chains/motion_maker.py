@@ -41,8 +41,9 @@ class MadeMotion:
 
     keyframes: Keyframes
     share: float
-    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls. Where
-    it is below what is kept, it may be that of the first ones alone."""
+    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls.
+
+    Where it is below what is kept, it may be that of the first ones alone."""
     motion: Motion | None = None
     """None where it is not kept."""
     failure: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -53,18 +54,14 @@ class ShortcutFinder:
 
     def _find_shortcuts(self, states: list[RestingState]) -> Edges:
         """Find the moves that skip postures, and lead to where the chain does."""
-        time = SHORTCUT_TIME * self._player.scale
+        time, player = SHORTCUT_TIME * self._player.scale, self._player
         pairs = [(i, j) for i, j in combinations(range(len(states)), 2) if j > i + 1]
-        for check in (1, self._worlds):
+        for play in (player.try_out, partial(player.check, worlds=self._worlds)):
             if not pairs:
                 break
             begun, goals = [states[i] for i, _ in pairs], [states[j] for _, j in pairs]
             direct = [self._aim(*each, time) for each in zip(begun, goals, strict=True)]
-            if check == 1:
-                ends = self._player.try_out(begun, direct)
-            else:
-                ends = self._player.check(begun, direct, check)
-            leads = ends.are_like(goals)
+            leads = play(begun, direct).are_like(goals)
             pairs = [pair for pair, does in zip(pairs, leads, strict=True) if does]
         return {(i, j): self._aim(states[i], states[j], time) for i, j in pairs}
 

@@ -45,7 +45,7 @@ def check_depth(limbs: Limbs, squats: Sequence[Squat]) -> CheckFinding:
             "the model; import with or without --meshes makes other shapes"
         )
     else:
-        remedy = "no range and no shape stops it: its balance does"
+        remedy = "no range and no shape stops it: its balance may"
     return CheckFinding.warning("squat", text, remedy)
 
 

@@ -87,6 +87,11 @@ class RandomMoves:
         """Return the shortest time between targets (n,) [s]."""
         return float((np.abs(after - before) / self._speed).max())
 
+    def aim(self, before: Array, after: Array, time: float, kind: str) -> PostureMove:
+        """Make the move between targets (n,) in a time [s], or in the shortest possible."""
+        duration = max(self.least_duration(before, after), time)
+        return PostureMove(knots=after[None], duration=duration, kind=kind)
+
     def draw(self, target: Array, rng: np.random.Generator) -> tuple[Array, str]:
         """Draw targets (n,) to go to from those that are held, and name the kind of move."""
         kind = int(rng.choice(len(self.kinds), p=self.shares))

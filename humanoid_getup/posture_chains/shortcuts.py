@@ -56,18 +56,17 @@ class ShortcutFinder:
         """Find the moves that skip postures, and lead to where the chain does."""
         time, player = SHORTCUT_TIME * self._player.scale, self._player
         pairs = [(i, j) for i, j in combinations(range(len(states)), 2) if j > i + 1]
+        direct = {
+            (i, j): self._moves.aim(states[i].target, states[j].target, time, "shortcut")
+            for i, j in pairs
+        }
         for play in (player.try_out, partial(player.check, worlds=self._worlds)):
             if not pairs:
                 break
             begun, goals = [states[i] for i, _ in pairs], [states[j] for _, j in pairs]
-            direct = [self._aim(*each, time) for each in zip(begun, goals, strict=True)]
-            leads = play(begun, direct).are_like(goals)
+            leads = play(begun, [direct[pair] for pair in pairs]).are_like(goals)
             pairs = [pair for pair, does in zip(pairs, leads, strict=True) if does]
-        return {(i, j): self._aim(states[i], states[j], time) for i, j in pairs}
-
-    def _aim(self, state: RestingState, goal: RestingState, time: float) -> PostureMove:
-        least = self._moves.least_duration(state.target, goal.target)
-        return PostureMove(knots=goal.target[None], duration=max(least, time), kind="shortcut")
+        return {pair: direct[pair] for pair in pairs}
 
     def _find_quickest(self, count: int, edges: Edges) -> list[Step]:
         """Find the quickest way from the first state to the last, with a rest after each move."""

@@ -148,9 +148,8 @@ class WaysUp:
 
     def aim(self, state: RestingState, up: RestingState, rng: np.random.Generator) -> PostureMove:
         """Make the move to the targets of a state with a way up."""
-        least = self._moves.least_duration(state.target, up.target)
         drawn = float(rng.choice(DURATIONS)) * self._player.scale
-        return PostureMove(knots=up.target[None], duration=max(least, drawn), kind="connect")
+        return self._moves.aim(state.target, up.target, drawn, "connect")
 
     def _add_crouches(self, rng: np.random.Generator) -> None:
         """File the crouches that hold, and from which a move leads to a state with a way up."""

@@ -13,7 +13,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET, PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Robot, TorqueLimit
 
@@ -30,11 +30,18 @@ class RiseMethod:
     """Whether the preflight may refuse it; False for baselines, to see whether they stand."""
 
     @staticmethod
-    def of(name: str, database: MotionDatabase | None = None, fingerprint: str = "") -> RiseMethod:
+    def of(
+        name: str,
+        database: MotionDatabase | None = None,
+        fingerprint: str = "",
+        search_budget: float = SEARCH_BUDGET,
+    ) -> RiseMethod:
         """Take the strategy of a name, as `make_strategy` does."""
 
         def make(world: World, limit: TorqueLimit) -> Strategy:
-            return make_strategy(world, name, torque_limit=limit, database=database)
+            return make_strategy(
+                world, name, torque_limit=limit, database=database, search_budget=search_budget
+            )
 
         is_baseline = name in (NEAREST, STRAIGHT)
         return RiseMethod(name=name, make=make, fingerprint=fingerprint, preflight=not is_baseline)
@@ -48,11 +55,16 @@ def find_policies(robot: Robot) -> dict[str, Path]:
 
 
 def list_methods(
-    world: World, database: MotionDatabase | None, policies: dict[str, Path]
+    world: World,
+    database: MotionDatabase | None,
+    policies: dict[str, Path],
+    search_budget: float = SEARCH_BUDGET,
 ) -> Iterator[RiseMethod]:
     """List plans and stored motions, if the robot has motions, and its policies."""
     if database is not None:
-        fingerprint = compute_fingerprint(PlannedRise(world, database))
-        yield from (RiseMethod.of(name, database, fingerprint) for name in (PLAN, NEAREST))
+        planner = PlannedRise(world, database, search_budget=search_budget)
+        fingerprint = compute_fingerprint(planner)
+        for name in (PLAN, NEAREST):
+            yield RiseMethod.of(name, database, fingerprint, search_budget)
     for name, file in policies.items():
         yield RiseMethod.of(name, fingerprint=hashlib.sha256(file.read_bytes()).hexdigest())

@@ -160,14 +160,15 @@ def _load_body(
             world=world,
             starts=starts,
             gauge=gauge,
-            methods=[*_list_methods(world)],
+            methods=[*_list_methods(world, request.search_budget)],
+            search_budget=request.search_budget,
             seed=request.seed,
             each=request.n,
             count=request.starts,
         )
 
 
-def _list_methods(world: World) -> Iterator[RiseMethod]:
+def _list_methods(world: World, search_budget: float) -> Iterator[RiseMethod]:
     """List plans, which find nothing without motions, and policies."""
     has_motions = _has_motions(world.robot)
     if not has_motions:
@@ -177,7 +178,8 @@ def _list_methods(world: World) -> Iterator[RiseMethod]:
             fingerprint="no motions",
         )
     database = load_database(world.robot) if has_motions else None
-    for method in list_methods(world, database, find_policies(world.robot)):
+    policies = find_policies(world.robot)
+    for method in list_methods(world, database, policies, search_budget):
         if method.name != NEAREST:
             yield method
 
@@ -204,4 +206,5 @@ def _write_command(request: BenchBodies) -> str:
     words += ["--bodies", ",".join(request.bodies)] if request.bodies else []
     words += ["--robots", str(request.robots)] if request.robots else []
     words += ["--n", str(request.n), "--starts", str(request.starts), "--seed", str(request.seed)]
+    words += ["--search-budget", f"{request.search_budget:g}"]
     return shlex.join(words)

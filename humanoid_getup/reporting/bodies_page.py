@@ -64,8 +64,8 @@ def write_bodies_page(result: BodyBench) -> str:
         _write_published(result),
         "## Bodies and conditions",
         _write_bodies(result),
-        f"Seed {result.seed}; {name_programs(next(iter(result.conditions.values())))}. Repeat it "
-        "with:",
+        f"Seed {result.seed}; plans search for {result.search_budget_s:g} s of simulated time; "
+        f"{name_programs(next(iter(result.conditions.values())))}. Repeat it with:",
         f"```\n{result.command}\n```",
         "## Definitions",
         "\n".join(f"- {text}" for text in DEFINITIONS),

@@ -120,6 +120,7 @@ def make_strategy(
     *,
     torque_limit: TorqueLimit = FULL_TORQUE,
     database: MotionDatabase | None = None,
+    search_budget: float = SEARCH_BUDGET,
 ) -> Strategy:
     """Make a strategy by the name that benchmarks use.
 
@@ -128,12 +129,13 @@ def make_strategy(
         name: `PLAN`, `STRAIGHT`, `NEAREST`, or a policy by its name or file.
         torque_limit: Of the servos.
         database: Motions to plan with; ``None`` for the robot's own.
+        search_budget: Simulated time in which a plan's search may vary its targets [s].
 
     Raises:
         ValueError: if there is no such policy, or it does not fit.
     """
     if name == PLAN:
-        return PlannedRise(world, database, torque_limit=torque_limit)
+        return PlannedRise(world, database, torque_limit=torque_limit, search_budget=search_budget)
     if name == STRAIGHT:
         plain = PlannerOptions(planning=False, filtering=False)
         return PlannedRise(world, database, torque_limit=torque_limit, options=plain)

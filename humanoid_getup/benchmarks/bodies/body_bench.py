@@ -60,6 +60,8 @@ class BenchedBody:
     """Falls of each class."""
     count: int
     """Start states of its makers."""
+    search_budget: float
+    """Of each plan, in simulated time [s]."""
 
     @property
     def name(self) -> str:
@@ -132,6 +134,8 @@ class BodyBench(CaseBench[BodyCase], frozen=True, kw_only=True):
 
     n_starts: int
     """Start states of each body."""
+    search_budget_s: float
+    """Of each plan, in simulated time."""
     published: list[PublishedBody]
     """What the makers of the bodies report."""
     conditions: dict[str, Conditions]
@@ -171,6 +175,7 @@ def summarize_bodies(
         seed=first.seed,
         n=first.each,
         n_starts=first.count,
+        search_budget_s=first.search_budget,
         cases=cases,
         published=[body.published for body in bodies],
         conditions={

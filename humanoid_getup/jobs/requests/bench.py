@@ -13,11 +13,11 @@ from humanoid_getup.jobs.requests.files import READ, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
-    JobRequest,
     MotionName,
     PreferenceOptions,
     RobotOption,
     SceneOptions,
+    SearchBudgetOption,
     Seed,
     TorqueOptions,
 )
@@ -60,7 +60,7 @@ class BenchAll(BodyOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchBodies(JobRequest):
+class BenchBodies(SearchBudgetOption):
     """Get up on the bodies of others, from their start states by their measure and from falls by
     ours, as one page beside the figures that they publish."""
 

@@ -163,14 +163,20 @@ class TorqueOptions(JobRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PreferenceOptions(JobRequest):
-    """Preference of a planned rise, and budget of its search."""
+class SearchBudgetOption(JobRequest):
+    """Budget of a planned rise's search."""
 
-    prefer: Prefer = "time"
-    """What a planned rise should be besides successful: quick, with low torque, with small jolts
-    (of the neck, not of the head alone), or with a margin against disturbances."""
     search_budget: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 600.0
     """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
     stands or this is spent; one that stands is improved, as --prefer says, for up to half of it.
     Where no stored motion leads to a stand on level ground, one is searched for 20 times as long,
     in coarser physics."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreferenceOptions(SearchBudgetOption):
+    """Preference of a planned rise, and budget of its search."""
+
+    prefer: Prefer = "time"
+    """What a planned rise should be besides successful: quick, with low torque, with small jolts
+    (of the neck, not of the head alone), or with a margin against disturbances."""

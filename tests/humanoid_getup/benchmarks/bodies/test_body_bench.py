@@ -59,7 +59,7 @@ def test_the_page_has_their_figures_apart_from_ours(result, out, repository):
     assert "specialists" not in ours
     assert "| small | 0.50 (0.25 to 0.75) | 0.10 (0.10 to 0.10) |" in theirs
     assert "commit 2d64e11" in theirs
-    assert f"--robots {repository.robots} --n 1 --starts 2 --seed 0" in theirs
+    assert f"--robots {repository.robots} --n 1 --starts 2 --seed 0 --search-budget 600" in theirs
     assert json.loads((out / "bodies.json").read_text()) == as_kept(result)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +32,7 @@ KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
 WORTH = 0.3  # share from which a rise is optimized
 LONG = 7.0  # s for OP3, from which it is not
 GENERATIONS = 8  # of the optimization
-JUDGED = 4  # of the ever shorter versions of a chain, at most
+JUDGED = 6  # of the ever shorter versions of a chain, at most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +97,8 @@ class MotionMaker:
         optimizer = TrajectoryOptimizer(
             world, chain.start, threads=self._threads, most=self._torque
         )
-        found = self._choose(shortener.shorten(keyframes), optimizer)
+        versions = shortener.shorten(keyframes)
+        found = choose_version(versions, lambda each: self._judge(each, optimizer))
         if WORTH <= found.share < KEPT_SHARE and found.duration < LONG * shortener.scale:
             best = optimizer.optimize(found.keyframes, GENERATIONS, self._seed)[0]
             found = max(found, self._judge(best, optimizer), key=lambda each: each.share)
@@ -107,16 +108,6 @@ class MotionMaker:
         return found.refuse(
             f"stands in {found.share:.1%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
         )
-
-    def _choose(self, versions: Sequence[Keyframes], optimizer: TrajectoryOptimizer) -> MadeMotion:
-        """Return the shortest version that stands often enough; the best where none does."""
-        rows = np.unique(np.linspace(0, len(versions) - 1, JUDGED).round().astype(int))
-        judged = list[MadeMotion]()
-        for row in rows[::-1]:
-            judged.append(self._judge(versions[row], optimizer))
-            if judged[-1].share >= KEPT_SHARE:
-                break
-        return max(judged, key=lambda each: each.share)
 
     def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:
         """Judge keyframes with the time that the servos need."""
@@ -146,3 +137,23 @@ class MotionMaker:
             "disturbed_success": found.share,
             "torque_limit": self._torque,
         }
+
+
+def choose_version(
+    versions: Sequence[Keyframes], judge: Callable[[Keyframes], MadeMotion]
+) -> MadeMotion:
+    """Choose the shortest version found that stands often enough; the best where none does.
+
+    Versions are in the order in which they were shortened: the later, the more often they fall, so
+    they are bisected after the last one.
+    """
+    judged, kept, fallen = list[MadeMotion](), -1, len(versions)
+    while len(judged) < JUDGED and fallen - kept > 1:
+        row = (kept + fallen) // 2 if judged else fallen - 1
+        judged.append(judge(versions[row]))
+        if judged[-1].share >= KEPT_SHARE:
+            kept = row
+        else:
+            fallen = row
+    sound = [each for each in judged if each.share >= KEPT_SHARE]
+    return sound[-1] if sound else max(judged, key=lambda each: each.share)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import lay_down
+from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
 from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
-from humanoid_getup.posture_chains.motion_maker import MotionMaker
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, find_rests, without_keys
 from humanoid_getup.simulation.world import World
@@ -101,3 +102,22 @@ def test_a_chain_that_falls_is_not_kept(world: World, chain: PostureChain):
     assert made.motion is None
     assert made.share < 0.9
     assert "of disturbed worlds, expected 90%" in made.failure
+
+
+@pytest.mark.parametrize("shortest_sound", [None, *range(30)])
+def test_the_shortest_version_that_stands_often_enough_is_chosen(
+    world: World, chain: PostureChain, shortest_sound: int | None
+):
+    keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
+    versions = [replace(keyframes, name=str(row)) for row in range(30)]
+    judged = list[str]()
+
+    def judge(version: Keyframes) -> MadeMotion:
+        judged.append(version.name)
+        row = int(version.name)
+        is_sound = shortest_sound is not None and row <= shortest_sound
+        return MadeMotion(keyframes=version, share=0.95 if is_sound else 0.8 - row / 100)
+
+    chosen = choose_version(versions, judge)
+    assert chosen.keyframes.name == str(shortest_sound or 0)
+    assert len(judged) <= 6

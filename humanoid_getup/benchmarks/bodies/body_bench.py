@@ -1,7 +1,7 @@
 """The benchmark over bodies: start states of their makers, and falls of all classes.
 
-Its parts are the rises of a body by a method from one kind of starts; `summarize_bodies` puts their
-results together.
+Its parts are a few rises of a body by a method from one kind of starts; `summarize_bodies` puts
+their results together.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from robots import FULL_TORQUE, Posture, TorqueLimit
 
 STARTS, FALLS = "their starts", "falls"
 """Kinds of starts: states of a body's makers, and falls with random joints."""
+TOGETHER = 10  # rises of a part
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,19 +84,26 @@ class BenchedBody:
 
     def parts(self) -> Iterator[Part]:
         """Return the parts that a run has."""
-        steps = {STARTS: min(self.count, len(self.starts)), FALLS: self.each * len(CLASSES)}
-        for kind, count in steps.items():
+        for kind in (STARTS, FALLS):
             for method in self.methods:
-                yield Part(
-                    name=name_part(self.name, method.name, kind),
-                    count=count,
-                    depends=self._depend(method, kind),
-                    kind=BodyRises,
-                    run=partial(self._rise, method, kind),
-                )
+                for rows in self.list_rows(kind):
+                    yield Part(
+                        name=name_part(self.name, method.name, kind, rows),
+                        count=len(rows),
+                        depends=self._depend(method, kind),
+                        kind=BodyRises,
+                        run=partial(self._rise, method, kind, rows),
+                    )
+
+    def list_rows(self, kind: str) -> Iterator[range]:
+        """List the numbers of the starts of one kind, those of a part together."""
+        each_class, starts = self.each * len(CLASSES), min(self.count, len(self.starts))
+        count = starts if kind == STARTS else each_class
+        for first in range(0, count, TOGETHER):
+            yield range(first, min(first + TOGETHER, count))
 
     def _depend(self, method: RiseMethod, kind: str) -> dict[str, object]:
-        starts = {"starts": self.starts.source_sha256, "n_starts": self.count}
+        starts = {"starts": self.starts.source_sha256}  # drawn alike, however many
         return {
             "world": hashlib.sha256(self.world.content).hexdigest(),
             "seed": self.seed,
@@ -103,11 +111,11 @@ class BenchedBody:
             **(starts if kind == STARTS else {"n": self.each}),
         }
 
-    def _rise(self, method: RiseMethod, kind: str, report: Step) -> BodyRises:
+    def _rise(self, method: RiseMethod, kind: str, rows: range, report: Step) -> BodyRises:
         falls = self.their_falls if kind == STARTS else self.falls
         strategy = method.make(self.world, FULL_TORQUE)
         rises = []
-        for number, fall in enumerate(falls.falls):
+        for number, fall in zip(rows, falls.falls[rows.start : rows.stop], strict=False):
             options = SessionOptions(
                 start_class=fall.start_class,
                 preflight=method.preflight,
@@ -145,9 +153,14 @@ class BodyBench(CaseBench[BodyCase], frozen=True, kw_only=True):
     """Command line that repeats it."""
 
 
-def name_part(body: str, method: str, kind: str) -> str:
+def name_case(body: str, method: str, kind: str) -> str:
     """Name the rises of a body by a method from one kind of starts."""
     return f"{body}: {method}, {kind}"
+
+
+def name_part(body: str, method: str, kind: str, rows: range) -> str:
+    """Name those of the starts with some numbers."""
+    return f"{name_case(body, method, kind)} {rows.start + 1} to {rows.stop}"
 
 
 def summarize_bodies(
@@ -162,10 +175,10 @@ def summarize_bodies(
     for body in bodies:
         for kind in (STARTS, FALLS):
             for method in body.methods:
-                name = name_part(body.name, method.name, kind)
-                result = results[name]
-                assert isinstance(result, BodyRises)
-                cases[name] = _summarize(result, body.name, method.name, kind)
+                names = (body.name, method.name, kind)
+                parts = [results[name_part(*names, rows)] for rows in body.list_rows(kind)]
+                result = BodyRises.join([part for part in parts if isinstance(part, BodyRises)])
+                cases[name_case(*names)] = _summarize(result, *names)
                 missing |= dict.fromkeys(
                     f"No fall of {body.name} ends {side}: {reason}."
                     for side, reason in result.missing.items()

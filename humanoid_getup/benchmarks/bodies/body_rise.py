@@ -53,12 +53,21 @@ class BodyRise(KeptRise):
 
 
 class BodyRises(msgspec.Struct, frozen=True, kw_only=True):
-    """The rises of a body by a method from one kind of starts."""
+    """Rises of a body by a method from one kind of starts."""
 
     classes: tuple[str, ...]
     missing: dict[str, str]
     """Classes in which the body does not come to lie, and why they were left out."""
     rises: list[BodyRise]
+
+    @classmethod
+    def join(cls, parts: Sequence[BodyRises]) -> BodyRises:
+        """Join the rises of parts."""
+        return cls(
+            classes=tuple(dict.fromkeys(name for part in parts for name in part.classes)),
+            missing={side: why for part in parts for side, why in part.missing.items()},
+            rises=[rise for part in parts for rise in part.rises],
+        )
 
 
 class BodySummary(RiseSummary, frozen=True, kw_only=True):

@@ -70,12 +70,25 @@ def test_a_finished_benchmark_is_resumed_without_a_rise(result, out, repository)
     assert "2 of 2 parts are finished" in said
 
 
+def test_more_starts_continue_a_finished_benchmark(repository, tmp_path):
+    own = Repository(tmp_path / "theirs", repository.robots, repository.model)
+    shutil.copytree(repository.folder, own.folder)
+    own.pickle_starts(13, seed=1)
+    said = []
+    fewer = measure(own, tmp_path / "out", starts=12)
+    more = measure(own, tmp_path / "out", said.append, starts=13, resume=True)
+    assert (fewer.cases[CASES[0]].n, more.cases[CASES[0]].n) == (12, 13)
+    assert "2 of 3 parts are finished" in [progress.message for progress in said]
+    again = measure(own, tmp_path / "again", starts=13)
+    assert as_kept(again.cases) == as_kept(more.cases)
+
+
 def test_starts_are_converted_once_and_again_if_their_file_changes(result, out, repository):
     assert result.n_starts == 2
     converted = out / "starts" / "small.npz"
     before = converted.stat().st_mtime_ns
-    with pytest.raises(BadInputError, match="starts over"):  # another count; files are read first
-        measure(repository, out, resume=True, starts=3)
+    with pytest.raises(BadInputError, match="starts over"):  # another seed; files are read first
+        measure(repository, out, resume=True, seed=1)
     assert converted.stat().st_mtime_ns == before
     own = Repository(out / "theirs", repository.robots, repository.model)
     shutil.copytree(repository.folder, own.folder)

@@ -18,6 +18,7 @@ from humanoid_getup.experiments.disturbances.disturbance import (
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.judging.torque import find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.features import FeatureMeter, Features
 from humanoid_getup.posture_chains.resting_state import (
@@ -280,7 +281,7 @@ class MovePlayer:
         return Arrivals(
             qpos=ends.reshape(-1, each, ends.shape[1]),
             features=self.meter.measure(ends),
-            rests=self._find_resting(record).reshape(-1, each),
+            rests=self._find_resting(record, scenarios.parameters.voltage).reshape(-1, each),
             stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
         )
 
@@ -300,13 +301,20 @@ class MovePlayer:
     def _rest_steps(self) -> int:
         return max(round(REST_TIME / self.world.robot.control_period), 2)
 
-    def _find_resting(self, record: Record) -> Bools:
-        """Tell which robots are at rest at the end, and never pressed into themselves, (N,)."""
+    def _find_resting(self, record: Record, voltage: Array) -> Bools:
+        """Tell which robots are at rest at the end, and never pressed into themselves, (N,).
+
+        None of their servos rests at all the torque of its supply [V], (N,): in a row of such
+        postures it trips.
+        """
         steps, root = self._rest_steps, record.qpos[:, :, self._layout.root_position]
         turned = np.abs(record.joint_pos[:, -1] - record.joint_pos[:, -1 - steps]).max(axis=1)
         moved = np.linalg.norm(root[:, -1] - root[:, -1 - steps], axis=1)
         time = steps * record.period
         slow = (turned < REST_JOINT_SPEED * time) & (moved < REST_ROOT_SPEED * self.scale * time)
+        torque, velocity = record.torque[:, -steps:], record.actuator_vel[:, -steps:]
+        saturated = find_saturation(self.world.robot, torque, velocity, voltage[:, np.newaxis])
+        slow &= ~saturated.all(axis=1).any(axis=1)
         if record.overlap is not None:
             slow &= record.overlap.max(axis=1) < MOST_OVERLAP
         return slow & ~record.diverged

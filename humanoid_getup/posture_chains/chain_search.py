@@ -23,7 +23,8 @@ NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
-MOST_JUDGED = 4  # chains of a batch that are played whole
+MOST_JUDGED = 16  # chains of a batch that are played whole
+TOGETHER = 4  # of these, at once: with a stand among them, the others are not played
 MOST_CHAINS = 16  # that are kept of each start
 ENOUGH = 3  # chains of which no motion was tried, from which longer ones are not played whole
 SHORTER = 0.9  # of the time of one that never falls, from which another is worth it
@@ -171,9 +172,15 @@ class ChainSearch:
         ones are played: it is what costs most.
         """
         ends = [end for end in ends if end.stand.chain.duration < self._find_longest()]
-        ends = sorted(ends, key=lambda end: end.stand.chain.duration)[:MOST_JUDGED]
-        if not ends:
-            return
+        ends = sorted(ends, key=lambda end: end.stand.chain.duration)
+        for first in range(0, min(len(ends), MOST_JUDGED), TOGETHER):
+            if self._follow(ends[first : first + TOGETHER]):
+                break
+        self.chains = sorted(self.chains, key=_rank)[:MOST_CHAINS]
+        self.untried = sorted(self.untried, key=_rank)[:MOST_CHAINS]
+
+    def _follow(self, ends: list[ChainEnd]) -> bool:
+        """Play chains whole, and note those that stand; tell whether one did."""
         found = self._player.follow([end.stand for end in ends], self._scenarios)
         for end, number, fallen in zip(ends, found.lost.tolist(), found.fallen, strict=True):
             if number == STANDS:
@@ -183,10 +190,9 @@ class ChainSearch:
             elif number < end.own:
                 self._tools.ways_up.add_chain(end.stand, number)
                 self.archive.drop(end.stand.path[number])
-            elif end.up is not None:
-                self._tools.ways_up.drop(end.up, number - end.own)
-        self.chains = sorted(self.chains, key=_rank)[:MOST_CHAINS]
-        self.untried = sorted(self.untried, key=_rank)[:MOST_CHAINS]
+            elif end.up is not None and number > end.own:
+                self._tools.ways_up.drop(end.up, number - end.own - 1)
+        return bool(np.any(found.lost == STANDS))
 
     def _find_longest(self) -> float:
         """Return the time that a chain to be played whole may take at most [s]."""
@@ -224,13 +230,12 @@ class ChainSearch:
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
         moves = [self._tools.ways_up.aim(state, up, self._tools.rng) for state, up in pairs]
         tried, other = self._player.try_out(states, moves), list[RestingState]()
-        linked, reached = list[int](), list[RestingState]()
+        linked = list[int]()
         for k in np.flatnonzero(tried.rests[:, 0]):
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
             state = tried.state(int(k), moves[k].target, **fields)
             if state.is_near(ups[k]):
                 linked.append(int(k))
-                reached.append(state)
             elif self.archive.wants(state):
                 other.append(state)
         self._check(other)
@@ -239,7 +244,7 @@ class ChainSearch:
         ends = self._player.check(
             [states[k] for k in linked], [moves[k] for k in linked], self._tools.settings.worlds
         )
-        joined = [linked[row] for row in np.flatnonzero(ends.are_like(reached))]
+        joined = [linked[row] for row in np.flatnonzero(ends.are_like([ups[k] for k in linked]))]
         self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
 
 

@@ -122,12 +122,15 @@ class WaysUp:
             self.archive.add(after)
 
     def drop(self, state: RestingState, steps: int) -> None:
-        """Remove the state some steps after one, if it is not the way to it that has failed."""
-        missed: RestingState | None = state
+        """Remove the state some steps up from one, whose next move has failed.
+
+        Those that lead to the stance itself stay: nearly all ways up go through them.
+        """
+        lost: RestingState | None = state
         for _ in range(steps):
-            missed = missed.after if missed is not None else None
-        if steps and missed is not None and missed.after is not None:
-            self.archive.drop(missed)
+            lost = lost.after if lost is not None else None
+        if lost is not None and lost.depth > 1:
+            self.archive.drop(lost)
 
     def pair(
         self, states: list[RestingState], most: int

@@ -314,7 +314,7 @@ class MovePlayer:
         slow = (turned < REST_JOINT_SPEED * time) & (moved < REST_ROOT_SPEED * self.scale * time)
         torque, velocity = record.torque[:, -steps:], record.actuator_vel[:, -steps:]
         saturated = find_saturation(self.world.robot, torque, velocity, voltage[:, np.newaxis])
-        slow &= ~saturated.all(axis=1).any(axis=1)
+        slow &= ~np.any(np.all(saturated, axis=1), axis=1)
         if record.overlap is not None:
             slow &= record.overlap.max(axis=1) < MOST_OVERLAP
         return slow & ~record.diverged

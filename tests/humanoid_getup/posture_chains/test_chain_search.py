@@ -105,6 +105,22 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     assert tools.player.follow(stands, scenarios).lost.tolist() == [STANDS, 1]
 
 
+def test_a_posture_in_which_a_servo_has_all_its_torque_is_no_rest(
+    tools: ChainTools, world: World, lying: np.ndarray
+):
+    """A leg is pressed against the other one, which stays where it is, or touches nothing."""
+    robot, layout = world.robot, world.robot.layout(world.model)
+    held = np.clip(lying[layout.qpos], robot.lower, robot.upper)
+    begun, hip = tools.player.describe(lying, held), robot.joint_names.index("l_hip_roll")
+    moves = []
+    for angle in (held[hip], robot.lower[hip], robot.upper[hip]):
+        knots = held.copy()
+        knots[hip] = angle
+        moves.append(PostureMove(knots=knots[None], duration=0.5, kind="test"))
+    ends = tools.player.check([begun] * len(moves), moves, 1)
+    assert ends.rests.tolist() == [[True], [True], [False]]
+
+
 def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lying: np.ndarray):
     found = []
     for threads in (1, 2):

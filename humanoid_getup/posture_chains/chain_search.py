@@ -6,6 +6,7 @@ import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
@@ -24,7 +25,7 @@ RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 16  # chains of a batch that are played whole
-TOGETHER = 4  # of these, at once: with a stand among them, the others are not played
+TOGETHER = 4  # of these, at once: where one stands undisturbed, no others are played
 MOST_CHAINS = 16  # that are kept of each start
 ENOUGH = 3  # chains of which no motion was tried, from which longer ones are not played whole
 SHORTER = 0.9  # of the time of one that never falls, from which another is worth it
@@ -174,13 +175,13 @@ class ChainSearch:
         ends = [end for end in ends if end.stand.chain.duration < self._find_longest()]
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)
         for first in range(0, min(len(ends), MOST_JUDGED), TOGETHER):
-            if self._follow(ends[first : first + TOGETHER]):
+            if self._follow(ends[first : first + TOGETHER]).any():
                 break
         self.chains = sorted(self.chains, key=_rank)[:MOST_CHAINS]
         self.untried = sorted(self.untried, key=_rank)[:MOST_CHAINS]
 
-    def _follow(self, ends: list[ChainEnd]) -> bool:
-        """Play chains whole, and note those that stand; tell whether one did."""
+    def _follow(self, ends: list[ChainEnd]) -> NDArray[np.bool_]:
+        """Play M chains whole, and note those that stand; tell which do undisturbed, (M,)."""
         found = self._player.follow([end.stand for end in ends], self._scenarios)
         for end, number, fallen in zip(ends, found.lost.tolist(), found.fallen, strict=True):
             if number == STANDS:
@@ -192,7 +193,7 @@ class ChainSearch:
                 self.archive.drop(end.stand.path[number])
             elif end.up is not None and number > end.own:
                 self._tools.ways_up.drop(end.up, number - end.own - 1)
-        return bool(np.any(found.lost == STANDS))
+        return found.stand
 
     def _find_longest(self) -> float:
         """Return the time that a chain to be played whole may take at most [s]."""

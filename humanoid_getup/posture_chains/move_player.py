@@ -97,6 +97,8 @@ class Followed:
     first state of its path that is missed in too many, (M,)."""
     fallen: NDArray[np.int_]
     """Worlds in which each does not, (M,)."""
+    stand: Bools
+    """Which ones do in the undisturbed world, (M,)."""
 
 
 def measure_time_scale(robot: Robot) -> float:
@@ -212,7 +214,7 @@ class MovePlayer:
         targets = np.pad(targets, ((0, 0), (0, hold), (0, 0)), "edge")
         first, others = scenarios.take(np.arange(1)), scenarios.take(np.arange(1, len(scenarios)))
         found = self._find_lost(self._experiment, paths, targets, first, misses=0)
-        if (standing := np.flatnonzero(found.lost == STANDS)).size:
+        if (standing := np.flatnonzero(found.stand)).size:
             some = [paths[int(k)] for k in standing]
             further = self._find_lost(self._finer, some, targets[standing], others, MISSES)
             found.lost[standing], found.fallen[standing] = further.lost, further.fallen
@@ -232,7 +234,8 @@ class MovePlayer:
         record = experiment.play(scenarios.tile(len(targets)), sent, stop_early=True)
         self.simulated += record.duration
         stood = Outcome(record, self.world.robot).stood.reshape(-1, each)
-        found = Followed(lost=np.full(len(paths), STANDS), fallen=np.sum(~stood, axis=1))
+        lost, fallen = np.full(len(paths), STANDS), np.sum(~stood, axis=1)
+        found = Followed(lost=lost, fallen=fallen, stand=stood[:, 0])
         for k in np.flatnonzero(found.fallen > misses):
             rows = slice(each * int(k), each * (int(k) + 1))
             found.lost[k] = self._find_missed(paths[int(k)], record.qpos[rows], misses)

@@ -75,7 +75,8 @@ def test_a_shortcut_on_which_whole_rises_fall_is_not_taken(
 
     def fall(_: MovePlayer, ends: list, __: Scenarios) -> Followed:
         played.append(len(ends[0].path) - 1)
-        return Followed(lost=np.array([1 if len(played) == 1 else STANDS]), fallen=np.array([9]))
+        lost = 1 if len(played) == 1 else STANDS
+        return Followed(lost=np.array([lost]), fallen=np.array([9]), stand=np.array([True]))
 
     monkeypatch.setattr(MovePlayer, "follow", fall)
     assert finder.shorten(chain, scenarios) is chain

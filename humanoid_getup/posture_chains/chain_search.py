@@ -168,9 +168,9 @@ class ChainSearch:
     def _finish(self, ends: list[ChainEnd]) -> None:
         """Note the shortest chains to stands that lead there from their start, played whole.
 
-        A state that is missed then is removed, with all that were reached through it; from those
-        after it in the chain a way up is known. With enough chains that do not fall, only shorter
-        ones are played: it is what costs most.
+        The move that fails then is removed, with all states that depend on it; from those after it
+        in the chain a way up is known. With enough chains that do not fall, only shorter ones are
+        played: it is what costs most.
         """
         ends = [end for end in ends if end.stand.chain.duration < self._find_longest()]
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)

@@ -168,9 +168,9 @@ class SearchBudgetOption(JobRequest):
 
     search_budget: Annotated[float, between(0.001, 1e6, "s"), arg(metavar="S")] = 600.0
     """Simulated time for a search [s]. A rise that falls under some disturbance is varied until it
-    stands or this is spent; one that stands is improved, as --prefer says, for up to half of it.
-    Where no stored motion leads to a stand on level ground, one is searched for 20 times as long,
-    in coarser physics."""
+    stands or this is spent; one that stands is improved for up to half of it. Where no stored
+    motion leads to a stand on level ground, one is searched for 20 times as long, in coarser
+    physics."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -307,8 +307,8 @@ class MovePlayer:
     def _find_resting(self, record: Record, voltage: Array) -> Bools:
         """Tell which robots are at rest at the end, and never pressed into themselves, (N,).
 
-        None of their servos rests at all the torque of its supply [V], (N,): in a row of such
-        postures it trips.
+        No servo may be saturated at the supply [V], (N,), as its robot rests: it would trip in a
+        row of such postures.
         """
         steps, root = self._rest_steps, record.qpos[:, :, self._layout.root_position]
         turned = np.abs(record.joint_pos[:, -1] - record.joint_pos[:, -1 - steps]).max(axis=1)

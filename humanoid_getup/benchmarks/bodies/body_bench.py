@@ -97,8 +97,9 @@ class BenchedBody:
 
     def list_rows(self, kind: str) -> Iterator[range]:
         """List the numbers of the starts of one kind, those of a part together."""
-        each_class, starts = self.each * len(CLASSES), min(self.count, len(self.starts))
-        count = starts if kind == STARTS else each_class
+        count = self.each * len(CLASSES)
+        if kind == STARTS:
+            count = min(self.count, len(self.starts))
         for first in range(0, count, TOGETHER):
             yield range(first, min(first + TOGETHER, count))
 
@@ -159,7 +160,7 @@ def name_case(body: str, method: str, kind: str) -> str:
 
 
 def name_part(body: str, method: str, kind: str, rows: range) -> str:
-    """Name those of the starts with some numbers."""
+    """Name the rises of a case from the starts with some numbers."""
     return f"{name_case(body, method, kind)} {rows.start + 1} to {rows.stop}"
 
 
@@ -176,8 +177,12 @@ def summarize_bodies(
         for kind in (STARTS, FALLS):
             for method in body.methods:
                 names = (body.name, method.name, kind)
-                parts = [results[name_part(*names, rows)] for rows in body.list_rows(kind)]
-                result = BodyRises.join([part for part in parts if isinstance(part, BodyRises)])
+                parts = list[BodyRises]()
+                for rows in body.list_rows(kind):
+                    part = results[name_part(*names, rows)]
+                    assert isinstance(part, BodyRises)
+                    parts.append(part)
+                result = BodyRises.join(parts)
                 cases[name_case(*names)] = _summarize(result, *names)
                 missing |= dict.fromkeys(
                     f"No fall of {body.name} ends {side}: {reason}."

@@ -21,6 +21,7 @@ from robots.quaternion import Array
 from robots.servo import COUNT_ROUNDING, LimitMode, Servo
 from robots.transmission import Coupling, Transmission
 
+SPEED_SHARE = 0.999  # of a servo's speed in targets, so that rounding does not exceed it
 LONGEST_TIMESTEP = 0.002  # s; contacts and servos need no shorter step, and bear no longer one
 ROBOTS_FOLDER = Path(__file__).parent
 
@@ -257,6 +258,18 @@ class Robot(JointArrays):
         """
         lag = self.torque_speed_slope / self.position_gain
         return self.transmission.to_joint(lag * self.transmission.to_actuator(speed))
+
+    def limit_targets(self, target: Array, start: Array) -> Array:
+        """Keep targets (T, n) within the joints' limits and the servos' speed from a start (n,)."""
+        limited, last = target.copy(), start
+        for row in limited:  # rows are views
+            last = row[:] = self.limit_target(row, last)
+        return limited
+
+    def limit_target(self, target: Array, last: Array) -> Array:
+        """Keep targets (..., n) within the joints' limits, and within reach of the last ones."""
+        reach = SPEED_SHARE * self.max_velocity * self.control_period
+        return np.clip(np.clip(target, self.lower, self.upper), last - reach, last + reach)
 
     def mirror_joints(self, joint_pos: Array) -> Array:
         """Exchange left and right in joint angles, (..., n)."""

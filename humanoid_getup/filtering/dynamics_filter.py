@@ -19,7 +19,6 @@ from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.separation import MARGINS, Separation
-from humanoid_getup.filtering.variation import limit_target, limit_targets
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
@@ -197,20 +196,24 @@ class DynamicsFilter:
         played = self._replay(start, rollout.candidate, [target], LONG_HOLD, self._fine)[0]
         return played, share
 
-    def separate(self, start: Posture, rollout: CandidateRollout) -> CandidateRollout:
+    def separate(
+        self, start: Posture, rollout: CandidateRollout, budget: float
+    ) -> CandidateRollout:
         """Separate limbs that touch in a rollout that stands, by shifting its targets.
 
         The result stands undisturbed; it is the rollout itself if no shift helps, or where physics
-        is expensive.
+        is expensive. No shift is tried once the budget of simulated time [s] is spent.
         """
         margins = [] if self._is_coarse else list(MARGINS)
-        while margins and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:
+        while margins and budget > 0.0 and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:
             target = rollout.target[: rollout.moving]
             shifts = self._separation.shift(
                 rollout.qpos, rollout.overlap, rollout.moving, margins[0]
             )
-            motions = [limit_targets(target + s, start.joint_pos, self.world.robot) for s in shifts]
-            standing = [r for r in self._replay(start, rollout.candidate, motions) if r.stood]
+            motions = [self.world.robot.limit_targets(target + s, start.joint_pos) for s in shifts]
+            played = self._replay(start, rollout.candidate, motions)
+            budget -= sum(len(r.target) for r in played) * self.world.robot.control_period
+            standing = [r for r in played if r.stood]
             least = min(standing, key=lambda r: r.measure_overlap(TOUCH), default=rollout)
             if least.measure_overlap(TOUCH) < overlap:
                 rollout = least
@@ -383,7 +386,7 @@ class _Tracker:
         planned = self._at_phase()
         torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
         target = planned[:, :-6] + self._robot.compute_lead(torque)
-        self._last = limit_target(target, self._last, self._robot)
+        self._last = self._robot.limit_target(target, self._last)
         return self._last
 
     def _proceed(self, state: Feedback) -> None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.filtering.evolution_strategy import EvolutionStrategy
 from humanoid_getup.filtering.variation import Variation
-from humanoid_getup.motions.population import EvolutionStrategy
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array

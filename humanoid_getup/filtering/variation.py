@@ -11,7 +11,6 @@ from robots.quaternion import Array
 
 STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
 UNIT_TEMPO, UNIT_OFFSET = 0.3, 0.15  # logarithm of a duration, and rad: 1 in a gene
-SPEED_SHARE = 0.999  # of a servo's speed, so that rounding does not exceed it
 LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
 
 
@@ -50,7 +49,7 @@ class Variation:
         offset = np.pad(self.offset, ((1, 1), (0, 0)))
         played = _interpolate(at, np.arange(last + 1.0), target)
         shift = _interpolate(at, knots, offset) @ pair_directions(robot)
-        return limit_targets(played + shift, start, robot)
+        return robot.limit_targets(played + shift, start)
 
 
 def pair_directions(robot: Robot) -> Array:
@@ -58,20 +57,6 @@ def pair_directions(robot: Robot) -> Array:
     chosen = (*robot.rising_joints, *robot.spreading_joints)
     one = np.eye(robot.n)[[robot.joint_names.index(name) for name in chosen]]
     return one + robot.mirror_joints(one)
-
-
-def limit_targets(target: Array, start: Array, robot: Robot) -> Array:
-    """Keep targets (T, n) within the joints' limits and the servos' speed, from ``start`` on."""
-    limited, last = target.copy(), start
-    for row in limited:  # rows are views
-        last = row[:] = limit_target(row, last, robot)
-    return limited
-
-
-def limit_target(target: Array, last: Array, robot: Robot) -> Array:
-    """Keep targets (..., n) within the joints' limits, and within reach of the ``last`` ones."""
-    reach = SPEED_SHARE * robot.max_velocity * robot.control_period
-    return np.clip(np.clip(target, robot.lower, robot.upper), last - reach, last + reach)
 
 
 def _interpolate(at: Array, time: Array, rows: Array) -> Array:

@@ -71,7 +71,7 @@ def find_way_out(
     [Lin12], section 4.2.1, plans the root's position first and, as this does, without regard to
     what could push the robot there; here with the whole body in its posture instead of a point.
     A servo robot cannot follow such a path: a rise crawls there
-    (`humanoid_getup.strategies.search.crawl`).
+    (`humanoid_getup.posture_chains.crawl_search`).
 
     Returns:
         ``None`` where none is needed, or none was found.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
@@ -59,6 +60,7 @@ class ChainTools:
         """Find the balanced squats from which a robot stands up; make moves if none are given."""
         self.settings = settings or SearchSettings()
         self.world, self.rng = world, rng
+        self.meter = StandMeter(world)
         self.player = self._make_player()
         self.moves = moves or RandomMoves(world.robot, rng)
         self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
@@ -75,6 +77,7 @@ class ChainTools:
         settings = self.settings
         return MovePlayer(
             self.world,
+            self.meter,
             self.rng,
             limit=settings.limit,
             weakest=settings.weakest,
@@ -141,13 +144,7 @@ class ChainSearch:
 
     def _try(self, states: list[RestingState], moves: list[PostureMove]) -> None:
         """Try moves; file where they lead if that is new, and the same in all worlds."""
-        tried, new = self._player.try_out(states, moves), list[RestingState]()
-        for k in np.flatnonzero(tried.rests[:, 0]):
-            fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
-            state = tried.state(int(k), moves[k].target, **fields)
-            if tried.stands[k, 0] or self.archive.wants(state):
-                new.append(state)
-        self._check(new)
+        self._check(self._player.explore(states, moves, self.archive))
 
     def _check(self, new: list[RestingState]) -> None:
         begun = [state.before for state in new if state.before is not None]
@@ -218,7 +215,7 @@ class ChainSearch:
         moves, scale = self._tools.moves, self._player.scale
         begun, rises = list[RestingState](), list[PostureMove]()
         for state in states:
-            neck = float(self._player.meter.measure(state.qpos[None]).neck[0])
+            neck = float(self._tools.meter.measure(state.qpos[None]).neck[0])
             higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN]
             ways = [moves.rise(higher[:0], time * scale) for time in RISE_TIMES]
             ways += [moves.rise(higher, time * scale) for time in RISE_TIMES[1:]]

@@ -1,8 +1,11 @@
-"""Features of resting robots: what tells how near they are to a stand, and which are alike."""
+"""Features of resting robots: what tells how near they are to a goal, and which are alike."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Protocol, Self
 
 import mujoco
 import numpy as np
@@ -20,22 +23,32 @@ OFFSET_STEP, MOST_OFFSET = 0.3, 4  # leg lengths, and cells
 ON_GROUND = 0.004  # m that a sole on the ground may be above it
 SOLE_REACH = 0.1  # leg lengths over which a sole that is lifted counts less
 BALANCED = 0.35  # leg lengths from between the soles, over which balance counts less
+PLACE_STEP, TURN_STEP = 0.25, 0.8  # leg lengths, and along each axis of the vertical
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Features:
+class Features(ABC):
     """What matters of resting robots, (K, ...)."""
 
     up: Array
     """The world's vertical in the torso's frame, (K, 3)."""
-    neck: Array
-    """Height of the neck over the ground as a share of that of the stance, (K,)."""
-    flatness: Array
-    """How flat the less flat sole is on the ground, from 0 to 1, (K,)."""
-    offset: Array
-    """Horizontal distance of the center of mass from between the soles [leg lengths], (K,)."""
 
-    def join(self, others: Features, rows: int) -> Features:
+    @property
+    @abstractmethod
+    def progress(self) -> Array:
+        """Return how near robots are to the goal, at most 1, (K,)."""
+
+    @property
+    @abstractmethod
+    def cells(self) -> NDArray[np.int_]:
+        """Return the cells in which robots that are alike are filed, (K, c)."""
+
+    @property
+    @abstractmethod
+    def places(self) -> Array:
+        """Return vectors that are near to each other for robots that are alike, (K, d)."""
+
+    def join(self, others: Self, rows: int) -> Self:
         """Join the features of the same number of rows of robots each."""
 
         def both(name: str) -> Array:
@@ -44,7 +57,27 @@ class Features:
             joined = np.concatenate(wide, axis=1)
             return joined.reshape(-1, *joined.shape[2:])
 
-        return Features(**{field.name: both(field.name) for field in fields(self)})
+        return replace(self, **{field.name: both(field.name) for field in fields(self)})
+
+
+class Meter(Protocol):
+    """Measures features of robots."""
+
+    def measure(self, qpos: Array) -> Features:
+        """Measure robots at MuJoCo positions (K, nq)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandFeatures(Features):
+    """What matters of robots that are to stand."""
+
+    neck: Array
+    """Height of the neck over the ground as a share of that of the stance, (K,)."""
+    flatness: Array
+    """How flat the less flat sole is on the ground, from 0 to 1, (K,)."""
+    offset: Array
+    """Horizontal distance of the center of mass from between the soles [leg lengths], (K,)."""
 
     @property
     def progress(self) -> Array:
@@ -70,8 +103,34 @@ class Features:
         return np.hstack([self.up, *shares])
 
 
-class FeatureMeter:
-    """Measures features in one world."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlaceFeatures(Features):
+    """What matters of robots that are to come to a place."""
+
+    position: Array
+    """Of the torso in the plane [leg lengths], (K, 2)."""
+    distance: Array
+    """From the place [leg lengths], (K,)."""
+
+    @property
+    def progress(self) -> Array:
+        """Return 1 in the place, and less before it by the distance, (K,)."""
+        return 1.0 - self.distance
+
+    @property
+    def cells(self) -> NDArray[np.int_]:
+        """Return cells of position and attitude, (K, 5)."""
+        steps = [self.position / PLACE_STEP, self.up / TURN_STEP]
+        return np.round(np.hstack(steps)).astype(int)
+
+    @property
+    def places(self) -> Array:
+        """Return positions and attitudes, (K, 5)."""
+        return np.hstack([self.position, self.up])
+
+
+class StandMeter:
+    """Measures how near robots are to a stand, in one world."""
 
     def __init__(self, world: World) -> None:
         self._world, model = world, world.model
@@ -81,7 +140,7 @@ class FeatureMeter:
         self._neck = model.site(world.robot.neck_site).id
         self._leg = leg_length(world.robot)
 
-    def measure(self, qpos: Array) -> Features:
+    def measure(self, qpos: Array) -> StandFeatures:
         """Measure robots at MuJoCo positions (K, nq)."""
         model, data, count = self._world.model, self._data, len(qpos)
         soles, turned = np.zeros((count, len(self._soles), 3)), np.zeros((count, len(self._soles)))
@@ -96,12 +155,32 @@ class FeatureMeter:
         lifted = np.maximum(soles[..., 2] - support(soles) - ON_GROUND, 0.0)
         flat = np.clip(turned, 0.0, 1.0) * np.exp(-lifted / (SOLE_REACH * self._leg))
         between = soles[..., :2].mean(axis=1)
-        up = quaternion.rotate(
-            quaternion.inverse(qpos[:, self._layout.root_orientation]), np.array([0.0, 0.0, 1.0])
-        )
-        return Features(
-            up=up,
+        return StandFeatures(
+            up=_find_up(qpos[:, self._layout.root_orientation]),
             neck=(neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height,
             flatness=flat.min(axis=1),
             offset=np.linalg.norm(center[:, :2] - between, axis=1) / self._leg,
         )
+
+
+class PlaceMeter:
+    """Measures how near robots are to a place."""
+
+    def __init__(self, world: World, distance: Callable[[Array], Array]) -> None:
+        """Prepare for a world; ``distance`` maps positions of the torso (..., 3) to (...) [m]."""
+        self._layout, self._distance = world.robot.layout(world.model), distance
+        self._leg = leg_length(world.robot)
+
+    def measure(self, qpos: Array) -> PlaceFeatures:
+        """Measure robots at MuJoCo positions (K, nq)."""
+        root = qpos[:, self._layout.root_position]
+        return PlaceFeatures(
+            up=_find_up(qpos[:, self._layout.root_orientation]),
+            position=root[:, :2] / self._leg,
+            distance=self._distance(root) / self._leg,
+        )
+
+
+def _find_up(orientation: Array) -> Array:
+    """Return the world's vertical in the frames of torsos, (K, 3)."""
+    return quaternion.rotate(quaternion.inverse(orientation), np.array([0.0, 0.0, 1.0]))

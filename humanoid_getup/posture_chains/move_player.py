@@ -20,7 +20,8 @@ from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.posture_chains.features import FeatureMeter, Features
+from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.features import Features, Meter
 from humanoid_getup.posture_chains.resting_state import (
     PostureChain,
     PostureMove,
@@ -131,13 +132,14 @@ class MovePlayer:
     def __init__(
         self,
         world: World,
+        meter: Meter,
         rng: np.random.Generator,
         *,
         limit: TorqueLimit = FULL_TORQUE,
         weakest: float = 1.0,
         threads: int = 0,
     ) -> None:
-        """Prepare for a world, and for a torque limit of every servo.
+        """Prepare for a world, for what is measured, and for a torque limit of every servo.
 
         In every other disturbed world, ``weakest`` is the share of that limit that is left.
         """
@@ -147,7 +149,7 @@ class MovePlayer:
         self._experiment = Experiment(world, threads=threads)
         self._finer = Experiment(world.vary(timestep=period / FINER), threads=threads)
         self._layout = world.robot.layout(world.model)
-        self.meter = FeatureMeter(world)
+        self._meter = meter
         self.scale = measure_time_scale(world.robot)
         """Times of this robot over those of OP3."""
         self.simulated = 0.0
@@ -160,12 +162,27 @@ class MovePlayer:
 
     def describe(self, qpos: Array, target: Array) -> RestingState:
         """Describe a robot at rest at MuJoCo positions (nq,), with held targets (n,)."""
-        return make_state(qpos, target, self.meter.measure(qpos[None]), 0)
+        return make_state(qpos, target, self._meter.measure(qpos[None]), 0)
 
     def try_out(self, states: Sequence[RestingState], moves: Sequence[PostureMove]) -> Arrivals:
         """Play a move from each of M states, undisturbed and coarsely."""
         targets = self._sample(states, [[move] for move in moves])
         return self._arrive(self._trial, self._make_nominal(states), targets)
+
+    def explore(
+        self, states: Sequence[RestingState], moves: Sequence[PostureMove], archive: Archive
+    ) -> list[RestingState]:
+        """Try a move from each of M states; return where they rest, if an archive wants that.
+
+        Stands are always returned.
+        """
+        tried, new = self.try_out(states, moves), list[RestingState]()
+        for k in np.flatnonzero(tried.rests[:, 0]).tolist():
+            fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
+            state = tried.state(k, moves[k].target, **fields)
+            if tried.stands[k, 0] or archive.wants(state):
+                new.append(state)
+        return new
 
     def check(
         self, states: Sequence[RestingState], moves: Sequence[PostureMove], worlds: int
@@ -191,14 +208,10 @@ class MovePlayer:
         """Play a chain once, undisturbed; return its start and where each of its moves ends."""
         period, targets = self.world.robot.control_period, [chain.held]
         targets += [move.target for move in chain.moves]
-        steps = [
-            len(move.sample(held, period, self.rest))
-            for held, move in zip(targets, chain.moves, strict=False)
-        ]
         starts = Scenarios.nominal(self.world, chain.start[None], self._limit)
         record = self._finer.play(starts, chain.sample(period, self.rest)[None])
         self.simulated += record.duration
-        ends = record.qpos[0, np.cumsum(steps) - 1]
+        ends = record.qpos[0, np.array(chain.list_ends(period, self.rest)) - 1]
         return list(map(self.describe, [chain.start, *ends], targets))
 
     def follow(self, ends: Sequence[RestingState], scenarios: Scenarios) -> Followed:
@@ -247,7 +260,7 @@ class MovePlayer:
         for number, state in enumerate(path[1:-1], start=1):
             assert state.move is not None
             at += len(state.move.sample(state.target, period, self.rest))
-            cells = self.meter.measure(qpos[:, min(at, qpos.shape[1]) - 1]).cells
+            cells = self._meter.measure(qpos[:, min(at, qpos.shape[1]) - 1]).cells
             if np.sum(~are_near(cells, state.cell)) > misses:
                 return number
         return len(path) - 1
@@ -283,7 +296,7 @@ class MovePlayer:
         ends = record.qpos[:, -1]
         return Arrivals(
             qpos=ends.reshape(-1, each, ends.shape[1]),
-            features=self.meter.measure(ends),
+            features=self._meter.measure(ends),
             rests=self._find_resting(record, scenarios.parameters.voltage).reshape(-1, each),
             stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
         )

@@ -35,7 +35,8 @@ ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
 class RandomMoves:
     """Draws targets to move to, of several kinds; each kind with a share of its own."""
 
-    def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
+    def __init__(self, robot: Robot, rng: np.random.Generator | None) -> None:
+        """Prepare for a robot; without a generator, one that is not to come to its feet."""
         self._robot = robot
         self._speed = np.minimum(SPEED_SHARE * robot.max_velocity, MOST_SPEED)
         limbs = Limbs(robot)
@@ -43,12 +44,14 @@ class RandomMoves:
         self._legs = np.array(sorted(k for name in LEGS for k in limbs.all[name].joints))
         limbs.look(robot.standing.joint_pos)
         self._bending = [np.array(limbs.leg(name).list_pitch()) for name in LEGS]
-        squats = list_squats(limbs, Statics(robot))
+        squats = [] if rng is None else list_squats(limbs, Statics(robot))
         self.squats = np.array([squat.joint_pos for squat in squats]).reshape(-1, robot.n)
         """Balanced squats from high to deep, (Q, n) [rad]."""
         self.squat_necks = np.array([squat.neck_share for squat in squats])
         """Heights of their necks as shares of that of the stance, (Q,)."""
-        self.crouches = draw_crouches(limbs, CROUCHES, rng)
+        self.crouches = (
+            np.zeros((0, robot.n)) if rng is None else draw_crouches(limbs, CROUCHES, rng)
+        )
         """Other balanced postures on flat soles, (C, n) [rad]."""
         kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
             "mirrored joints": (0.30, self._change_pairs),

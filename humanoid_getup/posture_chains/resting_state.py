@@ -66,6 +66,11 @@ class PostureChain:
         """Sample the targets, with a rest [s] after each move, (T, n)."""
         return sample_moves(self.held, self.moves, period, rest)
 
+    def list_ends(self, period: float, rest: float) -> list[int]:
+        """Count the targets up to the end of each move's rest [s]."""
+        counts = [len(move.sample(move.target, period, rest)) for move in self.moves]
+        return np.cumsum(counts, dtype=int).tolist()
+
 
 def sample_moves(held: Array, moves: Sequence[PostureMove], period: float, rest: float) -> Array:
     """Sample the targets of moves from those held (n,), with a rest [s] after each, (T, n)."""

@@ -11,7 +11,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.posture_chains.features import FeatureMeter
+from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.simulation.world import World
 from robots.body.lengths import leg_length
 from robots.body.limb import ARMS, LEGS
@@ -31,7 +31,7 @@ class KindNamer:
     """Names the postures that one robot passes on its way up."""
 
     def __init__(self, world: World) -> None:
-        self._world, self._meter = world, FeatureMeter(world)
+        self._world, self._meter = world, StandMeter(world)
         self._layout, self._limbs = world.robot.layout(world.model), Limbs(world.robot)
         self._leg = leg_length(world.robot)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from humanoid_getup.experiments.starts.falls import CLASSES, classify
-from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE, DynamicsFilter
+from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database, suggest_motions
 from humanoid_getup.motions.preference import PreferenceName
@@ -17,9 +17,8 @@ from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_postures.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.rise_motion import chain, make_motion, make_move
+from humanoid_getup.strategies.rise_motion import chain, make_crawl, make_motion
 from humanoid_getup.strategies.search.approach import Approach
-from humanoid_getup.strategies.search.crawl import Crawl
 from humanoid_getup.strategies.search.found_motions import MotionFinder
 from humanoid_getup.strategies.search.free_rise import FreeRise
 from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
@@ -106,7 +105,6 @@ class PlannedRise:
             database=self.database,
             approach=Approach(world, planning=options.planning),
             filter=self.filter,
-            crawl=Crawl(world, self.torque_limit, CHECK_DISTURBANCE, threads=options.threads),
             finder=MotionFinder(
                 world, self.torque_limit, self.database.rising, threads=options.threads
             ),
@@ -118,7 +116,7 @@ class PlannedRise:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 
         With key postures, a rise that passes through them is searched for first. A robot without
-        room to stand crawls first: the plan is then a move, after which the rise has to be planned
+        room to stand crawls first: the plan is then a crawl, after which the rise has to be planned
         again.
         """
         if not self.options.filtering:
@@ -165,8 +163,8 @@ class PlannedRise:
             search=record,
             keys=found.keys,
         )
-        if found.move is not None:
-            motion = make_move(self.world, start, found.move)
+        if found.crawl is not None:
+            motion = make_crawl(self.world, start, found.crawl)
             return MotionPlan(**vars(replace(tried, status=RiseStatus.MOVES)), motion=motion)
         if found.rollout is not None:
             motion = make_motion(self.world, start, found.rollout)

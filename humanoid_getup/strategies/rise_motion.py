@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from humanoid_getup.experiments.starts.falls import classify, find_side
 from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.motions.course import Course
@@ -10,8 +12,10 @@ from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.search.crawl import Move
 from robots import Posture
+
+if TYPE_CHECKING:
+    from humanoid_getup.posture_chains.crawl_search import Crawl
 
 
 def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Motion:
@@ -29,13 +33,13 @@ def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Moti
     )
 
 
-def make_move(world: World, start: Posture, move: Move) -> Motion:
-    """Make a motion of a move, which does not end standing."""
+def make_crawl(world: World, start: Posture, crawl: Crawl) -> Motion:
+    """Make a motion of a crawl, which does not end standing."""
     return record_motion(
         world,
         start,
-        move.target,
-        move.qpos,
+        crawl.target,
+        crawl.qpos,
         name="crawl",
         start_class=find_side(start),
         end_class=NO_END,

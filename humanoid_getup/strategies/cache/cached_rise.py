@@ -11,7 +11,6 @@ from importlib.metadata import version
 import mujoco
 import numpy as np
 
-from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import Connection
@@ -260,7 +259,7 @@ def fit(motion: Motion, start: Posture, robot: Robot) -> Motion:
         position=aligned.position,
         orientation=quaternion.normalize(aligned.orientation),
         joint_pos=np.clip(angles, robot.lower, robot.upper),
-        joint_target=limit_targets(motion.joint_target, start.joint_pos, robot),
+        joint_target=robot.limit_targets(motion.joint_target, start.joint_pos),
     )
 
 

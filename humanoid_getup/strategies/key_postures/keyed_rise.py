@@ -10,7 +10,6 @@ from itertools import combinations, islice
 import numpy as np
 
 from humanoid_getup.filtering.candidate import CandidateRollout
-from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.strategies.key_postures.key_routes import RESTS, KeyRoutes
 from humanoid_getup.strategies.key_record import (
@@ -143,8 +142,8 @@ class KeyedRise:
                 for at, error in zip(begun.passes, one.passes, strict=True):
                     shift += self._bump(len(shift), at.frame) * error.joint_error
             targets = [
-                limit_targets(
-                    one.rollout.target[: len(shift)] + shift, start.joint_pos, self._world.robot
+                self._world.robot.limit_targets(
+                    one.rollout.target[: len(shift)] + shift, start.joint_pos
                 )
                 for one, shift in zip(passing, shifts, strict=True)
             ]

@@ -1,25 +1,28 @@
-"""Found motions: rises from one start that are found in physics, where no stored one helps."""
+"""Found motions: rises and crawls from one start that are found in physics."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from humanoid_getup.experiments.starts.falls import find_side
+from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
+from robots.quaternion import Array
 
-if TYPE_CHECKING:  # a rise that joins a stored motion does not wait for its imports
+if TYPE_CHECKING:  # a rise that joins a stored motion does not wait for their imports
+    from humanoid_getup.posture_chains.crawl_search import Crawl, CrawlSearch
     from humanoid_getup.posture_chains.start_motions import StartMotions
 
 
 class MotionFinder:
-    """Finds motions to join from one start, by a search over resting postures.
+    """Finds motions to join from one start, and crawls, by searches over resting postures.
 
     An addition to [Lin12], whose rises join motions of a database.
     """
@@ -32,14 +35,14 @@ class MotionFinder:
         *,
         threads: int = 0,
     ) -> None:
-        """Prepare for a world without obstacles, for a torque limit, and for known motions."""
+        """Prepare for a world, for a torque limit, and for known motions."""
         self._world, self._limit, self._threads = world, torque_limit, threads
         self._known = known
         self.simulated = 0.0
         """Time simulated so far [s]."""
 
     def find(self, start: Posture, budget: float, rng: np.random.Generator) -> list[Connection]:
-        """Find motions from a posture at rest, to be joined at their first frames.
+        """Find motions from a posture at rest on free ground, to be joined at their first frames.
 
         They are versions of one, the shortest first; there is none if none is found in a simulated
         time [s], or if the robot cannot rise.
@@ -48,6 +51,26 @@ class MotionFinder:
         motions = self._search.find(start, find_side(start), budget, rng)
         self.simulated += self._search.simulated - before
         return [Connection(motion, 0, 0.0) for motion in motions]
+
+    def find_crawl(
+        self,
+        start: Posture,
+        distance: Callable[[Array], Array],
+        near: float,
+        budget: float,
+        rng: np.random.Generator,
+    ) -> Crawl | None:
+        """Find a crawl that leads nearer to a place, see `CrawlSearch.find`."""
+        before = self._crawls.simulated
+        crawl = self._crawls.find(start, distance, near, budget, rng)
+        self.simulated += self._crawls.simulated - before
+        return crawl
+
+    @cached_property
+    def _crawls(self) -> CrawlSearch:
+        from humanoid_getup.posture_chains.crawl_search import CrawlSearch
+
+        return CrawlSearch(self._world, self._limit, CHECK_DISTURBANCE, threads=self._threads)
 
     @cached_property
     def _search(self) -> StartMotions:

@@ -11,7 +11,6 @@ from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.strategies.search.continuation import Continuation
-from humanoid_getup.strategies.search.crawl import Move
 from humanoid_getup.strategies.search.rise_search import (
     FINALISTS,
     FoundRise,
@@ -30,7 +29,7 @@ FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
 # Where motions were not made for the scene, more of them are tried.
 MORE_IN_SCENES, SECOND_ON_LEVEL, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 2, 6, 6
 CRAWL_FROM = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
-CRAWLS = 2  # searches for a move that leads nearer to room
+CRAWLING = 4.0  # of the search budget, simulated in coarse steps to find a crawl
 REFITS = 3
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
@@ -46,8 +45,7 @@ class FreeRise:
     then, on level ground, a motion that is found in physics from this start.
     A rise that stands is improved by a search if the preference requires it. If limbs are so
     interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
-    robot without room to stand crawls first: the result is then a move, after which the rise has to
-    be planned again.
+    robot without room to stand crawls first: the rise has to be planned again after that.
     """
 
     def __init__(self, tools: SearchTools) -> None:
@@ -68,9 +66,10 @@ class FreeRise:
         connections = self._tools.database.select(start, FIRST_CONNECTIONS + more)
         places = self._find_standing_places(start)
         if places and places.distance(start.position) > CRAWL_FROM * self._leg:
-            move = self._crawl(start, places, rng)
-            if move is not None:
-                return FoundRise(move=move, plan_s=time.perf_counter() - began)
+            near, budget = CRAWL_FROM * self._leg, CRAWLING * self._tools.budget
+            crawl = self._tools.finder.find_crawl(start, places.distance, near, budget, rng)
+            if crawl is not None:
+                return FoundRise(crawl=crawl, plan_s=time.perf_counter() - began)
         approach = self._tools.approach
         first = approach.candidates(start, connections[:FIRST_CONNECTIONS], rng)
         plan_s = time.perf_counter() - began
@@ -163,14 +162,3 @@ class FreeRise:
             return None
         places = StandingPlaces(world, start.position)
         return places if places.exist else None
-
-    def _crawl(
-        self, start: Posture, places: StandingPlaces, rng: np.random.Generator
-    ) -> Move | None:
-        """Find a move towards a place with room to stand; ``None`` if none leads nearer."""
-        distance = float(places.distance(start.position))
-        for _ in range(CRAWLS):
-            move = self._tools.crawl.search(start, places.distance, rng)
-            if move is not None and move.cost < distance:
-                return move
-        return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyRecord
 from humanoid_getup.strategies.search.approach import Approach
-from humanoid_getup.strategies.search.crawl import Crawl, Move
 from humanoid_getup.strategies.search.found_motions import MotionFinder
 from robots import Posture
+
+if TYPE_CHECKING:
+    from humanoid_getup.posture_chains.crawl_search import Crawl
 
 FINALISTS = 3  # rollouts of a round that may be checked
 SEARCH_STARTS = 2  # failed rollouts that a search begins with, where none stood
@@ -29,7 +32,6 @@ class SearchTools:
     database: MotionDatabase
     approach: Approach
     filter: DynamicsFilter
-    crawl: Crawl
     finder: MotionFinder
     assistance: float
     """Share of the virtual actuator's torques."""
@@ -39,7 +41,7 @@ class SearchTools:
     @property
     def searched(self) -> float:
         """Return the time that searches have simulated so far [s]."""
-        return self.filter.searched + self.crawl.simulated + self.finder.simulated
+        return self.filter.searched + self.finder.simulated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +54,8 @@ class FoundRise:
     """The rise that was improved; None if none was."""
     robust: float = float("nan")
     """Share of the disturbed rollouts in which the best one stood."""
-    move: Move | None = None
-    """A move to a place with room, instead of a rise."""
+    crawl: Crawl | None = None
+    """A crawl to a place with room, instead of a rise."""
     keys: tuple[KeyRecord, ...] = ()
     """Result of each key posture, in the given order."""
     planned: bool = False
@@ -188,7 +190,8 @@ class RiseSearch:
 
     def _check(self, rollout: CandidateRollout) -> None:
         """Check a rollout that stands, with limbs separated; keep it if it is the best."""
-        separated = self._filter.separate(self._start, rollout)
+        budget = self._filter.preference.improvement * self._tools.budget
+        separated = self._filter.separate(self._start, rollout, budget)
         for one in [separated] if separated is rollout else [separated, rollout]:
             best, (lost, cost) = self._best, self._rank(one)
             if best and self.is_done and (lost, cost) >= self._rank(best):

@@ -12,7 +12,6 @@ from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
-from humanoid_getup.filtering.variation import limit_targets
 from humanoid_getup.motions.course import join
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
@@ -101,7 +100,7 @@ def test_without_assistance_the_targets_are_the_reference_within_the_servos_limi
     _, candidates, results = rollouts
     c = candidates[1]
     reference = compose(world, c.path, c.connection.motion, c.connection.frame)
-    expected = limit_targets(reference.target, fall.joint_pos, world.robot)
+    expected = world.robot.limit_targets(reference.target, fall.joint_pos)
     np.testing.assert_allclose(results[1].target[: len(expected)], expected)
 
 

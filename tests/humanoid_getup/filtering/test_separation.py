@@ -81,9 +81,10 @@ def test_rises_that_touch_themselves_are_separated_and_still_stand(world, op3, c
         ]
         for one in dynamics_filter.roll_out(start, candidates):
             if one.stood and one.collides:
-                separated = dynamics_filter.separate(start, one)
+                separated = dynamics_filter.separate(start, one, 1000.0)
                 before, after = before + 1, after + separated.collides
                 assert separated.stood
                 assert separated.overlap.max() <= max(one.overlap.max(), DEEP_OVERLAP)
+                assert dynamics_filter.separate(start, one, 0.0) is one
     assert before >= 3
     assert after <= before // 3

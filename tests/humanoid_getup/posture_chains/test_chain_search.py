@@ -12,6 +12,7 @@ from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
+from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
 from humanoid_getup.posture_chains.resting_state import PostureMove
 from humanoid_getup.simulation.world import World
@@ -72,7 +73,7 @@ def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(
     world: World, lying: np.ndarray
 ):
     robot = world.robot
-    player = MovePlayer(world, np.random.default_rng(0), weakest=0.6, threads=1)
+    player = MovePlayer(world, StandMeter(world), np.random.default_rng(0), weakest=0.6, threads=1)
     share = player.sample_worlds(lying, 5).parameters.torque_limit / robot.max_torque.max()
     assert share == pytest.approx([1.0, 0.6, 1.0, 0.6, 1.0])
 
@@ -84,7 +85,9 @@ def test_a_rise_that_needs_full_torque_falls_in_weaker_worlds(tools: ChainTools,
     stand = replace(stance, before=stance, move=stay)
     fallen = []
     for weakest in (1.0, 0.05):
-        player = MovePlayer(world, np.random.default_rng(0), weakest=weakest, threads=1)
+        player = MovePlayer(
+            world, StandMeter(world), np.random.default_rng(0), weakest=weakest, threads=1
+        )
         found = player.follow([stand], player.sample_worlds(stance.qpos, 4))
         fallen.append(int(found.fallen[0]))
     assert fallen == [0, 2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import lay_down
-from humanoid_getup.posture_chains.features import FeatureMeter
+from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.kinematics import place
@@ -17,7 +17,7 @@ def standing(world: World) -> np.ndarray:
 
 def test_a_stand_is_at_the_goal_and_a_fall_far_from_it(world: World, standing: np.ndarray):
     lying = lay_down(world, "supine", world.robot.standing.joint_pos)
-    features = FeatureMeter(world).measure(np.array([standing, lying]))
+    features = StandMeter(world).measure(np.array([standing, lying]))
     assert features.progress[0] > 0.95
     assert features.progress[1] < 0.15
     assert features.neck[0] == pytest.approx(1.0, abs=0.02)
@@ -29,7 +29,7 @@ def test_features_do_not_depend_on_place_and_heading(world: World, standing: np.
     turn = quaternion.from_axis_angle(np.array([0.0, 0.0, 1.0]), 1.1)
     turned[layout.root_orientation] = quaternion.multiply(turn, turned[layout.root_orientation])
     turned[:2] += 0.7
-    features = FeatureMeter(world).measure(np.array([standing, turned]))
+    features = StandMeter(world).measure(np.array([standing, turned]))
     assert np.allclose(features.places[0], features.places[1], atol=1e-9)
     assert features.progress[0] == pytest.approx(features.progress[1])
 
@@ -40,7 +40,7 @@ def test_a_lifted_sole_and_a_lean_count_less(world: World, standing: np.ndarray)
     tilt = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.5)
     layout = world.robot.layout(world.model)
     leaning[layout.root_orientation] = tilt
-    features = FeatureMeter(world).measure(np.array([standing, lifted, leaning]))
+    features = StandMeter(world).measure(np.array([standing, lifted, leaning]))
     assert features.flatness[1] < 0.5 < features.flatness[0]
     assert features.progress[0] > features.progress[2] > 0.2
     assert features.cells.shape == (3, 6)

@@ -7,6 +7,7 @@ import pytest
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.motions.build import lay_down
+from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, Followed, MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
@@ -30,7 +31,7 @@ def chain(world: World) -> PostureChain:
 
 @pytest.fixture(scope="module")
 def player(world: World) -> MovePlayer:
-    return MovePlayer(world, np.random.default_rng(0), threads=1)
+    return MovePlayer(world, StandMeter(world), np.random.default_rng(0), threads=1)
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,8 @@ class Filter:
         assert all(candidate.assistance == 0.7 for candidate in candidates)
         return self.rolled
 
-    def separate(self, _start, rollout: Rolled) -> Rolled:
+    def separate(self, _start, rollout: Rolled, budget: float) -> Rolled:
+        assert budget == 50.0
         return rollout
 
     def confirm(self, _start, rollout: Rolled) -> Rolled:
@@ -80,7 +81,6 @@ def search_with(dynamics: Filter) -> RiseSearch:
         database=None,
         approach=None,
         filter=dynamics,
-        crawl=None,
         finder=None,
         assistance=0.7,
         budget=100.0,

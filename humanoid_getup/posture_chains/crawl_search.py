@@ -1,0 +1,137 @@
+"""Crawls: moves from posture to posture that bring a lying robot to a place with more room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance
+from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
+from humanoid_getup.experiments.rollouts.play import Experiment
+from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.features import PlaceMeter
+from humanoid_getup.posture_chains.move_player import MovePlayer
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureChain, RestingState
+from humanoid_getup.simulation.world import World
+from robots import Posture, TorqueLimit
+from robots.body.lengths import leg_length
+from robots.kinematics import place
+from robots.quaternion import Array
+
+BATCH = 64  # moves that are tried at a time
+WORLDS = 3  # in which each must end alike, and in which the crawl is played; the first undisturbed
+MOST_SATURATION = 0.7  # s for which a servo may have all its torque without a break
+ROOM = 0.8  # share of the distance at which a robot is near enough, at which the search ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crawl:
+    """Targets of a crawl, and the resulting postures."""
+
+    target: Array
+    """[rad], (T, n)"""
+    qpos: Array
+    """MuJoCo positions after each target, in the undisturbed world, (T, nq)."""
+    distance: float
+    """From a place with room at its end, in the worst world in which it was played [m]."""
+
+
+class CrawlSearch:
+    """Searches chains of resting postures that bring a robot to a place with room.
+
+    An addition to [Lin12]: a robot under a table has to leave its place before it can rise, and
+    how it can roll or crawl there is a matter of contacts, which no path of postures knows.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        limit: TorqueLimit,
+        disturbance: Disturbance,
+        *,
+        threads: int = 0,
+    ) -> None:
+        """Prepare for a torque limit, and for disturbances that a whole crawl has to withstand."""
+        self._world, self._limit, self._disturbance = world, limit, disturbance
+        self._threads, self._experiment = threads, Experiment(world, threads=threads)
+        self._moves = RandomMoves(world.robot, None)
+        self.simulated = 0.0
+        """Time simulated so far [s]."""
+
+    def find(
+        self,
+        start: Posture,
+        distance: Callable[[Array], Array],
+        near: float,
+        budget: float,
+        rng: np.random.Generator,
+    ) -> Crawl | None:
+        """Find a crawl from a posture at rest to a place, or as near to it as is found.
+
+        There is none if none leads nearer in all disturbed worlds.
+
+        Args:
+            start: Where the robot lies.
+            distance: Maps positions of the torso [m], (..., 3), to distances [m], (...).
+            near: Distance that is near enough [m].
+            budget: Time that may be simulated [s].
+            rng: Of the moves.
+        """
+        meter = PlaceMeter(self._world, distance)
+        player = MovePlayer(self._world, meter, rng, limit=self._limit, threads=self._threads)
+        archive, goal = Archive(), 1.0 - ROOM * near / leg_length(self._world.robot)
+        lying = place(self._world.robot, self._world.model, start)
+        archive.add(player.describe(lying, start.joint_pos))
+        while archive.best.progress < goal and player.simulated < budget:
+            states = archive.draw(BATCH, rng)
+            moves = self._moves.draw_all(states, player.scale, rng)
+            for state in self._check(player, player.explore(states, moves, archive)):
+                archive.add(state)
+        self.simulated += player.simulated
+        if not archive.best.depth:
+            return None
+        crawl = self._play(archive.best.chain, player.rest, distance, rng)
+        return crawl if crawl and crawl.distance < distance(start.position) else None
+
+    def _check(self, player: MovePlayer, new: list[RestingState]) -> list[RestingState]:
+        """Return the states that are reached alike in all worlds."""
+        begun = [state.before for state in new if state.before is not None]
+        moves = [state.move for state in new if state.move is not None]
+        if not begun:
+            return []
+        ends = player.check(begun, moves, WORLDS)
+        alike = np.flatnonzero(ends.are_like(new)).tolist()
+        return [replace(new[k], qpos=ends.qpos[k, 0].copy()) for k in alike]
+
+    def _play(
+        self,
+        chain: PostureChain,
+        rest: float,
+        distance: Callable[[Array], Array],
+        rng: np.random.Generator,
+    ) -> Crawl | None:
+        """Play a chain in disturbed worlds; cut it where all of them are nearest to the place.
+
+        It ends before a servo has all its torque for long, or physics diverges, in any of them.
+        """
+        robot, layout = self._world.robot, self._world.robot.layout(self._world.model)
+        ends = chain.list_ends(robot.control_period, rest)
+        target = robot.limit_targets(chain.sample(robot.control_period, rest), chain.held)
+        scenarios = self._disturbance.sample(self._world, chain.start, WORLDS, rng, self._limit)
+        record = self._experiment.play(scenarios, np.repeat(target[None], WORLDS, axis=0))
+        self.simulated += record.duration
+        full = find_saturation(
+            robot, record.torque, record.actuator_vel, record.voltage[:, np.newaxis]
+        )
+        longest = count_runs(full).max(axis=(0, 2)) * robot.control_period
+        sound = [end for end in ends if longest[:end].max() <= MOST_SATURATION]
+        if not sound or record.diverged.any():
+            return None
+        apart = distance(record.qpos[:, :, layout.root_position]).max(axis=0)
+        end = min(sound, key=lambda each: float(apart[each - 1]))
+        return Crawl(
+            target=target[:end], qpos=record.qpos[0, :end].copy(), distance=float(apart[end - 1])
+        )

@@ -144,11 +144,16 @@ class MotionSearch:
             path.parent.rmdir()
 
     def _tell_weakness(self) -> None:
-        """Tell which servo is too weak for a rise, if one is."""
+        """Tell which servo is too weak for a rise, or that servos have little to spare."""
         tools = self._discovery.tools
         found = check_lifting(self._world, tools.moves, tools.player.scale, tools.settings.limit)
         if found is not None:
             self._monitor.tell(found.describe())
+        elif self._discovery.is_weak:
+            self._monitor.tell(
+                f"motions are judged with no less than {self._discovery.least_share:.0%} of the "
+                "torque: with less, the servos lift the robot out of few of its squats"
+            )
 
     def _restore(self) -> None:
         path = self.file(self._robot)

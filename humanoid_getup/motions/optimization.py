@@ -50,15 +50,16 @@ class TrajectoryOptimizer:
         *,
         preference: Preference | None = None,
         threads: int = 1,
+        least: float = 0.0,
         most: float = math.inf,
     ) -> None:
         """Prepare to optimize from MuJoCo positions (nq,).
 
-        Without a preference, time and torque cost what the keyframes say. No servo ever has more
-        torque than ``most`` [N·m].
+        Without a preference, time and torque cost what the keyframes say. No torque limit is below
+        the ``least`` or above the ``most`` [N·m].
         """
         self.world, self.start, self.preference = world, start, preference
-        self._most = most
+        self._least, self._most = least, most
         wants_margin = preference is not None and preference.wants_margin
         self._disturbance = MARGIN if wants_margin else USUAL
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
@@ -198,7 +199,14 @@ class TrajectoryOptimizer:
     ) -> Scenarios:
         limit = keyframes.torque_limit
         return make_scenarios(
-            self.world, self.start, limit, count, self._disturbance, rng, most=self._most
+            self.world,
+            self.start,
+            limit,
+            count,
+            self._disturbance,
+            rng,
+            least=self._least,
+            most=self._most,
         )
 
 
@@ -217,19 +225,21 @@ def make_scenarios(
     disturbance: Disturbance,
     rng: np.random.Generator,
     *,
+    least: float = 0.0,
     most: float = math.inf,
 ) -> Scenarios:
     """Make scenarios from MuJoCo positions (nq,): two undisturbed, all others disturbed.
 
     The first is at the motion's own torque limit [N·m], the second at full torque. The disturbed
     ones take turns at that limit and at `LIMIT_SHARES`, in the robot's own mode, so that a motion
-    succeeds under the limits that users set. None is above the ``most`` [N·m].
+    succeeds under the limits that users set. None is below the ``least`` or above the ``most``
+    [N·m].
     """
     scenarios = disturbance.sample(world, start, count, rng, TorqueLimit(own_limit))
     starts, parameters = scenarios.starts, scenarios.parameters
     full = float(world.robot.max_torque.max())
     limits = np.array([own_limit, *(share * full for share in LIMIT_SHARES)])
-    parameters.torque_limit[2:] = np.resize(np.minimum(limits, most), count - 2)
+    parameters.torque_limit[2:] = np.resize(np.clip(limits, least, most), count - 2)
     starts[1], parameters.torque_limit[1] = starts[0], min(full, most)
     parameters.friction[1] = parameters.friction[0]
     parameters.voltage[1] = parameters.voltage[0]

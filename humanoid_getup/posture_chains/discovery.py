@@ -17,7 +17,10 @@ from humanoid_getup.posture_chains.chain_search import (
     ChainTools,
     SearchSettings,
 )
-from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, find_weakest
+from humanoid_getup.posture_chains.lifting import find_least_share
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, list_shares
+from humanoid_getup.posture_chains.move_player import measure_time_scale
+from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.simulation.world import World
@@ -100,9 +103,22 @@ class ChainDiscovery:
         """Prepare to find up to ``most`` motions from each side, by default all, of other ways."""
         sides = list_sides(world.robot) if sides is None else sides
         settings = settings or SearchSettings()
-        settings = replace(settings, weakest=find_weakest(world.robot, settings.limit))
-        self.tools = ChainTools(world, np.random.default_rng(seed), settings)
-        self.maker = MotionMaker(world, seed=seed, limit=settings.limit, threads=settings.threads)
+        rng, limit = np.random.default_rng(seed), settings.limit
+        moves, shares = RandomMoves(world.robot, rng), list_shares(world.robot, limit)
+        scale = measure_time_scale(world.robot)
+        self.least_share = find_least_share(world, moves, scale, limit, shares)
+        """Share of the torque limit under which motions are judged at least."""
+        self.is_weak = self.least_share > shares[0]
+        """Whether the usual share does not lift the robot."""
+        settings = replace(settings, weakest=self.least_share)
+        self.tools = ChainTools(world, rng, settings, moves)
+        self.maker = MotionMaker(
+            world,
+            seed=seed,
+            limit=limit,
+            weakest=self.least_share,
+            threads=settings.threads,
+        )
         self._world, self._most, self._accept = world, most, accept
         starts = [lay_on_side(world, side, self.tools.rng) for side in sides]
         self.sides = [

@@ -1,10 +1,12 @@
-"""Lifting: whether servos are strong enough to rise from a deep squat, and which one is not."""
+"""Lifting: whether servos are strong enough to rise from squats, and which one is not."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -21,6 +23,7 @@ from robots.quaternion import Array
 
 FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """On the servos' torque, tried in this order."""
+MOST = 2 / 3  # of the squats from which a robot rises with all its torque
 STRAINED = 0.05  # share of the time below which the limit of a servo is not what a rise fails by
 
 
@@ -47,6 +50,35 @@ class Lifting:
             f"{self.at_limit:.0%} of the time; with {self.factor:g} times the torque, "
             f"{self.factor * self.torque:.3g} N·m, it rises"
         )
+
+
+def find_least_share(
+    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit, shares: Sequence[float]
+) -> float:
+    """Find the least share of a torque limit with which a robot rises from most of its squats.
+
+    Those are `MOST` of the squats from which it does under the limit; 1 if no share is enough.
+
+    Args:
+        world: Robot and scene.
+        moves: With the robot's squats.
+        scale: Times of the robot over those of OP3.
+        limit: Torque limit of every servo.
+        shares: Those to try, in this order.
+    """
+    rises = [_Rise(world, moves, squat, scale) for squat in range(len(moves.squats))]
+    experiment = Experiment(world)
+
+    def play(share: float) -> NDArray[np.bool_]:
+        starts = np.array([rise.start for rise in rises])
+        scenarios = Scenarios.nominal(world, starts, limit)
+        scenarios.parameters.torque_limit[:] *= share
+        record = experiment.play(scenarios, [rise.targets for rise in rises], stop_early=True)
+        return Outcome(record, world.robot).stood
+
+    if not len(moves.squats) or not (able := play(1.0)).any():
+        return 1.0
+    return next((share for share in shares if play(share)[able].mean() >= MOST), 1.0)
 
 
 def check_lifting(
@@ -83,18 +115,18 @@ class _Rise:
     def __init__(self, world: World, moves: RandomMoves, squat: int, scale: float) -> None:
         self._world, self._experiment = world, Experiment(world, threads=1)
         robot, angles = world.robot, moves.squats[squat]
-        self._start = place(robot, world.model, replace(robot.standing, joint_pos=angles))
+        self.start = place(robot, world.model, replace(robot.standing, joint_pos=angles))
         way = [
             PostureMove(knots=angles[None], duration=HOLDING * scale, kind="hold"),
             moves.rise(moves.squats[:squat], SQUAT_TIME * scale),
         ]
-        self._targets = sample_moves(angles, way, robot.control_period, HOLDING * scale)
+        self.targets = sample_moves(angles, way, robot.control_period, HOLDING * scale)
 
     def play(self, limit: TorqueLimit, factor: float) -> Outcome:
-        scenarios = Scenarios.nominal(self._world, self._start, limit)
+        scenarios = Scenarios.nominal(self._world, self.start, limit)
         scenarios.parameters.strength[:] *= factor
         scenarios.parameters.torque_limit[:] *= factor
-        record = self._experiment.play(scenarios, [self._targets], stop_early=True)
+        record = self._experiment.play(scenarios, [self.targets], stop_early=True)
         return Outcome(record, self._world.robot)
 
 

@@ -27,7 +27,8 @@ from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
 from robots.quaternion import Array
 
-WEAKEST = min(LIMIT_SHARES)
+SHARES = (*sorted(LIMIT_SHARES), 0.85)
+"""Of full torque: the least under which motions are judged; those for weak servos after it."""
 KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
 WORTH = 0.3  # share from which a rise is optimized
 LONG = 7.0  # s for OP3, from which it is not
@@ -59,20 +60,28 @@ class MadeMotion:
         return replace(self, motion=None, failure=failure)
 
 
-def find_weakest(robot: Robot, limit: TorqueLimit) -> float:
-    """Return the lowest torque under which motions are judged, as a share of a torque limit."""
+def list_shares(robot: Robot, limit: TorqueLimit) -> list[float]:
+    """List the torques under which motions may be judged at least, as shares of a torque limit."""
     full = float(robot.max_torque.max())
-    return WEAKEST if limit.value is None else min(WEAKEST * full / limit.value, 1.0)
+    return [
+        share if limit.value is None else min(share * full / limit.value, 1.0) for share in SHARES
+    ]
 
 
 class MotionMaker:
     """Makes motions of chains of one robot in one world, under one torque limit."""
 
-    def __init__(self, world: World, *, seed: int, limit: TorqueLimit, threads: int = 0) -> None:
-        """Prepare; disturbances are drawn from the seed, alike for all chains."""
+    def __init__(
+        self, world: World, *, seed: int, limit: TorqueLimit, weakest: float, threads: int = 0
+    ) -> None:
+        """Prepare; disturbances are drawn from the seed, alike for all chains.
+
+        Motions are judged at no less than the ``weakest`` share of the limit.
+        """
         self._world, self._seed, self._limit, self._threads = world, seed, limit, threads
         full = float(world.robot.max_torque.max())
         self._torque = full if limit.value is None else limit.value
+        self._least = weakest * self._torque
         self._namer = KindNamer(world)
         self.simulated = 0.0
         """Time simulated so far [s]."""
@@ -91,11 +100,18 @@ class MotionMaker:
         )
         keyframes = replace(keyframes, torque_limit=self._torque)
         scenarios = make_scenarios(
-            world, chain.start, self._torque, WORLDS, MARGIN, rng, most=self._torque
+            world,
+            chain.start,
+            self._torque,
+            WORLDS,
+            MARGIN,
+            rng,
+            least=self._least,
+            most=self._torque,
         )
         shortener = Shortener(world, scenarios, threads=self._threads)
         optimizer = TrajectoryOptimizer(
-            world, chain.start, threads=self._threads, most=self._torque
+            world, chain.start, threads=self._threads, least=self._least, most=self._torque
         )
         versions = shortener.shorten(keyframes)
         found = choose_version(versions, lambda each: self._judge(each, optimizer))
@@ -136,6 +152,7 @@ class MotionMaker:
             "seed": self._seed,
             "disturbed_success": found.share,
             "torque_limit": self._torque,
+            "least_torque": self._least,
         }
 
 

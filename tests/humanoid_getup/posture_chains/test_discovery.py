@@ -14,7 +14,7 @@ from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.motions.optimization import LIMIT_SHARES
 from humanoid_getup.posture_chains.chain_search import ChainSearch, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
-from humanoid_getup.posture_chains.motion_maker import MadeMotion, find_weakest
+from humanoid_getup.posture_chains.motion_maker import MadeMotion, list_shares
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
@@ -113,7 +113,17 @@ def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     assert discovery.skipped == ("prone", "left")
 
 
-def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(world: World):
+def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(
+    world: World, monkeypatch: pytest.MonkeyPatch
+):
     full, weakest = float(world.robot.max_torque.max()), min(LIMIT_SHARES)
     for limit, expected in [(None, weakest), (0.8 * full, weakest / 0.8), (0.5 * full, 1.0)]:
-        assert find_weakest(world.robot, TorqueLimit(limit)) == pytest.approx(expected)
+        shares = list_shares(world.robot, TorqueLimit(limit))
+        assert shares[0] == pytest.approx(expected)
+        assert shares == sorted(shares)
+    monkeypatch.setattr(
+        "humanoid_getup.posture_chains.discovery.find_least_share", lambda *args: args[-1][1]
+    )
+    discovery = ChainDiscovery(world, seed=0, sides=("supine",), settings=SMALL)
+    assert discovery.is_weak
+    assert discovery.tools.settings.weakest == discovery.least_share == max(LIMIT_SHARES)

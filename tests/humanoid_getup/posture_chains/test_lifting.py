@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.posture_chains import lifting
-from humanoid_getup.posture_chains.lifting import check_lifting
+from humanoid_getup.posture_chains.lifting import check_lifting, find_least_share
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
@@ -37,3 +37,12 @@ def test_a_robot_whose_servos_are_hardly_at_their_limit_is_not_called_weak(
     strained = ("l_knee", 0.01, 4.1)
     monkeypatch.setattr(lifting, "_find_strained", lambda *_: strained)
     assert check_lifting(world, moves, 1.0, TorqueLimit(0.6)) is None
+
+
+def test_a_robot_is_judged_with_no_less_torque_than_lifts_it_out_of_most_squats(
+    world: World, moves: RandomMoves
+):
+    """OP3 rises with 61 % of its torque; with a sixth of it, from its highest squats alone."""
+    assert find_least_share(world, moves, 1.0, FULL_TORQUE, (0.15, 0.61)) == 0.61
+    assert find_least_share(world, moves, 1.0, FULL_TORQUE, (0.15,)) == 1.0
+    assert find_least_share(world, moves, 1.0, TorqueLimit(0.05), (0.9,)) == 1.0

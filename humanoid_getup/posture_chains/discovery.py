@@ -169,13 +169,15 @@ class ChainDiscovery:
         return [*going, *[ahead] * EXTRA_TURNS]
 
     def _try(self, each: SideSearch, chain: PostureChain) -> MadeMotion:
-        """Make a motion of a chain; keep it if it can be."""
+        """Make a motion of a chain; keep it if it can be, as a way up for the other sides."""
         name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
         chain, rest = each.search.shorten(chain), self.tools.player.rest
         made = self._check(each, self.maker.make(chain, rest, name=name, start_class=each.side))
         if made.motion is not None:
             each.kept.append(made.motion)
             each.first = min(each.first, each.spent)
+            both = [made.motion, made.motion.mirrored(self._world.robot)]
+            self.tools.ways_up.add_motions(both, self.tools.settings.batch)
         return made
 
     def _check(self, each: SideSearch, made: MadeMotion) -> MadeMotion:

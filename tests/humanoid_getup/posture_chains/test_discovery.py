@@ -19,6 +19,7 @@ from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
+DISCOVERY = "humanoid_getup.posture_chains.discovery"
 SMALL = SearchSettings(batch=2, worlds=2, threads=1)
 Begin = Callable[..., ChainDiscovery]
 
@@ -50,6 +51,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         monkeypatch.setattr(discovery.maker, "make", make)
         return discovery
 
+    monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *_: min(LIMIT_SHARES))
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
     monkeypatch.setattr(ChainSearch, "shorten", lambda _, chain: chain)
     return make_discovery
@@ -65,6 +67,15 @@ def test_a_side_is_done_with_so_many_motions(begin: Begin):
     assert run(discovery, 3) == [""]
     assert discovery.is_done
     assert [motion.name for motion in discovery.sides[0].kept] == ["supine_found_1"]
+
+
+def test_a_kept_motion_is_a_way_up_for_the_other_sides(begin: Begin):
+    discovery = begin("supine_sit_up_fast")
+    before = set(discovery.tools.ways_up)
+    run(discovery, 1)
+    new = [up for up in discovery.tools.ways_up if up not in before]
+    assert any(up.cell[:3] == (2, 0, 0) for up in new), "one begins on the back"
+    assert {up.onward.kind for up in new if up.onward is not None} == {"motion"}
 
 
 def test_a_second_motion_takes_another_way(begin: Begin):
@@ -107,7 +118,7 @@ def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     def lay_on_its_back(world: World, side: LyingSide, rng: np.random.Generator) -> object:
         return build.lay_on_side(world, side, rng) if side == "supine" else None
 
-    monkeypatch.setattr("humanoid_getup.posture_chains.discovery.lay_on_side", lay_on_its_back)
+    monkeypatch.setattr(f"{DISCOVERY}.lay_on_side", lay_on_its_back)
     discovery = ChainDiscovery(world, seed=0, settings=SMALL)
     assert [each.side for each in discovery.sides] == ["supine"]
     assert discovery.skipped == ("prone", "left")
@@ -121,9 +132,7 @@ def test_it_searches_under_the_lowest_torque_under_which_motions_are_judged(
         shares = list_shares(world.robot, TorqueLimit(limit))
         assert shares[0] == pytest.approx(expected)
         assert shares == sorted(shares)
-    monkeypatch.setattr(
-        "humanoid_getup.posture_chains.discovery.find_least_share", lambda *args: args[-1][1]
-    )
+    monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *args: args[-1][1])
     discovery = ChainDiscovery(world, seed=0, sides=("supine",), settings=SMALL)
     assert discovery.is_weak
     assert discovery.tools.settings.weakest == discovery.least_share == max(LIMIT_SHARES)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanoid_getup.experiments.disturbances.disturbance import Disturbance
+from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Scenarios
 from humanoid_getup.experiments.judging.torque import count_runs, find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import PlaceMeter
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
-from humanoid_getup.posture_chains.resting_state import PostureChain, RestingState
+from humanoid_getup.posture_chains.resting_state import RestingState
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.body.lengths import leg_length
@@ -85,16 +85,25 @@ class CrawlSearch:
         archive, goal = Archive(), 1.0 - ROOM * near / leg_length(self._world.robot)
         lying = place(self._world.robot, self._world.model, start)
         archive.add(player.describe(lying, start.joint_pos))
-        while archive.best.progress < goal and player.simulated < budget:
-            states = archive.draw(BATCH, rng)
-            moves = self._moves.draw_all(states, player.scale, rng)
-            for state in self._check(player, player.explore(states, moves, archive)):
-                archive.add(state)
-        self.simulated += player.simulated
-        if not archive.best.depth:
-            return None
-        crawl = self._play(archive.best.chain, player.rest, distance, rng)
-        return crawl if crawl and crawl.distance < distance(start.position) else None
+        scenarios = self._disturbance.sample(self._world, lying, WORLDS, rng, self._limit)
+        best: Crawl | None = None
+        before, least = self.simulated, float(distance(start.position))
+        while (best is None or best.distance > near) and self.simulated - before < budget:
+            played = player.simulated
+            self._advance(player, archive, rng)
+            self.simulated += player.simulated - played
+            if archive.best.progress >= goal or self.simulated - before >= budget:
+                crawl = self._play(archive, player, scenarios, distance)
+                if crawl is not None and crawl.distance < least:
+                    best, least = crawl, crawl.distance
+        return best
+
+    def _advance(self, player: MovePlayer, archive: Archive, rng: np.random.Generator) -> None:
+        """Try a batch of moves, and file the states that are reached alike in all worlds."""
+        states = archive.draw(BATCH, rng)
+        moves = self._moves.draw_all(states, player.scale, rng)
+        for state in self._check(player, player.explore(states, moves, archive)):
+            archive.add(state)
 
     def _check(self, player: MovePlayer, new: list[RestingState]) -> list[RestingState]:
         """Return the states that are reached alike in all worlds."""
@@ -108,30 +117,40 @@ class CrawlSearch:
 
     def _play(
         self,
-        chain: PostureChain,
-        rest: float,
+        archive: Archive,
+        player: MovePlayer,
+        scenarios: Scenarios,
         distance: Callable[[Array], Array],
-        rng: np.random.Generator,
     ) -> Crawl | None:
-        """Play a chain in disturbed worlds; cut it where all of them are nearest to the place.
+        """Play the best chain whole; cut it where all worlds are nearest to the place.
 
-        It ends before a servo has all its torque for long, or physics diverges, in any of them.
+        It ends before a servo has all its torque for long, or physics diverges, in any of them. The
+        first state that is missed in one, or else the last, is removed from the archive.
         """
+        if not archive.best.depth:
+            return None
         robot, layout = self._world.robot, self._world.robot.layout(self._world.model)
-        ends = chain.list_ends(robot.control_period, rest)
-        target = robot.limit_targets(chain.sample(robot.control_period, rest), chain.held)
-        scenarios = self._disturbance.sample(self._world, chain.start, WORLDS, rng, self._limit)
-        record = self._experiment.play(scenarios, np.repeat(target[None], WORLDS, axis=0))
+        path, chain = archive.best.path[1:], archive.best.chain
+        ends = np.array(chain.list_ends(robot.control_period, player.rest))
+        target = robot.limit_targets(chain.sample(robot.control_period, player.rest), chain.held)
+        record = self._experiment.play(scenarios, np.repeat(target[None], len(scenarios), axis=0))
         self.simulated += record.duration
         full = find_saturation(
             robot, record.torque, record.actuator_vel, record.voltage[:, np.newaxis]
         )
         longest = count_runs(full).max(axis=(0, 2)) * robot.control_period
-        sound = [end for end in ends if longest[:end].max() <= MOST_SATURATION]
-        if not sound or record.diverged.any():
+        sound = np.maximum.accumulate(longest)[ends - 1] <= MOST_SATURATION
+        near = [
+            player.are_near(state, record.qpos[:, at - 1])
+            for state, at in zip(path, ends, strict=True)
+        ]
+        lost = np.flatnonzero(~sound | ~np.array(near))
+        archive.drop(path[int(lost[0]) if lost.size else -1])
+        if not sound[0] or record.diverged.any():
             return None
-        apart = distance(record.qpos[:, :, layout.root_position]).max(axis=0)
-        end = min(sound, key=lambda each: float(apart[each - 1]))
+        apart = distance(record.qpos[:, ends[sound] - 1][..., layout.root_position]).max(axis=0)
+        row = int(np.argmin(apart))
+        end = int(ends[sound][row])
         return Crawl(
-            target=target[:end], qpos=record.qpos[0, :end].copy(), distance=float(apart[end - 1])
+            target=target[:end], qpos=record.qpos[0, :end].copy(), distance=float(apart[row])
         )

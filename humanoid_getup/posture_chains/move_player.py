@@ -194,6 +194,10 @@ class MovePlayer:
             return first
         return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
 
+    def are_near(self, state: RestingState, qpos: Array) -> bool:
+        """Tell whether robots at MuJoCo positions (K, nq) are all near to a state."""
+        return bool(np.all(are_near(self._meter.measure(qpos).cells, state.cell)))
+
     def repeat(self, states: Sequence[RestingState], scenarios: Scenarios) -> Bools:
         """Tell which of M states that are one move from the start are reached in most scenarios."""
         begun = [state.before for state in states if state.before is not None]

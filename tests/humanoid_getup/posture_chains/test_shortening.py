@@ -82,7 +82,7 @@ def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain
 
 
 def test_a_motion_of_a_chain_says_how_it_was_made(world: World, chain: PostureChain):
-    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, threads=1)
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, threads=1)
     made = maker.make(chain, REST, name="up", start_class="squat")
     assert made.motion is not None
     assert made.failure == ""
@@ -97,7 +97,7 @@ def test_a_chain_that_falls_is_not_kept(world: World, chain: PostureChain):
     bent[[world.robot.joint_names.index(name) for name in ("l_ank_pitch", "l_knee")]] += 0.8
     falls = PostureMove(knots=bent[None], duration=0.4, kind="test")
     broken = PostureChain(start=chain.start, held=chain.held, moves=(falls, falls))
-    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, threads=1)
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, threads=1)
     made = maker.make(broken, REST, name="down", start_class="squat")
     assert made.motion is None
     assert made.share < 0.9

@@ -2,7 +2,9 @@
 
     python benchmarks/posture_chains.py --robot op3 --seeds 1 2 3
 
-A row for each side and seed: what was simulated until it had a motion, and that motion.
+First from how many of the robot's balanced squats it rises with shares of its torque; then a row
+for each side and seed: what was simulated until it had a motion, and that motion. With a budget of
+0 only the first.
 """
 
 from __future__ import annotations
@@ -16,9 +18,12 @@ import tyro
 
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
-from humanoid_getup.posture_chains.motion_maker import MadeMotion
+from humanoid_getup.posture_chains.lifting import find_rises
+from humanoid_getup.posture_chains.motion_maker import SHARES, MadeMotion
+from humanoid_getup.posture_chains.move_player import measure_time_scale
+from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.simulation.world import World
-from robots import load_robot
+from robots import FULL_TORQUE, load_robot
 from robots.storage.encoding import to_json
 
 
@@ -54,11 +59,22 @@ def main(
         json: File for the results.
     """
     world = World(load_robot(robot))
-    rows = [row for seed in seeds for row in _search(world, seed, budget, threads)]
+    _show_squats(world)
+    rows = [row for seed in seeds if budget for row in _search(world, seed, budget, threads)]
     found = [row for row in rows if row.share > 0.0]
-    print(f"{len(found)} of {len(rows)} sides have a motion")
+    if budget:
+        print(f"{len(found)} of {len(rows)} sides have a motion")
     if json is not None:
         json.write_text(to_json({"robot": robot, "budget_s": budget, "rows": rows}))
+
+
+def _show_squats(world: World) -> None:
+    """Print from how many squats a robot rises with shares of its torque."""
+    moves = RandomMoves(world.robot, np.random.default_rng(0))
+    scale = measure_time_scale(world.robot)
+    for share in sorted((1.0, *SHARES), reverse=True):
+        rises = find_rises(world, moves, scale, FULL_TORQUE, share)
+        print(f"with {share:.0%} of its torque it rises from {rises.sum()} of {len(rises)} squats")
 
 
 def _search(world: World, seed: int, budget: float, threads: int) -> list[SideRow]:

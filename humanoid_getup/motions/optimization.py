@@ -37,6 +37,9 @@ FINAL_SCENARIOS = 48
 FIRST_FINAL = 16  # of these, after which a judgement may end
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
+Bounds = tuple[float, float]
+"""Least and most torque limit of rollouts [N·m]."""
+UNBOUNDED: Bounds = (0.0, math.inf)
 MARGIN = replace(USUAL, joints=Normal(np.radians(4.5)), turn=Normal(np.radians(7.5)))
 
 
@@ -50,16 +53,15 @@ class TrajectoryOptimizer:
         *,
         preference: Preference | None = None,
         threads: int = 1,
-        least: float = 0.0,
-        most: float = math.inf,
+        bounds: Bounds = UNBOUNDED,
     ) -> None:
         """Prepare to optimize from MuJoCo positions (nq,).
 
-        Without a preference, time and torque cost what the keyframes say. No torque limit is below
-        the ``least`` or above the ``most`` [N·m].
+        Without a preference, time and torque cost what the keyframes say. Torque limits keep their
+        bounds.
         """
         self.world, self.start, self.preference = world, start, preference
-        self._least, self._most = least, most
+        self._bounds = bounds
         wants_margin = preference is not None and preference.wants_margin
         self._disturbance = MARGIN if wants_margin else USUAL
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
@@ -205,8 +207,7 @@ class TrajectoryOptimizer:
             count,
             self._disturbance,
             rng,
-            least=self._least,
-            most=self._most,
+            bounds=self._bounds,
         )
 
 
@@ -225,19 +226,17 @@ def make_scenarios(
     disturbance: Disturbance,
     rng: np.random.Generator,
     *,
-    least: float = 0.0,
-    most: float = math.inf,
+    bounds: Bounds = UNBOUNDED,
 ) -> Scenarios:
     """Make scenarios from MuJoCo positions (nq,): two undisturbed, all others disturbed.
 
     The first is at the motion's own torque limit [N·m], the second at full torque. The disturbed
     ones take turns at that limit and at `LIMIT_SHARES`, in the robot's own mode, so that a motion
-    succeeds under the limits that users set. None is below the ``least`` or above the ``most``
-    [N·m].
+    succeeds under the limits that users set. All keep their bounds.
     """
     scenarios = disturbance.sample(world, start, count, rng, TorqueLimit(own_limit))
     starts, parameters = scenarios.starts, scenarios.parameters
-    full = float(world.robot.max_torque.max())
+    full, (least, most) = float(world.robot.max_torque.max()), bounds
     limits = np.array([own_limit, *(share * full for share in LIMIT_SHARES)])
     parameters.torque_limit[2:] = np.resize(np.clip(limits, least, most), count - 2)
     starts[1], parameters.torque_limit[1] = starts[0], min(full, most)

@@ -147,12 +147,9 @@ class ChainSearch:
         self._check(self._player.explore(states, moves, self.archive))
 
     def _check(self, new: list[RestingState]) -> None:
-        begun = [state.before for state in new if state.before is not None]
-        moves = [state.move for state in new if state.move is not None]
-        if not begun:
+        if not new:
             return
-        ends = self._player.check(begun, moves, self._tools.settings.worlds)
-        checked = [replace(state, qpos=ends.qpos[k, 0].copy()) for k, state in enumerate(new)]
+        ends, checked = self._player.repeat_last(new, self._tools.settings.worlds)
         alike = ends.are_like(new)
         first = [k for k in np.flatnonzero(alike).tolist() if new[k].before is self.start]
         if first:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import PlaceMeter
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
-from humanoid_getup.posture_chains.resting_state import RestingState
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.body.lengths import leg_length
@@ -102,18 +101,11 @@ class CrawlSearch:
         """Try a batch of moves, and file the states that are reached alike in all worlds."""
         states = archive.draw(BATCH, rng)
         moves = self._moves.draw_all(states, player.scale, rng)
-        for state in self._check(player, player.explore(states, moves, archive)):
-            archive.add(state)
-
-    def _check(self, player: MovePlayer, new: list[RestingState]) -> list[RestingState]:
-        """Return the states that are reached alike in all worlds."""
-        begun = [state.before for state in new if state.before is not None]
-        moves = [state.move for state in new if state.move is not None]
-        if not begun:
-            return []
-        ends = player.check(begun, moves, WORLDS)
-        alike = np.flatnonzero(ends.are_like(new)).tolist()
-        return [replace(new[k], qpos=ends.qpos[k, 0].copy()) for k in alike]
+        if not (new := player.explore(states, moves, archive)):
+            return
+        ends, checked = player.repeat_last(new, WORLDS)
+        for k in np.flatnonzero(ends.are_like(new)):
+            archive.add(checked[k])
 
     def _play(
         self,

@@ -23,7 +23,7 @@ from robots.quaternion import Array
 
 FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """On the servos' torque, tried in this order."""
-MOST = 2 / 3  # of the squats from which a robot rises with all its torque
+MOST_SQUATS = 2 / 3  # of the squats from which a robot rises with all its torque
 STRAINED = 0.05  # share of the time below which the limit of a servo is not what a rise fails by
 
 
@@ -57,7 +57,8 @@ def find_least_share(
 ) -> float:
     """Find the least share of a torque limit with which a robot rises from most of its squats.
 
-    Those are `MOST` of the squats from which it does under the limit; 1 if no share is enough.
+    Those are `MOST_SQUATS` of the squats from which it does under the limit; 1 if no share is
+    enough.
 
     Args:
         world: Robot and scene.
@@ -66,19 +67,24 @@ def find_least_share(
         limit: Torque limit of every servo.
         shares: Those to try, in this order.
     """
+    able = find_rises(world, moves, scale, limit)
+    for share in shares:
+        if able.any() and find_rises(world, moves, scale, limit, share)[able].mean() >= MOST_SQUATS:
+            return share
+    return 1.0
+
+
+def find_rises(
+    world: World, moves: RandomMoves, scale: float, limit: TorqueLimit, share: float = 1.0
+) -> NDArray[np.bool_]:
+    """Find from which squats a robot rises with a share of a torque limit, undisturbed, (Q,)."""
+    if not len(moves.squats):
+        return np.zeros(0, dtype=bool)
     rises = [_Rise(world, moves, squat, scale) for squat in range(len(moves.squats))]
-    experiment = Experiment(world)
-
-    def play(share: float) -> NDArray[np.bool_]:
-        starts = np.array([rise.start for rise in rises])
-        scenarios = Scenarios.nominal(world, starts, limit)
-        scenarios.parameters.torque_limit[:] *= share
-        record = experiment.play(scenarios, [rise.targets for rise in rises], stop_early=True)
-        return Outcome(record, world.robot).stood
-
-    if not len(moves.squats) or not (able := play(1.0)).any():
-        return 1.0
-    return next((share for share in shares if play(share)[able].mean() >= MOST), 1.0)
+    scenarios = Scenarios.nominal(world, np.array([rise.start for rise in rises]), limit)
+    scenarios.parameters.torque_limit[:] *= share
+    targets = [rise.targets for rise in rises]
+    return Outcome(Experiment(world).play(scenarios, targets, stop_early=True), world.robot).stood
 
 
 def check_lifting(

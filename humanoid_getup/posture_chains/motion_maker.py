@@ -81,7 +81,7 @@ class MotionMaker:
         self._world, self._seed, self._limit, self._threads = world, seed, limit, threads
         full = float(world.robot.max_torque.max())
         self._torque = full if limit.value is None else limit.value
-        self._least = weakest * self._torque
+        self._bounds = (weakest * self._torque, self._torque)
         self._namer = KindNamer(world)
         self.simulated = 0.0
         """Time simulated so far [s]."""
@@ -106,12 +106,11 @@ class MotionMaker:
             WORLDS,
             MARGIN,
             rng,
-            least=self._least,
-            most=self._torque,
+            bounds=self._bounds,
         )
         shortener = Shortener(world, scenarios, threads=self._threads)
         optimizer = TrajectoryOptimizer(
-            world, chain.start, threads=self._threads, least=self._least, most=self._torque
+            world, chain.start, threads=self._threads, bounds=self._bounds
         )
         versions = shortener.shorten(keyframes)
         found = choose_version(versions, lambda each: self._judge(each, optimizer))
@@ -152,7 +151,7 @@ class MotionMaker:
             "seed": self._seed,
             "disturbed_success": found.share,
             "torque_limit": self._torque,
-            "least_torque": self._least,
+            "least_torque": self._bounds[0],
         }
 
 

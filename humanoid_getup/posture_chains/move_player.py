@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -193,6 +193,15 @@ class MovePlayer:
         if worlds == 1:
             return first
         return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
+
+    def repeat_last(
+        self, states: Sequence[RestingState], worlds: int
+    ) -> tuple[Arrivals, list[RestingState]]:
+        """Check the last moves of M states in K worlds; return their ends, and states as there."""
+        begun = [state.before for state in states if state.before is not None]
+        moves = [state.move for state in states if state.move is not None]
+        ends = self.check(begun, moves, worlds)
+        return ends, [replace(one, qpos=ends.qpos[k, 0].copy()) for k, one in enumerate(states)]
 
     def are_near(self, state: RestingState, qpos: Array) -> bool:
         """Tell whether robots at MuJoCo positions (K, nq) are all near to a state."""

@@ -82,7 +82,7 @@ def sample_moves(held: Array, moves: Sequence[PostureMove], period: float, rest:
 
 
 def are_near(cells: ArrayLike, others: ArrayLike) -> NDArray[np.bool_]:
-    """Tell which cells (..., 6) are the same or next to each other, (...)."""
+    """Tell which cells (..., c) are the same or next to each other, (...)."""
     return np.all(np.abs(np.subtract(cells, others)) <= 1, axis=-1)
 
 

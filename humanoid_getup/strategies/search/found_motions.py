@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,10 +14,9 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
-from robots.quaternion import Array
 
 if TYPE_CHECKING:  # a rise that joins a stored motion does not wait for their imports
-    from humanoid_getup.posture_chains.crawl_search import Crawl, CrawlSearch
+    from humanoid_getup.posture_chains.crawl_search import CrawlSearch
     from humanoid_getup.posture_chains.start_motions import StartMotions
 
 
@@ -38,8 +37,12 @@ class MotionFinder:
         """Prepare for a world, for a torque limit, and for known motions."""
         self._world, self._limit, self._threads = world, torque_limit, threads
         self._known = known
-        self.simulated = 0.0
-        """Time simulated so far [s]."""
+        self._begun: list[CrawlSearch | StartMotions] = []
+
+    @property
+    def simulated(self) -> float:
+        """Return the time simulated so far [s]."""
+        return sum(search.simulated for search in self._begun)
 
     def find(self, start: Posture, budget: float, rng: np.random.Generator) -> list[Connection]:
         """Find motions from a posture at rest on free ground, to be joined at their first frames.
@@ -47,33 +50,22 @@ class MotionFinder:
         They are versions of one, the shortest first; there is none if none is found in a simulated
         time [s], or if the robot cannot rise.
         """
-        before = self._search.simulated
         motions = self._search.find(start, find_side(start), budget, rng)
-        self.simulated += self._search.simulated - before
         return [Connection(motion, 0, 0.0) for motion in motions]
 
-    def find_crawl(
-        self,
-        start: Posture,
-        distance: Callable[[Array], Array],
-        near: float,
-        budget: float,
-        rng: np.random.Generator,
-    ) -> Crawl | None:
-        """Find a crawl that leads nearer to a place, see `CrawlSearch.find`."""
-        before = self._crawls.simulated
-        crawl = self._crawls.find(start, distance, near, budget, rng)
-        self.simulated += self._crawls.simulated - before
-        return crawl
-
     @cached_property
-    def _crawls(self) -> CrawlSearch:
+    def crawls(self) -> CrawlSearch:
+        """Return the search for crawls, which withstand what rises have to."""
         from humanoid_getup.posture_chains.crawl_search import CrawlSearch
 
-        return CrawlSearch(self._world, self._limit, CHECK_DISTURBANCE, threads=self._threads)
+        search = CrawlSearch(self._world, self._limit, CHECK_DISTURBANCE, threads=self._threads)
+        self._begun.append(search)
+        return search
 
     @cached_property
     def _search(self) -> StartMotions:
         from humanoid_getup.posture_chains.start_motions import StartMotions
 
-        return StartMotions(self._world, self._limit, self._known, threads=self._threads)
+        search = StartMotions(self._world, self._limit, self._known, threads=self._threads)
+        self._begun.append(search)
+        return search

@@ -67,7 +67,7 @@ class FreeRise:
         places = self._find_standing_places(start)
         if places and places.distance(start.position) > CRAWL_FROM * self._leg:
             near, budget = CRAWL_FROM * self._leg, CRAWLING * self._tools.budget
-            crawl = self._tools.finder.find_crawl(start, places.distance, near, budget, rng)
+            crawl = self._tools.finder.crawls.find(start, places.distance, near, budget, rng)
             if crawl is not None:
                 return FoundRise(crawl=crawl, plan_s=time.perf_counter() - began)
         approach = self._tools.approach

@@ -53,7 +53,7 @@ def test_scenarios_cover_several_torque_limits_in_the_robots_own_mode(world, sta
 
 def test_no_scenario_has_more_torque_than_permitted(world, start):
     rng = np.random.default_rng(0)
-    scenarios = make_scenarios(world, start, 2.7, 11, USUAL, rng, most=2.7)
+    scenarios = make_scenarios(world, start, 2.7, 11, USUAL, rng, bounds=(0.0, 2.7))
     limits = scenarios.parameters.torque_limit
     np.testing.assert_allclose(limits, [2.7, 2.7, *[2.7, 2.7, 2.5] * 3], atol=0.01)
 

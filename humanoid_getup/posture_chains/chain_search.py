@@ -213,7 +213,7 @@ class ChainSearch:
         begun, rises = list[RestingState](), list[PostureMove]()
         for state in states:
             neck = float(self._tools.meter.measure(state.qpos[None]).neck[0])
-            higher = moves.squats[moves.squat_necks > neck - SQUAT_MARGIN]
+            higher = moves.squats.targets[moves.squat_necks > neck - SQUAT_MARGIN]
             ways = [moves.rise(higher[:0], time * scale) for time in RISE_TIMES]
             ways += [moves.rise(higher, time * scale) for time in RISE_TIMES[1:]]
             begun += [state] * len(ways)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,13 +120,13 @@ class _Rise:
 
     def __init__(self, world: World, moves: RandomMoves, squat: int, scale: float) -> None:
         self._world, self._experiment = world, Experiment(world, threads=1)
-        robot, angles = world.robot, moves.squats[squat]
-        self.start = place(robot, world.model, replace(robot.standing, joint_pos=angles))
+        robot, targets = world.robot, moves.squats.targets
+        self.start = place(robot, world.model, moves.squats.postures[squat])
         way = [
-            PostureMove(knots=angles[None], duration=HOLDING * scale, kind="hold"),
-            moves.rise(moves.squats[:squat], SQUAT_TIME * scale),
+            PostureMove(knots=targets[squat][None], duration=HOLDING * scale, kind="hold"),
+            moves.rise(targets[:squat], SQUAT_TIME * scale),
         ]
-        self.targets = sample_moves(angles, way, robot.control_period, HOLDING * scale)
+        self.targets = sample_moves(targets[squat], way, robot.control_period, HOLDING * scale)
 
     def play(self, limit: TorqueLimit, factor: float) -> Outcome:
         scenarios = Scenarios.nominal(self._world, self.start, limit)

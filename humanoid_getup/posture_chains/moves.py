@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from humanoid_getup.posture_chains.balanced_postures import BalancedPostures
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots import Robot
 from robots.body.crouches import draw_crouches
@@ -45,14 +46,13 @@ class RandomMoves:
         limbs.look(robot.standing.joint_pos)
         self._bending = [np.array(limbs.leg(name).list_pitch()) for name in LEGS]
         squats = [] if rng is None else list_squats(limbs, Statics(robot))
-        self.squats = np.array([squat.joint_pos for squat in squats]).reshape(-1, robot.n)
-        """Balanced squats from high to deep, (Q, n) [rad]."""
+        self.squats = BalancedPostures.at(robot, [squat.joint_pos for squat in squats])
+        """Balanced squats from high to deep, Q of them."""
         self.squat_necks = np.array([squat.neck_share for squat in squats])
         """Heights of their necks as shares of that of the stance, (Q,)."""
-        self.crouches = (
-            np.zeros((0, robot.n)) if rng is None else draw_crouches(limbs, CROUCHES, rng)
-        )
-        """Other balanced postures on flat soles, (C, n) [rad]."""
+        crouches = [] if rng is None else list(draw_crouches(limbs, CROUCHES, rng))
+        self.crouches = BalancedPostures.at(robot, crouches)
+        """Other balanced postures on flat soles."""
         kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
             "mirrored joints": (0.30, self._change_pairs),
             "joints": (0.12, self._change_joints),
@@ -81,7 +81,7 @@ class RandomMoves:
         return moves
 
     def rise(self, higher: Array, duration: float) -> PostureMove:
-        """Make the move through higher squats (k, n), from high to deep, to the stance."""
+        """Make the move through targets of higher squats (k, n), from high to deep, to the stance."""
         knots = np.vstack([higher[::-1], self._robot.standing.joint_pos])
         kind = "squats" if len(higher) else "stance"
         return PostureMove(knots=knots, duration=duration, kind=kind)
@@ -150,11 +150,8 @@ class RandomMoves:
         return moved
 
     def _squat(self, target: Array, rng: np.random.Generator) -> Array:
-        squat, moved, legs = (
-            self.squats[int(rng.integers(len(self.squats)))],
-            target.copy(),
-            self._legs,
-        )
+        squat = self.squats.targets[int(rng.integers(len(self.squats)))]
+        moved, legs = target.copy(), self._legs
         moved[legs] = squat[legs] + rng.normal(scale=SQUAT_SPREAD, size=len(legs))
         if rng.random() < EVEN:
             moved[legs] = self._robot.symmetrize(moved)[legs]
@@ -166,9 +163,10 @@ class RandomMoves:
     def _crouch(self, target: Array, rng: np.random.Generator) -> Array:
         """Move the legs to a crouch near their angles; often all else, too."""
         legs = self._legs
-        far = np.abs(self.crouches[:, legs] - target[legs]).max(axis=1)
+        crouches = self.crouches.targets
+        far = np.abs(crouches[:, legs] - target[legs]).max(axis=1)
         near = np.argsort(far, kind="stable")[:NEAR_CROUCHES]
-        crouch = self.crouches[int(rng.choice(near))]
+        crouch = crouches[int(rng.choice(near))]
         if rng.random() < ALL_CROUCH:
             return crouch.copy()
         moved = target.copy()

@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.archive import Archive
+from humanoid_getup.posture_chains.balanced_postures import BalancedPostures
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
@@ -21,7 +22,7 @@ from robots.smooth_step import invert_smooth_step
 
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
-CROUCH_ROUNDS = 2  # in which the nearest pairs of crouches and ways up are tried
+CROUCH_ROUNDS = 6  # in which the nearest pairs of crouches and ways up are tried
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 ENTRIES = 4  # frames of a stored motion that are filed
@@ -156,36 +157,38 @@ class WaysUp:
 
     def _add_crouches(self, rng: np.random.Generator) -> None:
         """File the crouches that hold, and from which a move leads to a state with a way up."""
-        if not (waiting := self._hold(self._moves.crouches)):
-            return
+        waiting = self._hold(self._moves.crouches)
         for _ in range(CROUCH_ROUNDS):
-            pairs = self.pair(waiting, len(waiting))
+            waiting = [state for state in waiting if self.archive.wants(state)]
+            deepest = sorted(waiting, key=lambda state: -state.progress)
+            of_cells = [*{state.cell: state for state in deepest}.values()]
+            pairs = self.pair(of_cells, len(of_cells)) if of_cells else []
             if not pairs:
                 return
             onward = [self.aim(state, up, rng) for state, up in pairs]
             states, ups = [state for state, _ in pairs], [up for _, up in pairs]
             self._check(self._try_onward(states, onward, ups))
 
-    def _hold(self, postures: Array) -> list[RestingState]:
-        """Hold postures on their soles (K, n); return the states of those that rest."""
-        robot, model = self._player.world.robot, self._player.world.model
+    def _hold(self, balanced: BalancedPostures) -> list[RestingState]:
+        """Hold postures on their soles; return the states of those that rest."""
+        robot, model, targets = self._player.world.robot, self._player.world.model, balanced.targets
         placed = [
-            self._player.describe(place(robot, model, replace(robot.standing, joint_pos=q)), q)
-            for q in postures
+            self._player.describe(place(robot, model, posture), target)
+            for posture, target in zip(balanced.postures, targets, strict=True)
         ]
         if not placed:
             return []
         time = HOLDING * self._player.scale
-        holds = [PostureMove(knots=q[None], duration=time, kind="hold") for q in postures]
+        holds = [PostureMove(knots=each[None], duration=time, kind="hold") for each in targets]
         held = self._player.try_out(placed, holds)
-        return [held.state(int(k), postures[k]) for k in np.flatnonzero(held.rests[:, 0])]
+        return [held.state(int(k), targets[k]) for k in np.flatnonzero(held.rests[:, 0])]
 
     def _add_squats(self) -> None:
         """File the balanced squats that hold, and from which higher ones lead to the stance."""
         squats, new = self._moves.squats, list[RestingState]()
         for state in self._hold(squats):
-            k = int(np.flatnonzero((squats == state.target).all(axis=1))[0])
-            onward = self._moves.rise(squats[:k], SQUAT_TIME * self._player.scale)
+            k = int(np.flatnonzero((squats.targets == state.target).all(axis=1))[0])
+            onward = self._moves.rise(squats.targets[:k], SQUAT_TIME * self._player.scale)
             new.append(replace(state, after=self.stance, onward=onward, depth=1))
         self._check(new)
 

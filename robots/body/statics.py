@@ -58,6 +58,18 @@ class Statics:
         The weight acts on each sole in shares that keep the lateral balance, straight below the
         center of mass.
         """
+        return self._robot.transmission.torque_for_joint(self._measure_at_joints(joint_pos))
+
+    def find_targets(self, joint_pos: Array) -> Array:
+        """Find the targets that hold joint angles on both soles, within their limits, (n,) [rad].
+
+        They lead the angles by the errors at which the servos make the torques.
+        """
+        lead = self._robot.compute_lead(self._measure_at_joints(joint_pos))
+        return np.clip(joint_pos + lead, self._robot.lower, self._robot.upper)
+
+    def _measure_at_joints(self, joint_pos: Array) -> Array:
+        """Compute the torques at the joints that hold their angles on both soles [N·m], (n,)."""
         self.place_on_soles(joint_pos)
         data, model = self._data, self._model
         center = data.subtree_com[self._layout.torso]
@@ -70,8 +82,7 @@ class Statics:
             body = int(model.site_bodyid[sole])
             mujoco.mj_jac(model, data, jacobian, None, point, body)
             torque -= jacobian.T @ np.array([0.0, 0.0, share * self.weight])
-        joints = torque[self._layout.dof] + self._hand_on(torque[self._passive_dof])
-        return self._robot.transmission.torque_for_joint(joints)
+        return torque[self._layout.dof] + self._hand_on(torque[self._passive_dof])
 
     def _hand_on(self, torque: Array) -> Array:
         """Add the torques of passive joints (p,) to the joints that they follow, (n,) [N·m]."""

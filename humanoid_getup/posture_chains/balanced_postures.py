@@ -1,0 +1,36 @@
+"""Balanced postures: robots at rest on flat soles, and what holds them there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from robots import Posture, Robot
+from robots.body.statics import Statics
+from robots.quaternion import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BalancedPostures:
+    """Postures that balance on flat soles, and the targets with which servos hold them."""
+
+    postures: tuple[Posture, ...]
+    """On the ground z = 0, their soles level."""
+    targets: Array
+    """(K, n) [rad]"""
+
+    @classmethod
+    def at(cls, robot: Robot, joint_pos: Sequence[Array]) -> Self:
+        """Set a robot at each of K joint angles (n,) [rad] on its soles."""
+        statics = Statics(robot)
+        targets = [statics.find_targets(angles) for angles in joint_pos]
+        return cls(
+            postures=tuple(statics.make_posture(angles) for angles in joint_pos),
+            targets=np.array(targets).reshape(-1, robot.n),
+        )
+
+    def __len__(self) -> int:
+        return len(self.postures)

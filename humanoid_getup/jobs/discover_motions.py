@@ -10,13 +10,18 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.search_motions import MotionSearch, choose_sides, describe_motion
+from humanoid_getup.jobs.search_motions import (
+    MotionSearch,
+    NearestStand,
+    choose_sides,
+    describe_motion,
+)
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.film_strip import NoRendererError
-from humanoid_getup.reporting.motion_strip import draw_motions
+from humanoid_getup.reporting.motion_strip import PostureRow, draw_motions
 from humanoid_getup.simulation.world import World
 from robots import Robot
 
@@ -35,10 +40,13 @@ class DiscoveredMotions:
     motions: tuple[Motion, ...]
     wanting: tuple[str, ...]
     """Sides without a motion."""
+    nearest: tuple[NearestStand, ...] = ()
+    """How near to a stand a search came from them."""
     goes_on: bool
     """Whether a search can go on from where it ended."""
     picture: Path | None
-    """Film strips of all motions; None where there is no motion, or nothing to draw with."""
+    """Film strips of all motions, and of what came nearest to a stand; None without either, or
+    with nothing to draw with."""
 
 
 def discover(
@@ -76,6 +84,7 @@ def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMot
         robot=robot,
         motions=tuple(motion for each in searching.sides for motion in each.kept),
         wanting=searching.list_wanting(),
+        nearest=searching.list_nearest(),
         goes_on=searching.file(robot).exists(),
         picture=None,
     )
@@ -121,12 +130,13 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
 
 
 def _draw(found: DiscoveredMotions, request: DiscoverRequest) -> DiscoveredMotions:
-    """Draw the motions, if there are any and there is a GL to draw with."""
+    """Draw what was found, if there is a GL to draw with."""
     picture = _find_picture(found.robot, request)
-    if not found.motions:
+    rows = [PostureRow(name=f"{each.side}, not kept", qpos=each.qpos) for each in found.nearest]
+    if not found.motions and not rows:
         return found
     try:
-        draw_motions(found.robot, found.motions, picture)
+        draw_motions(found.robot, found.motions, picture, rows)
     except NoRendererError:
         return found
     return replace(found, picture=picture)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.jobs.errors import BadInputError, refusing
@@ -17,20 +20,62 @@ from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_ke
 from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.playback.preflight import preflight
-from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.chain_search import ChainTools, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch, list_sides
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
-from humanoid_getup.posture_chains.search_file import describe_search, restore_search
+from humanoid_getup.posture_chains.search_file import (
+    describe_search,
+    make_recipe,
+    read_search,
+    restore_search,
+)
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Robot, TorqueLimit
 from robots.body.limbs import Limbs
+from robots.quaternion import Array
 from robots.storage.arrays import save_arrays
 
 BUDGET = 300_000.0  # s simulated
 SAVED_EVERY = 60.0  # s
 SEARCH = "search.npz"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearestStand:
+    """How near to a stand a search came that has no motion from a side."""
+
+    side: LyingSide
+    moves: int
+    """Of the best chain to a stand, or to the posture that is nearest to one."""
+    neck: float
+    """Height of the neck at its end, as a share of that of the stance."""
+    stands: bool
+    """Whether it ends in a stand."""
+    qpos: Array
+    """Where the robot rests along it, MuJoCo positions (moves + 1, nq)."""
+
+    @classmethod
+    def of(cls, each: SideSearch, tools: ChainTools) -> NearestStand:
+        """Find the best chain of a side, undisturbed."""
+        chains = each.search.chains
+        path = tools.player.trace(chains[0]) if chains else each.search.archive.best.path
+        qpos = np.array([state.qpos for state in path])
+        neck = float(tools.meter.measure(qpos[-1:]).neck[0])
+        return cls(side=each.side, moves=len(path) - 1, neck=neck, stands=bool(chains), qpos=qpos)
+
+    def describe(self) -> str:
+        """Describe it in one line."""
+        if self.stands:
+            return (
+                f"{self.side}: the best chain stands after {self.moves} moves, but no motion made "
+                "of one was kept"
+            )
+        return (
+            f"{self.side}: no chain stands; the posture nearest to a stand, after {self.moves} "
+            f"moves, has its neck at {self.neck:.0%} of its height"
+        )
 
 
 class MotionSearch:
@@ -44,22 +89,25 @@ class MotionSearch:
                 no two legs with a knee.
         """
         self._robot, self._request, self._monitor = robot, request, monitor
-        self._world = World(robot)
+        self._world, self._sides = World(robot), choose_sides(request, robot)
         self._check_known()
         with refusing():
             Limbs(robot)
-            limit = TorqueLimit(request.torque_limit).on(robot)
+            settings = SearchSettings(limit=TorqueLimit(request.torque_limit).on(robot))
+        self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
+        arrays = self._read() if request.resume else None
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
             seed=request.seed,
-            sides=choose_sides(request, robot),
+            sides=self._sides,
             most=request.most,
-            settings=SearchSettings(limit=limit),
+            settings=settings,
             accept=self._preflight,
         )
-        if request.resume:
-            self._restore()
+        if arrays is not None:
+            with refusing():
+                restore_search(self.file(robot), arrays, self._discovery, self._load)
         self._saved, self._state = time.monotonic(), self._describe()
         for side in self._discovery.skipped:
             monitor.tell(f"{side}: no posture was found in which the robot stays on this side")
@@ -73,7 +121,12 @@ class MotionSearch:
     def list_wanting(self) -> tuple[str, ...]:
         """List the sides without a motion."""
         kept = {each.side for each in self.sides if each.kept}
-        return tuple(side for side in choose_sides(self._request, self._robot) if side not in kept)
+        return tuple(side for side in self._sides if side not in kept)
+
+    def list_nearest(self) -> tuple[NearestStand, ...]:
+        """List how near to a stand the search came from each side without a motion."""
+        tools = self._discovery.tools
+        return tuple(NearestStand.of(each, tools) for each in self.sides if not each.kept)
 
     @staticmethod
     def file(robot: Robot) -> Path:
@@ -122,7 +175,7 @@ class MotionSearch:
 
     def _describe(self) -> dict[str, Any]:
         """Describe the search between two rounds, where it can go on alike."""
-        return describe_search(self._discovery, self._request.seed)
+        return describe_search(self._discovery, self._recipe)
 
     def _save(self, every: float = 0.0) -> None:
         """Save the search as it was after the last round, if it was not within some seconds."""
@@ -155,16 +208,14 @@ class MotionSearch:
                 "torque: with less, the servos lift the robot out of few of its squats"
             )
 
-    def _restore(self) -> None:
+    def _read(self) -> dict[str, Any]:
         path = self.file(self._robot)
-        try:
-            restore_search(path, self._discovery, self._request.seed, self._load)
-        except FileNotFoundError as error:
+        if not path.exists():
             raise BadInputError(
                 f"there is no search to resume: {path} is missing; leave out --resume"
-            ) from error
-        except ValueError as error:
-            raise BadInputError(str(error)) from error
+            )
+        with refusing():
+            return read_search(path, self._recipe)
 
     def _load(self, name: str) -> Motion:
         return Motion.load(motion_file(self._robot.folder, name))
@@ -179,8 +230,7 @@ class MotionSearch:
                 f"a search that ended before it was done is there: go on with --resume, or remove "
                 f"{path} first"
             )
-        sides = choose_sides(self._request, self._robot)
-        known = [name for side in sides for name in self._list_known(side, keys)]
+        known = [name for side in self._sides for name in self._list_known(side, keys)]
         if known:
             raise BadInputError(
                 f"motions of an earlier search are there: {', '.join(known)}; remove them from "

@@ -21,7 +21,7 @@ from robots.body.squats import DEEP_ENOUGH
 from robots.kinematics import place
 from robots.quaternion import Array
 
-FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
+FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 """On the servos' torque, tried in this order."""
 MOST_SQUATS = 2 / 3  # of the squats from which a robot rises with all its torque
 STRAINED = 0.05  # share of the time below which the limit of a servo is not what a rise fails by
@@ -121,6 +121,7 @@ class _Rise:
     def __init__(self, world: World, moves: RandomMoves, squat: int, scale: float) -> None:
         self._world, self._experiment = world, Experiment(world, threads=1)
         robot, targets = world.robot, moves.squats.targets
+        self._full = float(robot.max_torque.max())
         self.start = place(robot, world.model, moves.squats.postures[squat])
         way = [
             PostureMove(knots=targets[squat][None], duration=HOLDING * scale, kind="hold"),
@@ -129,9 +130,10 @@ class _Rise:
         self.targets = sample_moves(targets[squat], way, robot.control_period, HOLDING * scale)
 
     def play(self, limit: TorqueLimit, factor: float) -> Outcome:
-        scenarios = Scenarios.nominal(self._world, self.start, limit)
-        scenarios.parameters.strength[:] *= factor
+        scenarios, full = Scenarios.nominal(self._world, self.start, limit), self._full
         scenarios.parameters.torque_limit[:] *= factor
+        beyond = np.max(scenarios.parameters.torque_limit) / full
+        scenarios.parameters.strength[:] *= max(beyond, 1.0)  # only above what the servos have
         record = self._experiment.play(scenarios, [self.targets], stop_early=True)
         return Outcome(record, self._world.robot)
 

@@ -81,7 +81,7 @@ class RandomMoves:
         return moves
 
     def rise(self, higher: Array, duration: float) -> PostureMove:
-        """Make the move through targets of higher squats (k, n), from high to deep, to the stance."""
+        """Make the move to the stance through targets of higher squats (k, n), high to deep."""
         knots = np.vstack([higher[::-1], self._robot.standing.joint_pos])
         kind = "squats" if len(higher) else "stance"
         return PostureMove(knots=knots, duration=duration, kind=kind)

@@ -6,60 +6,86 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.posture_chains.discovery import ChainDiscovery
+from humanoid_getup.posture_chains.chain_search import SearchSettings
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.progress.ledger import check_recipe
+from humanoid_getup.simulation.world import World
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 3
+VERSION = 4
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
 ARCHIVES = ("members", "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
-COUNTS = ("tried", "repeats", "spent", "ready", "first")
-"""Numbers of a side."""
 NOTHING = -1
-REMEDY = "give the same options, or remove the file to begin again"
+UNIT = 1e-3  # by which the length of a quaternion may differ from 1
+ANEW = "remove the file to begin again"
+REMEDY = f"give the same options and leave the robot as it was, or {ANEW}"
+DAMAGE = (ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError)
+
+Recipe = dict[str, Any]
+"""What a search must have in common with a file to go on from it."""
+Positive = Annotated[float, msgspec.Meta(ge=0.0)]
+Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
-def make_recipe(discovery: ChainDiscovery, seed: int) -> dict[str, Any]:
+class SideCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Numbers of the search from a side."""
+
+    tried: Count
+    repeats: Count
+    spent: Positive
+    ready: Positive
+    first: Positive
+
+    @classmethod
+    def of(cls, each: SideSearch) -> SideCounts:
+        """Collect the numbers of a side."""
+        return cls(each.tried, each.repeats, each.spent, each.ready, each.first)
+
+
+class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Numbers of a search."""
+
+    simulated: tuple[Positive, Positive]
+    """By the search and in making motions [s]."""
+    kept: list[list[str]]
+    """Motions of each side, by name."""
+    turns: list[Count]
+    sides: list[SideCounts]
+
+
+def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
     """Describe what a search must have in common with a file to go on from it."""
-    settings, world = discovery.tools.settings, discovery.tools.world
     return {
         "version": VERSION,
-        "world": hashlib.sha256(world.content).hexdigest(),
+        "robot.toml or model": hashlib.sha256(world.content).hexdigest(),
         "robot": world.robot.name,
         "seed": seed,
-        "sides": [each.side for each in discovery.sides],
+        "sides": [*sides],
         "batch": settings.batch,
         "worlds": settings.worlds,
         "torque_limit": settings.limit.value,
     }
 
 
-def describe_search(discovery: ChainDiscovery, seed: int) -> dict[str, Any]:
+def describe_search(discovery: ChainDiscovery, recipe: Recipe) -> dict[str, Any]:
     """Describe the state of a search between two rounds by the arrays of a file."""
-    recipe = json.dumps(make_recipe(discovery, seed))
-    return _Writer(discovery).write() | {"recipe": recipe}
+    return _Writer(discovery).write() | {"recipe": json.dumps(recipe)}
 
 
-def restore_search(
-    path: Path, discovery: ChainDiscovery, seed: int, load: Callable[[str], Motion]
-) -> None:
-    """Bring a search that was just begun to the state of a file.
-
-    Args:
-        path: File.
-        discovery: A search with the same options.
-        seed: Of the search.
-        load: Loads a motion that was kept, by its name.
+def read_search(path: Path, recipe: Recipe) -> dict[str, Any]:
+    """Read the arrays of a search's file.
 
     Raises:
         ValueError: if it is damaged, or of another robot, version or seed.
@@ -70,14 +96,35 @@ def restore_search(
         kept = json.loads(to_text(arrays["recipe"], "recipe"))
         if not isinstance(kept, dict):
             raise ValueError(f"recipe is {shown(kept)}, expected a table")
-    except ValueError as error:
-        raise ValueError(f"{path}: {error} ({REMEDY})") from error
-    check_recipe(path, make_recipe(discovery, seed), kept, REMEDY)
+    except DAMAGE as error:
+        raise ValueError(f"{path}: {_name_reason(error)} ({ANEW})") from error
+    check_recipe(path, recipe, kept, REMEDY)
+    return arrays
+
+
+def restore_search(
+    path: Path, arrays: dict[str, Any], discovery: ChainDiscovery, load: Callable[[str], Motion]
+) -> None:
+    """Bring a search that was just begun to the state of a file.
+
+    Args:
+        path: File.
+        arrays: Of that file.
+        discovery: A search with the same recipe.
+        load: Loads a motion that was kept, by its name.
+
+    Raises:
+        ValueError: if it is damaged.
+        OSError: if a motion that was kept cannot be read.
+    """
     try:
         _Reader(arrays, discovery).restore(load)
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"{path}: {reason} ({REMEDY})") from error
+    except DAMAGE as error:
+        raise ValueError(f"{path}: {_name_reason(error)} ({ANEW})") from error
+
+
+def _name_reason(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 class _Writer:
@@ -113,7 +160,7 @@ class _Writer:
             "risen": _pad(risen),
             "paired": np.array(sorted(paired), dtype=int).reshape(-1, 2),
             "rng": json.dumps(discovery.tools.rng.bit_generator.state),
-            "counts": json.dumps(_count(discovery)),
+            "counts": json.dumps(msgspec.to_builtins(_count(discovery))),
         }
 
     def _known(self, states: Iterable[RestingState]) -> list[int]:
@@ -174,26 +221,49 @@ class _Reader:
         self._moves = self._read_moves()
         self._states = self._read_states()
 
+    def _read_numbers(
+        self, key: str, shape: tuple[int | None, ...], below: float
+    ) -> NDArray[np.int_]:
+        """Read whole numbers from `NOTHING` to one below which they have to be."""
+        numbers = to_numbers(self._arrays[key], key, shape)
+        wrong = (numbers < NOTHING) | (numbers >= below) | (numbers != np.round(numbers))
+        if wrong.any():
+            raise ValueError(f"{key} holds {numbers[wrong][0]:g}, expected a whole number from -1")
+        return numbers.astype(np.int_)
+
     def restore(self, load: Callable[[str], Motion]) -> None:
         arrays, discovery = self._arrays, self._discovery
-        ups = discovery.tools.ways_up
+        ups, count, sides = discovery.tools.ways_up, len(self._states), len(discovery.sides)
         archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
-        rows = zip(archives, arrays["members"], arrays["draws"], strict=True)
-        for archive, members, draws in rows:
-            states = [self._states[k] for k in members if k != NOTHING]
-            archive.restore(states, draws[: len(states)].tolist())
+        members = self._read_numbers("members", (len(archives), None), count)
+        draws = self._read_numbers("draws", members.shape, np.inf)
+        for archive, row, drawn in zip(archives, members, draws, strict=True):
+            states = [self._states[k] for k in row if k != NOTHING]
+            if not states:
+                raise ValueError("members holds an archive without states")
+            archive.restore(states, drawn[: len(states)].tolist())
         ups.stance = next(iter(ups)).root
-        for each, risen in zip(discovery.sides, arrays["risen"], strict=True):
+        risen = self._read_numbers("risen", (sides, None), count)
+        for each, row in zip(discovery.sides, risen, strict=True):
             each.search.start = next(iter(each.search.archive)).path[0]
-            each.search.risen = {self._states[k] for k in risen if k != NOTHING}
+            each.search.risen = {self._states[k] for k in row if k != NOTHING}
             each.search.chains, each.search.untried = [], []
-        for side, kind, fallen, *moves in arrays["chains"].tolist():
-            search = discovery.sides[side].search
+        self._restore_chains()
+        paired = self._read_numbers("paired", (None, 2), count)
+        ups.paired = {(self._states[s], self._states[u]) for s, u in paired}
+        discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
+        counts = json.loads(to_text(arrays["counts"], "counts"))
+        _restore_counts(discovery, msgspec.convert(counts, SearchCounts), load)
+
+    def _restore_chains(self) -> None:
+        sides = self._discovery.sides
+        chains = self._read_numbers("chains", (None, None), np.inf)
+        for side, kind, fallen, *moves in chains.tolist():
+            if not (0 <= side < len(sides) and 0 <= kind < 2 and max(moves) < len(self._moves)):
+                raise ValueError("chains holds a side, a kind or a move that is not there")
+            search = sides[side].search
             chain = self._find_chain(search.start, fallen, [k for k in moves if k != NOTHING])
             (search.chains, search.untried)[kind].append(chain)
-        ups.paired = {(self._states[s], self._states[u]) for s, u in arrays["paired"]}
-        discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
-        _restore_counts(discovery, json.loads(to_text(arrays["counts"], "counts")), load)
 
     def _find_chain(self, start: RestingState, fallen: int, moves: Sequence[int]) -> PostureChain:
         return PostureChain(
@@ -207,11 +277,14 @@ class _Reader:
         arrays = self._arrays
         n = self._discovery.tools.world.robot.n
         knots = to_numbers(arrays["knots"], "knots", (None, n))
-        ends = np.cumsum(arrays["knot_count"])
+        count = self._read_numbers("knot_count", (None,), np.inf)
+        duration, ends = to_numbers(arrays["duration"], "duration", count.shape), np.cumsum(count)
+        if np.any(count < 1) or np.any(duration < 0.0):
+            raise ValueError("a move has no knots, or takes less than no time")
         if len(ends) and ends[-1] != len(knots):
             raise ValueError(f"knots has {len(knots)} rows, expected {ends[-1]}")
         parts = np.split(knots, ends[:-1]) if len(ends) else []
-        rows = zip(parts, arrays["duration"], arrays["kind"], strict=True)
+        rows = zip(parts, duration, arrays["kind"], strict=True)
         return [
             PostureMove(knots=part, duration=float(time), kind=str(kind))
             for part, time, kind in rows
@@ -221,50 +294,56 @@ class _Reader:
         arrays, world = self._arrays, self._discovery.tools.world
         qpos = to_numbers(arrays["qpos"], "qpos", (None, world.model.nq))
         target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
+        turned = qpos[:, world.robot.layout(world.model).root_orientation]
+        if np.any(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT):
+            raise ValueError("qpos holds a quaternion of another length than 1")
+        known = self._discovery.tools.ways_up.stance
         progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
-        place = to_numbers(arrays["place"], "place", (len(qpos), None))
+        place = to_numbers(arrays["place"], "place", (len(qpos), len(known.place)))
+        cell = to_numbers(arrays["cell"], "cell", (len(qpos), len(known.cell))).astype(int)
+        depth = self._read_numbers("depth", (len(qpos),), np.inf)
+        links = self._read_numbers("links", (len(qpos), 4), np.inf)
         states: list[RestingState] = []
-        for k, (before, after, move, onward) in enumerate(arrays["links"].tolist()):
+        for k, (before, after, move, onward) in enumerate(links.tolist()):
             if max(before, after) >= k:
                 raise ValueError(f"state {k} leads to one after it")
             states.append(
                 RestingState(
                     qpos=qpos[k],
                     target=target[k],
-                    cell=tuple(arrays["cell"][k].tolist()),
+                    cell=tuple(cell[k].tolist()),
                     progress=float(progress[k]),
                     place=place[k],
                     before=None if before == NOTHING else states[before],
                     after=None if after == NOTHING else states[after],
                     move=None if move == NOTHING else self._moves[move],
                     onward=None if onward == NOTHING else self._moves[onward],
-                    depth=int(arrays["depth"][k]),
+                    depth=int(depth[k]),
                 )
             )
         return states
 
 
-def _count(discovery: ChainDiscovery) -> dict[str, Any]:
+def _count(discovery: ChainDiscovery) -> SearchCounts:
     """Collect the numbers of a discovery."""
     player, maker = discovery.tools.player, discovery.maker
-    return {
-        "simulated": [player.simulated, maker.simulated],
-        "kept": [[motion.name for motion in each.kept] for each in discovery.sides],
-        "turns": [each.search.turn for each in discovery.sides],
-        "sides": [{name: getattr(each, name) for name in COUNTS} for each in discovery.sides],
-    }
+    return SearchCounts(
+        simulated=(player.simulated, maker.simulated),
+        kept=[[motion.name for motion in each.kept] for each in discovery.sides],
+        turns=[each.search.turn for each in discovery.sides],
+        sides=[SideCounts.of(each) for each in discovery.sides],
+    )
 
 
 def _restore_counts(
-    discovery: ChainDiscovery, counts: dict[str, Any], load: Callable[[str], Motion]
+    discovery: ChainDiscovery, counts: SearchCounts, load: Callable[[str], Motion]
 ) -> None:
-    for each, names in zip(discovery.sides, counts["kept"], strict=True):
-        each.kept = [load(name) for name in names]
-    discovery.tools.player.simulated, discovery.maker.simulated = counts["simulated"]
-    for each, turn, row in zip(discovery.sides, counts["turns"], counts["sides"], strict=True):
-        each.search.turn = turn
-        for name in COUNTS:
-            setattr(each, name, row[name])
+    rows = zip(discovery.sides, counts.kept, counts.turns, counts.sides, strict=True)
+    for each, names, turn, row in rows:
+        each.kept, each.search.turn = [load(name) for name in names], turn
+        each.tried, each.repeats = row.tried, row.repeats
+        each.spent, each.ready, each.first = row.spent, row.ready, row.first
+    discovery.tools.player.simulated, discovery.maker.simulated = counts.simulated
 
 
 def _pad(rows: Sequence[Sequence[int]]) -> np.ndarray:

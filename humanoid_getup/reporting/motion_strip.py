@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,20 +32,38 @@ def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
     film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
 
 
-def draw_motions(robot: Robot, motions: Sequence[Motion], path: Path) -> None:
-    """Draw motions into one PNG file, a row each.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PostureRow:
+    """A row of postures, one after the other."""
+
+    name: str
+    qpos: Array
+    """MuJoCo positions on flat ground, (K, nq)."""
+
+
+def draw_motions(
+    robot: Robot, motions: Sequence[Motion], path: Path, rows: Sequence[PostureRow] = ()
+) -> None:
+    """Draw motions into one PNG file, a row each, and rows of postures below them.
 
     Raises:
         NoRendererError: if there is no OpenGL.
     """
     pictures, captions = list[np.ndarray](), list[str]()
+
+    def add(frames: np.ndarray, shown: list[str]) -> None:
+        blank = [np.full_like(frames[:1], 255)] * (film_strip.COLUMNS - len(frames))
+        pictures.extend([frames, *blank])
+        captions.extend([*shown, *[""] * len(blank)])
+
     for motion in motions:
         frames, times = _render(robot, motion, film_strip.COLUMNS)
-        blank = np.full_like(frames[:1], 255)
-        pictures += [frames, *[blank] * (film_strip.COLUMNS - len(frames))]
-        shown = [f"{time:.1f} s" for time in times]
-        shown[0] = f"{motion.name}"
-        captions += [*shown, *[""] * (film_strip.COLUMNS - len(frames))]
+        add(frames, [motion.name, *(f"{time:.1f} s" for time in times[1:])])
+    model = World(robot, FLAT_SCENE).model
+    for row in rows:
+        chosen = film_strip.pick_frames(len(row.qpos), film_strip.COLUMNS)
+        frames = film_strip.render_frames(robot, model, row.qpos[chosen])
+        add(frames, [row.name, *(f"{k}" for k in chosen[1:])])
     path.parent.mkdir(parents=True, exist_ok=True)
     film_strip.save_sheet(np.concatenate(pictures), captions, path, title=f"{robot.name}: motions")
 

@@ -92,6 +92,8 @@ def discover(command: DiscoverRequest) -> int:
         console.print(f"film strips in {found.picture}", markup=False)
     if found.wanting:
         console.print(f"no motion from: {', '.join(found.wanting)}", markup=False)
+    for each in found.nearest:
+        console.print(each.describe(), markup=False, soft_wrap=True)
     if following := _name_next(found, command):
         console.print(f"next: {following}", markup=False, soft_wrap=True)
     return DID_NOT_STAND if found.wanting else DID_IT

@@ -1,5 +1,6 @@
 """`getup motions discover`: a robot without motions, keys or policies gets its own by a search."""
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -105,10 +106,13 @@ def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup
     code, out, _ = getup(*options)
     assert code == 1
     assert "no motion from: supine" in out
+    assert re.search(r"supine: no chain stands; .* after \d+ moves, has its neck at \d+%", out)
+    assert Path("op3_motions.png").stat().st_size > 5_000
     again = "getup motions discover --robot bare --sides supine --budget 100.0 --resume"
     assert f"next: {again}" in out
     file = bare / "unfinished" / "search.npz"
     size = file.stat().st_size
+    assert "--sides is 'up'" in getup("--sides", "up")[2]
     code, _, err = getup(*options)
     assert code == 2
     assert "a search that ended before it was done is there: go on with --resume" in err

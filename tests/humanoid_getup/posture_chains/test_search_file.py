@@ -1,8 +1,11 @@
 """A search goes on from its file as if it had never ended."""
 
+import copy
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +13,12 @@ import pytest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
-from humanoid_getup.posture_chains.search_file import describe_search, restore_search
+from humanoid_getup.posture_chains.search_file import (
+    describe_search,
+    make_recipe,
+    read_search,
+    restore_search,
+)
 from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.storage.arrays import save_arrays
@@ -25,6 +33,16 @@ def begin(world: World, seed: int = 3) -> ChainDiscovery:
 def advance(discovery: ChainDiscovery) -> None:
     for _ in discovery.advance():
         pass
+
+
+def write(path: Path, discovery: ChainDiscovery) -> None:
+    recipe = make_recipe(discovery.tools.world, SMALL, ("supine",), 3)
+    save_arrays(path, describe_search(discovery, recipe))
+
+
+def restore(path: Path, discovery: ChainDiscovery) -> None:
+    recipe = make_recipe(discovery.tools.world, SMALL, ("supine",), 3)
+    restore_search(path, read_search(path, recipe), discovery, load)
 
 
 def load(name: str) -> Motion:
@@ -47,7 +65,7 @@ def saved(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     """Return the file of a search after one round, and the search after another one."""
     discovery, path = begin(world), tmp_path_factory.mktemp("search") / "search.npz"
     advance(discovery)
-    save_arrays(path, describe_search(discovery, 3))
+    write(path, discovery)
     advance(discovery)
     return path, discovery
 
@@ -55,7 +73,7 @@ def saved(world: World, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
 def test_a_restored_search_goes_on_alike(world: World, saved: tuple[Path, ChainDiscovery]):
     path, went_on = saved
     restored = begin(world)
-    restore_search(path, restored, 3, load)
+    restore(path, restored)
     assert describe(restored) != describe(went_on)
     advance(restored)
     assert describe(restored) == describe(went_on)
@@ -67,21 +85,23 @@ def test_a_search_goes_on_where_another_state_has_replaced_the_stance(world: Wor
     squat = next(up for up in ups if up.after is ups.stance)
     assert ups.archive.add(replace(squat, cell=ups.stance.cell))
     assert not any(up is ups.stance for up in ups)
-    save_arrays(path, describe_search(discovery, 3))
+    write(path, discovery)
     restored = begin(world)
-    restore_search(path, restored, 3, load)
+    restore(path, restored)
     assert np.array_equal(restored.tools.ways_up.stance.qpos, ups.stance.qpos)
     assert all(up.root is restored.tools.ways_up.stance for up in restored.tools.ways_up)
 
 
 def test_a_file_of_another_search_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):
-    with pytest.raises(
-        ValueError, match=r"made with another seed \(3, now 4\), expected the same \(give"
-    ):
-        restore_search(saved[0], begin(world, seed=4), 4, load)
     longer = World(load_robot("op3", Body.parse("legs=1.1")))
-    with pytest.raises(ValueError, match="made with another world, expected the same"):
-        restore_search(saved[0], begin(longer), 3, load)
+    others = {
+        r"another seed \(3, now 4\), expected the same \(give": (world, SMALL, ("supine",), 4),
+        "another robot.toml or model, expected the same": (longer, SMALL, ("supine",), 3),
+        r"another sides \(\['supine'\], now \['prone'\]\)": (world, SMALL, ("prone",), 3),
+    }
+    for message, options in others.items():
+        with pytest.raises(ValueError, match=f"made with {message}"):
+            read_search(saved[0], make_recipe(*options))
 
 
 def test_a_damaged_file_is_refused_in_one_line(
@@ -89,27 +109,65 @@ def test_a_damaged_file_is_refused_in_one_line(
 ):
     broken = tmp_path / "broken.npz"
     broken.write_bytes(saved[0].read_bytes()[:-40])
-    with pytest.raises(ValueError, match="damaged") as error:
-        restore_search(broken, begin(world), 3, load)
+    with pytest.raises(ValueError, match=r"damaged.*\(remove the file to begin again\)") as error:
+        read_search(broken, make_recipe(world, SMALL, ("supine",), 3))
     assert "\n" not in str(error.value)
 
 
-def test_a_file_whose_states_lead_in_circles_is_refused(
+def test_a_file_with_a_wrong_number_is_refused_in_one_line(
     world: World, saved: tuple[Path, ChainDiscovery], tmp_path: Path
 ):
     with np.load(saved[0]) as arrays:
-        content = dict(arrays)
-    content["links"][0, 0] = 1
-    save_arrays(tmp_path / "circle.npz", content)
-    with pytest.raises(ValueError, match="state 0 leads to one after it"):
-        restore_search(tmp_path / "circle.npz", begin(world), 3, load)
+        sound = dict(arrays)
+    rng, counts = json.loads(str(sound["rng"])), json.loads(str(sound["counts"]))
+    circle, far, negative = (sound["links"].copy() for _ in range(3))
+    circle[0, 0], far[1, 2], negative[1, 2] = 1, 10_000, -4
+    none, turned, early = (
+        np.full_like(sound["members"], -1),
+        sound["qpos"].copy(),
+        sound["duration"],
+    )
+    turned[0, 3:7] = 0.0
+    wrong = {
+        "links": [(circle, "state 0 leads to one after it"), (far, "range"), (negative, "-4")],
+        "members": [(none, "without states")],
+        "qpos": [(turned, "quaternion")],
+        "duration": [(early - 9.0, "less than no time"), (early * np.nan, "nan")],
+        "cell": [(sound["cell"] + np.nan, "nan")],
+        "draws": [(sound["draws"] + 0.5, "whole number")],
+        "place": [(sound["place"][:, :2], "shape")],
+        "chains": [(np.array([[-1, 0, 0, 0]]), "not there")],
+        "rng": [(rewrite(rng, ["state", "state"], -1), "out of bounds"), ("[" * 5000, "recursion")],
+        "counts": [
+            (rewrite(counts, ["simulated"], ["a", "b"]), "Expected `float`"),
+            (rewrite(counts, ["sides", 0, "spent"], -1.0), ">= 0"),
+        ],
+    }
+    restored, file = begin(world), tmp_path / "wrong.npz"
+    for key, changes in wrong.items():
+        for value, message in changes:
+            save_arrays(file, sound | {key: value})
+            with pytest.raises(ValueError, match=message) as error:
+                restore(file, restored)
+            assert "\n" not in str(error.value)
+            assert str(error.value).startswith(str(file)), key
+
+
+def rewrite(content: Any, keys: Sequence[str | int], value: object) -> str:
+    """Write content as JSON with one value replaced."""
+    changed = copy.deepcopy(content)
+    inner = changed
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return json.dumps(changed)
 
 
 def test_a_stand_that_is_not_held_does_not_end_the_ways_up(
     world: World, saved: tuple[Path, ChainDiscovery]
 ):
     restored = begin(world)
-    restore_search(saved[0], restored, 3, load)
+    restore(saved[0], restored)
     ups = restored.tools.ways_up
     before = [*ups]
     deep = max(ups, key=lambda up: up.depth)
@@ -117,11 +175,3 @@ def test_a_stand_that_is_not_held_does_not_end_the_ways_up(
         ups.drop(deep, steps)
         assert [*ups] == before
     advance(restored)
-
-
-def test_a_search_for_other_sides_is_refused(world: World, saved: tuple[Path, ChainDiscovery]):
-    other = ChainDiscovery(world, seed=3, sides=("prone",), most=1, settings=SMALL)
-    with pytest.raises(
-        ValueError, match=r"another sides \(\['supine'\], now \['prone'\]\), expected the same"
-    ):
-        restore_search(saved[0], other, 3, load)

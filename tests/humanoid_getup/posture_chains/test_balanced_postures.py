@@ -1,0 +1,73 @@
+"""Balanced postures stand on the ground, and their targets hold them there."""
+
+import numpy as np
+import pytest
+
+from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.move_player import MovePlayer
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureMove
+from humanoid_getup.simulation.world import World
+from robots.kinematics import lowest_points, place
+from robots.quaternion import Array
+
+ON_GROUND = 0.002  # m
+HELD, SUNK = 0.02, 0.04  # rad off the angles of a squat, with its targets and with the angles
+
+
+@pytest.fixture(scope="module")
+def moves(world: World) -> RandomMoves:
+    return RandomMoves(world.robot, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def player(world: World) -> MovePlayer:
+    return MovePlayer(world, StandMeter(world), np.random.default_rng(0), threads=1)
+
+
+def hold(player: MovePlayer, qpos: list[Array], targets: Array) -> Array:
+    """Hold targets (K, n) from MuJoCo positions; return where the robots rest, (K, nq)."""
+    states = [player.describe(q, target) for q, target in zip(qpos, targets, strict=True)]
+    holds = [PostureMove(knots=each[None], duration=0.3, kind="hold") for each in targets]
+    held = player.try_out(states, holds)
+    assert held.rests.all()
+    return held.qpos[:, 0]
+
+
+def test_squats_and_crouches_stand_balanced_on_level_soles(world: World, moves: RandomMoves):
+    postures = [*moves.squats.postures, *moves.crouches.postures]
+    assert len(postures) > 50
+    qpos = np.array([place(world.robot, world.model, posture) for posture in postures])
+    assert np.abs(lowest_points(world.model, qpos)).max() < ON_GROUND
+    found = StandMeter(world).measure(qpos)
+    assert found.flatness.min() > 0.9
+    assert found.offset.max() < 0.05
+    bent = np.degrees(np.arccos(found.up[:, 2]))
+    assert bent.max() > 30.0, "no crouch bends forward, which level soles need to be tested"
+
+
+def test_targets_hold_squats_where_angles_as_targets_give_way(
+    world: World, moves: RandomMoves, player: MovePlayer
+):
+    """By hand: OP3's knees need 1.1 N·m in its deepest squat, at 15 N·m/rad."""
+    postures, layout = moves.squats.postures, world.robot.layout(world.model)
+    angles = np.array([posture.joint_pos for posture in postures])
+    qpos = [place(world.robot, world.model, posture) for posture in postures]
+
+    def measure(targets: Array) -> Array:
+        ends = hold(player, qpos, targets)[:, layout.qpos]
+        return np.abs(ends - angles).max(axis=1)
+
+    assert measure(moves.squats.targets).max() < HELD
+    assert measure(angles)[-1] > SUNK
+
+
+def test_crouches_rest_where_they_were_set_down(
+    world: World, moves: RandomMoves, player: MovePlayer
+):
+    crouches = moves.crouches
+    qpos = [place(world.robot, world.model, posture) for posture in crouches.postures]
+    before = StandMeter(world).measure(np.array(qpos))
+    after = StandMeter(world).measure(hold(player, qpos, crouches.targets))
+    assert np.abs(after.neck - before.neck).max() < 0.03
+    assert np.abs(after.offset - before.offset).max() < 0.05

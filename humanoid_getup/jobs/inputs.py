@@ -83,6 +83,11 @@ def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:
 
 def find_keyframes(robot: Robot, names: Sequence[str], path: Path | None = None) -> list[Keyframes]:
     """Load keyframes by name from a file, by default the robot's; without names, all of them."""
+    if path is None and not (robot.folder / KEYFRAMES).exists():
+        raise BadInputError(
+            f"robot '{robot.name}' has no keyframes: {robot.folder / KEYFRAMES} is missing; "
+            f"getup motions discover --robot {robot.folder} finds some"
+        )
     with refusing():
         stored = {
             each.name: each for each in load_keyframes(path or robot.folder / KEYFRAMES, robot)

@@ -20,6 +20,7 @@ from robots.kinematics import place
 from robots.quaternion import Array
 
 SETTLE_TIME = 1.0  # s before the hold
+STRAINED = 0.9  # share of the stall torque from which a servo does not hold for long
 COOL = 15.0  # °C below its limit that a servo should stay
 
 
@@ -32,12 +33,15 @@ def check_hold(world: World) -> Iterator[CheckFinding]:
     torque = record.torque[-1]
     share = np.abs(torque) / world.robot.max_torque
     worst = int(np.argmax(share))
-    yield CheckFinding(
-        level="ok",
-        subject="stance",
-        text=f"holds on its servos; the most strained joint is '{world.robot.joint_names[worst]}' "
-        f"with {share[worst]:.0%} of its stall torque",
+    text = (
+        f"holds on its servos; the most strained joint is '{world.robot.joint_names[worst]}' "
+        f"with {share[worst]:.0%} of its stall torque"
     )
+    if share[worst] > STRAINED:
+        remedy = "its servo will trip: change [standing], or see what presses against what"
+        yield CheckFinding.warning("stance", text, remedy)
+    else:
+        yield CheckFinding.ok("stance", text)
     yield from _check_heat(world.robot, torque)
 
 

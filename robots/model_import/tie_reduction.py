@@ -98,7 +98,10 @@ def _open_loop(tree: KinematicTree, bodies: tuple[int, int], notes: list[str]) -
     moved = {*list_way_up(tree.model, bodies[0])} ^ {*list_way_up(tree.model, bodies[1])}
     loop = [hinge.name for hinge in tree.hinges if hinge.body in moved]
     names = [tree.model.body(body).name for body in bodies]
-    notes.append(f"the closed loop that joins {names[0]} and {names[1]} is open, its gear 1 to 1")
+    notes.append(
+        f"the closed loop that joins {names[0]} and {names[1]} is open: its joints turn alike, as "
+        "in a parallelogram; if the loop is another one, the robot moves differently here"
+    )
     return Tie(tuple(sorted(loop)), (1.0,) * len(loop)) if len(loop) > 1 else None
 
 

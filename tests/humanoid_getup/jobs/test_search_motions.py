@@ -34,6 +34,7 @@ def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     small = partial(SearchSettings, batch=4, worlds=2, threads=1)
     monkeypatch.setattr(search_motions, "SearchSettings", small)
+    monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
     return tmp_path / "bare"
 
 

@@ -51,6 +51,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         monkeypatch.setattr(discovery.maker, "make", make)
         return discovery
 
+    monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
     monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *_: min(LIMIT_SHARES))
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
     monkeypatch.setattr(ChainSearch, "shorten", lambda _, chain: chain)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.torque import SATURATED
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, sample_moves
@@ -21,9 +20,10 @@ from robots.body.squats import DEEP_ENOUGH
 from robots.kinematics import place
 from robots.quaternion import Array
 
-FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+FACTORS = (1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0, 300.0)
 """On the servos' torque, tried in this order."""
 MOST_SQUATS = 2 / 3  # of the squats from which a robot rises with all its torque
+AT_LIMIT = 0.9  # share of a limit from which a servo is at it: registers round small ones down
 STRAINED = 0.05  # share of the time below which the limit of a servo is not what a rise fails by
 
 
@@ -144,6 +144,6 @@ def _find_strained(world: World, outcome: Outcome, limit: TorqueLimit) -> tuple[
     full = robot.max_torque * robot.supply_voltage / robot.nominal_voltage
     most: Array = full if limit.value is None else np.minimum(full, limit.value)
     torque = np.abs(outcome.record.torque[0, : outcome.record.cycles[0]])
-    at_limit = np.mean(torque >= SATURATED * most, axis=0)
+    at_limit = np.mean(torque >= AT_LIMIT * most, axis=0)
     worst = int(np.argmax(at_limit))
     return robot.joint_names[worst], float(at_limit[worst]), float(most[worst])

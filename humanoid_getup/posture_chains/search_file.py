@@ -29,8 +29,8 @@ ARCHIVES = ("members", "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
 NOTHING = -1
 UNIT = 1e-3  # by which the length of a quaternion may differ from 1
-ANEW = "remove the file to begin again"
-REMEDY = f"give the same options and leave the robot as it was, or {ANEW}"
+BEGIN_AGAIN = "remove the file to begin again"
+REMEDY = f"give the same options and leave the robot as it was, or {BEGIN_AGAIN}"
 DAMAGE = (ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError)
 
 Recipe = dict[str, Any]
@@ -97,7 +97,7 @@ def read_search(path: Path, recipe: Recipe) -> dict[str, Any]:
         if not isinstance(kept, dict):
             raise ValueError(f"recipe is {shown(kept)}, expected a table")
     except DAMAGE as error:
-        raise ValueError(f"{path}: {_name_reason(error)} ({ANEW})") from error
+        raise ValueError(f"{path}: {_name_reason(error)} ({BEGIN_AGAIN})") from error
     check_recipe(path, recipe, kept, REMEDY)
     return arrays
 
@@ -120,7 +120,7 @@ def restore_search(
     try:
         _Reader(arrays, discovery).restore(load)
     except DAMAGE as error:
-        raise ValueError(f"{path}: {_name_reason(error)} ({ANEW})") from error
+        raise ValueError(f"{path}: {_name_reason(error)} ({BEGIN_AGAIN})") from error
 
 
 def _name_reason(error: Exception) -> str:
@@ -228,7 +228,10 @@ class _Reader:
         numbers = to_numbers(self._arrays[key], key, shape)
         wrong = (numbers < NOTHING) | (numbers >= below) | (numbers != np.round(numbers))
         if wrong.any():
-            raise ValueError(f"{key} holds {numbers[wrong][0]:g}, expected a whole number from -1")
+            raise ValueError(
+                f"{key} holds {numbers[wrong][0]:g}, expected a whole number from {NOTHING}, below "
+                f"{below:g}"
+            )
         return numbers.astype(np.int_)
 
     def restore(self, load: Callable[[str], Motion]) -> None:
@@ -259,7 +262,11 @@ class _Reader:
         sides = self._discovery.sides
         chains = self._read_numbers("chains", (None, None), np.inf)
         for side, kind, fallen, *moves in chains.tolist():
-            if not (0 <= side < len(sides) and 0 <= kind < 2 and max(moves) < len(self._moves)):
+            if not (
+                0 <= side < len(sides)
+                and 0 <= kind < 2
+                and max(moves, default=NOTHING) < len(self._moves)
+            ):
                 raise ValueError("chains holds a side, a kind or a move that is not there")
             search = sides[side].search
             chain = self._find_chain(search.start, fallen, [k for k in moves if k != NOTHING])
@@ -302,7 +309,7 @@ class _Reader:
         place = to_numbers(arrays["place"], "place", (len(qpos), len(known.place)))
         cell = to_numbers(arrays["cell"], "cell", (len(qpos), len(known.cell))).astype(int)
         depth = self._read_numbers("depth", (len(qpos),), np.inf)
-        links = self._read_numbers("links", (len(qpos), 4), np.inf)
+        links = self._read_numbers("links", (len(qpos), 4), max(len(qpos), len(self._moves)))
         states: list[RestingState] = []
         for k, (before, after, move, onward) in enumerate(links.tolist()):
             if max(before, after) >= k:

@@ -38,7 +38,9 @@ def check_hold(world: World) -> Iterator[CheckFinding]:
         f"with {share[worst]:.0%} of its stall torque"
     )
     if share[worst] > STRAINED:
-        remedy = "its servo will trip: change [standing], or see what presses against what"
+        remedy = (
+            "a servo near its stall torque trips: change [standing], or look for bodies that touch"
+        )
         yield CheckFinding.warning("stance", text, remedy)
     else:
         yield CheckFinding.ok("stance", text)

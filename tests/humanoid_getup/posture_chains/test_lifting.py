@@ -31,6 +31,13 @@ def test_the_least_torque_with_which_it_rises_is_near_that_of_the_strained_joint
     assert f"limit of 0.6 N·m for {found.at_limit:.0%} of the time" in found.describe()
 
 
+def test_a_limit_far_below_what_lifts_the_robot_is_named(world: World, moves: RandomMoves):
+    found = check_lifting(world, moves, 1.0, TorqueLimit(0.05))
+    assert found is not None
+    assert found.factor * found.torque > 1.0
+    assert found.at_limit > 0.5
+
+
 def test_a_robot_whose_servos_are_hardly_at_their_limit_is_not_called_weak(
     world: World, moves: RandomMoves, monkeypatch: pytest.MonkeyPatch
 ):

@@ -133,7 +133,7 @@ def test_a_file_with_a_wrong_number_is_refused_in_one_line(
     )
     turned[0, 3:7] = 0.0
     wrong = {
-        "links": [(circle, "state 0 leads to one after it"), (far, "range"), (negative, "-4")],
+        "links": [(circle, "state 0 leads to one after it"), (far, "10000"), (negative, "-4")],
         "members": [(none, "without states")],
         "qpos": [(turned, "quaternion")],
         "duration": [(early - 9.0, "less than no time"), (early * np.nan, "nan")],

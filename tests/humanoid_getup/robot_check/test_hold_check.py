@@ -62,6 +62,13 @@ def test_the_joint_with_the_largest_share_of_its_torque_is_named(world: World, c
     assert (cool.level, f"'{KNEE}'" in cool.text) == ("ok", True)
 
 
+@pytest.mark.parametrize(("share", "level"), [(0.85, "ok"), (0.95, "warning")])
+def test_a_servo_near_its_stall_torque_is_a_warning(share: float, level: str, world: World, check):
+    stall = world.robot.max_torque[world.robot.joint_names.index(KNEE)]
+    held = check(hold(world, strain(world.robot, share * stall)))[0]
+    assert (held.level, "stall torque trips" in held.remedy) == (level, level == "warning")
+
+
 def test_a_fall_is_reported_with_height_and_tilt_and_nothing_of_heat(world: World, check):
     shape = (1, CYCLES)
     stance = Stance(

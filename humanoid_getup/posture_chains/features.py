@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.body.lengths import leg_length
+from robots.kinematics import place
 from robots.quaternion import Array
 
 GRAVITY_STEP = 0.4  # of a cell, along each axis of the unit vector
@@ -23,6 +24,7 @@ OFFSET_STEP, MOST_OFFSET = 0.3, 4  # leg lengths, and cells
 ON_GROUND = 0.004  # m that a sole on the ground may be above it
 SOLE_REACH = 0.1  # leg lengths over which a sole that is lifted counts less
 BALANCED = 0.35  # leg lengths from between the soles, over which balance counts less
+SPLIT = 0.6  # leg lengths that the soles are too far apart, over which it does, too
 PLACE_STEP, TURN_STEP = 0.25, 0.8  # leg lengths, and along each axis of the vertical
 
 
@@ -78,11 +80,13 @@ class StandFeatures(Features):
     """How flat the less flat sole is on the ground, from 0 to 1, (K,)."""
     offset: Array
     """Horizontal distance of the center of mass from between the soles [leg lengths], (K,)."""
+    split: Array
+    """How much farther apart the soles are than in the stance [leg lengths], (K,)."""
 
     @property
     def progress(self) -> Array:
         """Return how near robots are to a stand, from 0 to 1, (K,)."""
-        balance = np.exp(-((self.offset / BALANCED) ** 2))
+        balance = np.exp(-((self.offset / BALANCED) ** 2) - (self.split / SPLIT) ** 2)
         on_soles = self.flatness * (0.3 + 0.7 * balance)
         upright = np.maximum(self.up[:, 2], 0.0) * self.flatness * balance
         return 0.35 * np.clip(self.neck, 0.0, 1.0) + 0.35 * on_soles + 0.3 * upright
@@ -139,6 +143,9 @@ class StandMeter:
         self._soles = [model.site(name).id for name in world.robot.sole_sites]
         self._neck = model.site(world.robot.neck_site).id
         self._leg = leg_length(world.robot)
+        self._data.qpos[:] = place(world.robot, model, world.robot.standing)
+        mujoco.mj_kinematics(model, self._data)
+        self._apart = _measure_apart(self._data.site_xpos[self._soles])
 
     def measure(self, qpos: Array) -> StandFeatures:
         """Measure robots at MuJoCo positions (K, nq)."""
@@ -160,6 +167,7 @@ class StandMeter:
             neck=(neck[:, 2] - support(neck)) / self._world.robot.standing_neck_height,
             flatness=flat.min(axis=1),
             offset=np.linalg.norm(center[:, :2] - between, axis=1) / self._leg,
+            split=np.maximum(_measure_apart(soles) - self._apart, 0.0) / self._leg,
         )
 
 
@@ -179,6 +187,12 @@ class PlaceMeter:
             position=root[:, :2] / self._leg,
             distance=self._distance(root) / self._leg,
         )
+
+
+def _measure_apart(soles: Array) -> Array:
+    """Measure how far apart soles (..., S, 3) are, horizontally, (...) [m]."""
+    between = soles[..., :2].mean(axis=-2, keepdims=True)
+    return 2.0 * np.linalg.norm(soles[..., :2] - between, axis=-1).max(axis=-1)
 
 
 def _find_up(orientation: Array) -> Array:

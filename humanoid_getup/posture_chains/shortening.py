@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ ROWS = (16, 6, 2, 1)  # keys that are cut at once
 FALLEN = 40.0  # s for OP3 that a fall costs
 LEAST_TIME = 0.08  # s between two keys
 ROUNDS = 4
+MOST_SIMULATED = 4000.0  # s for one rise; long ones would take many times that, and rarely stand
 FEWER = (1.0, 0.5, 0.25)  # shares of the changes that work alone, tried together
 RMS_COST, IMPACT_COST = 8.0, 4.0  # s for the servos' full torque, and for 1 m/s
 SWAY = 0.3  # s of hold after the last key, from which early stops count
@@ -60,17 +62,18 @@ class Shortener:
         """Return ever cheaper keyframes, the given ones first.
 
         They cost the time to the stand, load and jolts, and much more in each world in which the
-        robot falls.
+        robot falls. What takes longer than `MOST_SIMULATED` ends with what was found by then.
         """
-        found = [keyframes]
+        found, ends = [keyframes], self.simulated + MOST_SIMULATED
         self._cost = self._judge(found)[0]
         for candidates in (self._shorten_rests, self._quicken):
             found += self._pick_first(candidates(found[-1]))
         for _ in range(ROUNDS):
             before = len(found)
-            for size in ROWS:
-                found += self._combine(found[-1], self._list_cuts(found[-1], size))
-            found += self._combine(found[-1], self._list_hurries(found[-1]))
+            for list_changes in CHANGES:
+                if self.simulated > ends:
+                    return found
+                found += self._combine(found[-1], list_changes(found[-1]))
             if len(found) == before:
                 break
         return found
@@ -86,19 +89,6 @@ class Shortener:
 
     def _quicken(self, keyframes: Keyframes) -> list[Keyframes]:
         return [replace(keyframes, duration=pace * keyframes.duration) for pace in PACES]
-
-    def _list_cuts(self, keyframes: Keyframes, size: int) -> list[Change]:
-        """List the changes that cut so many keys in a row."""
-        inner = keyframes.keys[1:-1]
-        firsts = range(0, len(inner) - size + 1, max(size // 2, 1))
-        return [_Cut(inner[first : first + size]) for first in firsts]
-
-    def _list_hurries(self, keyframes: Keyframes) -> list[Change]:
-        return [
-            _Hurry(keyframes.keys[k + 1])
-            for k, time in enumerate(keyframes.duration)
-            if SHORTER * time > LEAST_TIME
-        ]
 
     def _combine(self, keyframes: Keyframes, changes: Sequence[Change]) -> list[Keyframes]:
         """Make as many of the changes at once as still stand, of those that do alone."""
@@ -162,6 +152,25 @@ class _Hurry:
         shorter = np.maximum(SHORTER * keyframes.duration, LEAST_TIME)
         duration = np.where(there, np.minimum(shorter, keyframes.duration), keyframes.duration)
         return replace(keyframes, duration=duration)
+
+
+def _list_cuts(size: int, keyframes: Keyframes) -> list[Change]:
+    """List the changes that cut so many keys in a row."""
+    inner = keyframes.keys[1:-1]
+    firsts = range(0, len(inner) - size + 1, max(size // 2, 1))
+    return [_Cut(inner[first : first + size]) for first in firsts]
+
+
+def _list_hurries(keyframes: Keyframes) -> list[Change]:
+    return [
+        _Hurry(keyframes.keys[k + 1])
+        for k, time in enumerate(keyframes.duration)
+        if SHORTER * time > LEAST_TIME
+    ]
+
+
+CHANGES = (*(partial(_list_cuts, size) for size in ROWS), _list_hurries)
+"""Lists of changes, made in this order."""
 
 
 def _apply(keyframes: Keyframes, changes: Iterable[Change]) -> Keyframes:

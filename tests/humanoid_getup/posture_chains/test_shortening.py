@@ -8,6 +8,7 @@ import pytest
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
+from humanoid_getup.posture_chains import shortening
 from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
@@ -121,3 +122,17 @@ def test_the_shortest_version_that_stands_often_enough_is_chosen(
     chosen = choose_version(versions, judge)
     assert chosen.keyframes.name == str(shortest_sound or 0)
     assert len(judged) <= 6
+
+
+def test_shortening_ends_with_its_time(
+    world: World, chain: PostureChain, monkeypatch: pytest.MonkeyPatch
+):
+    keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
+    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
+    whole = Shortener(world, scenarios, threads=1)
+    versions = whole.shorten(keyframes)
+    monkeypatch.setattr(shortening, "MOST_SIMULATED", 100.0)
+    short = Shortener(world, scenarios, threads=1)
+    first = short.shorten(keyframes)
+    assert short.simulated < 0.6 * whole.simulated
+    assert all(np.array_equal(a.keys, b.keys) for a, b in zip(first, versions, strict=False))

@@ -50,9 +50,7 @@ def test_a_lifted_sole_and_a_lean_count_less(world: World, standing: np.ndarray)
     assert features.cells.shape == (3, 6)
 
 
-def test_side_splits_are_farther_from_a_stand_than_a_squat_as_high(
-    world: World, standing: np.ndarray
-):
+def test_side_splits_are_farther_from_a_stand_than_a_squat_as_high(world: World):
     robot, split = world.robot, world.robot.standing.joint_pos.copy()
     for side, sign in (("l", 1.0), ("r", -1.0)):
         split[robot.joint_names.index(f"{side}_hip_roll")] += sign * 1.0

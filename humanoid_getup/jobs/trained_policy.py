@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 RECENT = 20  # iterations whose falls are counted: enough for a steady share
 LEARNED = 0.2  # share of falls without help that end standing, from which a body is learning
 ASSESSED = 600.0  # s of training after which it should be
+MORE = "more --iterations may do"
 DOWN = 0.5  # of the standing neck height, below which robots do not get off the ground
 
 
@@ -54,14 +55,21 @@ class TrainedPolicy:
 
     @property
     def is_learning(self) -> bool:
-        """Tell whether robots get up by themselves, or need less help than at first."""
-        return self.share >= LEARNED or (bool(self.recent) and self.recent[-1].lift < self._lift)
+        """Tell whether robots get up by themselves, need less help, or begin farther away."""
+        if self.share >= LEARNED:
+            return True
+        return bool(self.recent) and (self.recent[-1].lift < self._lift or self._level > 0)
+
+    @property
+    def _level(self) -> int:
+        return self.recent[-1].level
 
     def describe(self) -> str:
         """Describe how many recent falls end standing, and how much robots are helped."""
         lift, falls = self.recent[-1].lift, sum(report.falls for report in self.recent)
         if not falls:
-            return "no fall has ended yet"
+            way = f"; episodes begin on the way, up to level {self._level}" if self._level else ""
+            return f"no fall has ended yet{way}"
         stood = sum(report.stood for report in self.recent) / falls
         if not lift:
             return f"{stood:.0%} of falls end standing"
@@ -76,6 +84,8 @@ class TrainedPolicy:
     @property
     def _hint(self) -> str:
         alone = sum(report.alone for report in self.recent)
+        if not any(report.falls for report in self.recent):
+            return MORE
         neck = sum(report.alone * report.height_alone for report in self.recent) / max(alone, 1)
         height = f"necks end at {neck:.0%} of the standing height; "
         if not self._motions:
@@ -84,7 +94,7 @@ class TrainedPolicy:
             )
         if neck < DOWN:
             return f"{height}`getup robots check` names joints that are too weak to lift the robot"
-        return f"{height}more --iterations may do"
+        return f"{height}{MORE}"
 
     def __str__(self) -> str:
         """Summarize how the training ended."""

@@ -23,10 +23,10 @@ class EndedEpisodes:
 
     ended: NDArray[np.int_]
     """Robots whose episode is over."""
-    from_fall: NDArray[np.int_]
-    """Those that began with a fall."""
+    from_pool: NDArray[np.int_]
+    """Those that began in the pool."""
     starts: NDArray[np.int_]
-    """Row in the pool of falls of each of these."""
+    """Row in the pool of each of these."""
     stood: NDArray[np.bool_]
     """Whether each of these ended standing."""
     alone: NDArray[np.bool_]
@@ -44,7 +44,7 @@ class Episodes:
     held: NDArray[np.int_]
     """Policy steps of uninterrupted standing, (N,)."""
     start: NDArray[np.int_]
-    """Row in the pool of falls; -1 for other initial states, (N,)."""
+    """Row in the pool; -1 for other initial states, (N,)."""
     ends_early: NDArray[np.bool_]
     """Whether an episode ends once its robot has stood, (N,)."""
     alone: NDArray[np.bool_]
@@ -98,7 +98,7 @@ class Episodes:
         stood = (self.held >= held) & ~diverged
         is_over = (self.age >= self.length) | (stood & self.ends_early) | diverged | terminated
         ended = np.flatnonzero(is_over)
-        from_fall = ended[self.start[ended] >= 0]
+        from_pool = ended[self.start[ended] >= 0]
         return EndedEpisodes(
-            ended, from_fall, self.start[from_fall], stood[from_fall], self.alone[from_fall]
+            ended, from_pool, self.start[from_pool], stood[from_pool], self.alone[from_pool]
         )

@@ -40,10 +40,10 @@ from sim2real.environment.privileged_state import (
     observe_privileged,
 )
 from sim2real.environment.rewards import RewardInputs, score
+from sim2real.environment.starts.level_curriculum import LevelCurriculum
 from sim2real.environment.starts.motion_frames import list_motion_starts
 from sim2real.environment.starts.stands import sample_stands
 from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.starts.terrain import TerrainCurriculum
 from sim2real.environment.styled.style_task import StyleTask
 
 STANDS = 64  # standing initial postures
@@ -114,7 +114,7 @@ class GetUpEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, n)
         self.action_space = batch_space(self.single_action_space, n)
         self._force = AssistiveForce(options.assistive_force, options.assistive_force)
-        self._terrain = TerrainCurriculum(pool.level)
+        self._levels = LevelCurriculum(pool.level)
         self._rng = np.random.default_rng(0)
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
@@ -136,7 +136,7 @@ class GetUpEnv(VectorEnv):
             self._rng = self.np_random
             self.pool.success[:] = 0.0
             self._force = AssistiveForce(self.options.assistive_force, self.options.assistive_force)
-            self._terrain = TerrainCurriculum(self.pool.level)
+            self._levels = LevelCurriculum(self.pool.level)
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
         return observation, {"critic": self._observe_privileged(observation)}
@@ -184,7 +184,7 @@ class GetUpEnv(VectorEnv):
         info = {
             "critic": self._observe_privileged(observation),
             "assistive_force": self._force.lift,
-            "level": self._terrain.open,
+            "level": self._levels.open,
             "task_reward": float(inputs.style.task.mean()) if inputs.style else 0.0,
             "rewards": {name: float(part.mean()) for name, part in parts.items()},
             **report,
@@ -207,24 +207,29 @@ class GetUpEnv(VectorEnv):
         return self.style.find_terminated(inputs.style, inputs, self.step_time)
 
     def _note(self, over: EndedEpisodes, height: Array) -> dict[str, Any]:
-        """Count how episodes from falls ended, and how high (N,); the curricula follow."""
+        """Count how episodes from falls ended, and how high (N,); the curricula follow.
+
+        Those that began along a motion count for the curricula alone.
+        """
         self.pool.note(over.starts, over.stood)
         self._force.note(over.stood)
-        self._terrain.note(over.starts, over.stood)
+        self._levels.note(over.starts, over.stood)
+        fell = self.pool.fallen[over.starts]
+        alone = fell & over.alone
         return {
-            "falls": len(over.starts),
-            "stood": int(over.stood.sum()),
-            "alone": int(over.alone.sum()),
-            "stood_alone": int((over.stood & over.alone).sum()),
-            "height_alone": float(height[over.from_fall][over.alone].sum()),
+            "falls": int(fell.sum()),
+            "stood": int((over.stood & fell).sum()),
+            "alone": int(alone.sum()),
+            "stood_alone": int((over.stood & alone).sum()),
+            "height_alone": float(height[over.from_pool][alone].sum()),
         }
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""
         rng, o, count = self._rng, self.options, len(ids)
         kind = rng.random(count)
-        start = np.where(kind < o.falls, self.pool.draw(count, rng, self._terrain.open), -1)
-        stands = self._stands.qpos[self._stands.draw(count, rng, self._terrain.open)]
+        start = np.where(kind < o.falls, self.pool.draw(count, rng, self._levels.open), -1)
+        stands = self._stands.qpos[self._stands.draw(count, rng, self._levels.open)]
         qpos = np.where((start >= 0)[:, None], self.pool.qpos[start], stands)
         along = (kind >= o.falls) & (kind < o.falls + o.motions) & (len(self._motions) > 0)
         states = rng.integers(0, max(len(self._motions), 1), count)
@@ -299,7 +304,7 @@ class GetUpEnv(VectorEnv):
             "rng": self._rng.bit_generator.state,
             "success": self.pool.success.copy(),
             "help": copy.copy(self._force),
-            "terrain": self._terrain.save_state(),
+            "levels": self._levels.save_state(),
             "target": self.target.copy(),
             "memory": self.memory.copy(),
             "sensed": self.sensed,
@@ -313,7 +318,7 @@ class GetUpEnv(VectorEnv):
         self._rng.bit_generator.state = state["rng"]
         self.pool.success[:] = state["success"]
         self._force = copy.copy(state["help"])
-        self._terrain.restore_state(state["terrain"])
+        self._levels.restore_state(state["levels"])
         self.target, self.memory = state["target"].copy(), state["memory"].copy()
         self.sensed = state["sensed"]
         self.episodes = copy.deepcopy(state["episodes"])

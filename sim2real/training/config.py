@@ -57,6 +57,8 @@ class Recipe:
     and twice as many on the flat one."""
     terrain: bool = False
     """Whether robots leave flat ground as they succeed."""
+    backwards: bool = False
+    """Whether episodes begin near the end of the robot's rises first, and earlier with success."""
     discount: float = 0.97
     """At 20.8 Hz a horizon of 1.6 s, most of a rise."""
     desired_kl: float = 0.015
@@ -121,6 +123,15 @@ STYLED = Recipe(
 )
 RECIPES = {
     "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
+    # For bodies that do not find a stand by chance: stands are near at first, without a force.
+    "backwards": Recipe(
+        rewards="quick",
+        randomization="torque",
+        wide=False,
+        iterations=500,
+        backwards=True,
+        lift=0.0,
+    ),
     "robust": ONWARD,
     # At 0.55 of its supply, an XM430 has 2.25 N·m of its 4.1 N·m at standstill, and 0.55 of
     # its speed: slow motions land softly.

@@ -40,7 +40,7 @@ class TrainReport:
     """Mean task reward of following style curves, 0 without: the average return rate of
     [Frezzato22], section 6.4."""
     level: int = 0
-    """Highest level of the terrain that is open."""
+    """Highest level of initial states that is open."""
     alone: int = 0
     """Number of these falls with hardly any assistive force."""
     stood_alone: int = 0

@@ -24,7 +24,13 @@ from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.settled_falls import make_pool, make_terrain_pool, pool_rng
+from sim2real.environment.starts.motion_frames import list_rises
+from sim2real.environment.starts.settled_falls import (
+    make_backward_pool,
+    make_pool,
+    make_terrain_pool,
+    pool_rng,
+)
 from sim2real.environment.starts.stands import sample_terrain_stands
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.starts.terrain import Terrain
@@ -150,10 +156,12 @@ def check_inputs(
     Raises:
         OSError: if a file cannot be read.
         TrainingFolderError: if parent or prior are missing, or do not fit the recipe.
-        ValueError: if the prior is another robot's.
+        ValueError: if the prior is another robot's, or the robot has no rises to start along.
     """
     if parent is not None and is_policy_file(parent):
         check_policy_parent(parent, robot, recipe)
+    if recipe.backwards:
+        list_rises(robot)
     if recipe.style is None:
         return None
     if recipe.style.height_map and parent is None:
@@ -254,11 +262,12 @@ def load_pool(
 ) -> StartPool:
     """Load the settled falls that episodes start from; sample them if there is no file.
 
-    On a terrain there are falls on each patch, the mirror images of none.
+    On a terrain there are falls on each patch, the mirror images of none; a training backwards
+    has frames of the robot's rises among them.
 
     Raises:
         FallError: if too few falls settle.
-        ValueError: if the file does not hold falls of this robot.
+        ValueError: if the file does not hold falls of this robot, or it has no rises.
     """
     scene = terrain.scene if terrain else FLAT_SCENE
     world = build_training_world(robot, scene, PHYSICS_STEP)
@@ -266,6 +275,8 @@ def load_pool(
         rng = pool_rng(seed)
         if terrain is not None:
             pool = make_terrain_pool(world, terrain, recipe.falls, rng)
+        elif recipe.backwards:
+            pool = make_backward_pool(world, recipe.falls, rng)
         else:
             pool = make_pool(world, recipe.falls, rng)
         pool.save(file, robot)

@@ -407,7 +407,12 @@ GROUPS: dict[str, list[Case]] = {
         case("eval robust --n 4 --scene flat,moon", "unknown scene 'moon'"),
     ],
     "train and export": [
-        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, robust,"),
+        case("train --out mine --recipe slow", "--recipe is 'slow', expected quick, backwards,"),
+        case(
+            "train --robot no_motions --recipe backwards --out mine",
+            "robot 'op3' has no rising motion in",
+            extra="rsl_rl",
+        ),
         case(
             "train --out mine --recipe styled-quick",
             "mine has no prior.npz, expected --prior",

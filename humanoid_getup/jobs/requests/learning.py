@@ -50,7 +50,9 @@ class TrainRequest(RobotOption):
 
     out: Annotated[Path, FOLDER, arg(metavar="DIR")]
     """Folder for checkpoint, progress and TensorBoard files."""
-    recipe: Literal["quick", "robust", "gentle", "rough", "styled-quick", "styled"] = "quick"
+    recipe: Literal["quick", "backwards", "robust", "gentle", "rough", "styled-quick", "styled"] = (
+        "quick"
+    )
     """Training recipe."""
     parent: Annotated[Path | None, READ, arg(metavar="DIR|FILE.onnx")] = None
     """Folder of a training whose policy is the initial one, or a policy file (.onnx) with the same

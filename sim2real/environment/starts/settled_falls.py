@@ -12,6 +12,7 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.world import World
 from robots.kinematics import mirror_positions
 from robots.quaternion import Array
+from sim2real.environment.starts.motion_frames import LEVELS, list_backward_starts
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.starts.terrain import Terrain
 
@@ -28,6 +29,19 @@ def make_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
     drops = Drops(world, min(count, BATCH))
     falls = drop_falls(drops, count, rng)
     return StartPool.of(np.concatenate([falls, mirror_positions(world.robot, world.model, falls)]))
+
+
+def make_backward_pool(world: World, count: int, rng: np.random.Generator) -> StartPool:
+    """Make a pool of frames of the robot's rises, the last ones easiest, and of settled falls.
+
+    Raises:
+        ValueError: if the robot has no motion that rises.
+    """
+    frames, levels = list_backward_starts(world.robot, world.model)
+    falls = make_pool(world, count, rng).qpos
+    fallen = np.repeat([False, True], [len(frames), len(falls)])
+    level = np.concatenate([levels, np.full(len(falls), LEVELS)])
+    return StartPool.of(np.concatenate([frames, falls]), level, fallen)
 
 
 def make_terrain_pool(

@@ -29,13 +29,22 @@ class StartPool:
     success: Array
     """Running fraction of episodes that ended standing, (P,)."""
     level: NDArray[np.int_]
-    """Level of the terrain on which each state is, 0 for flat ground, (P,)."""
+    """How difficult each state is, 0 for the easiest, such as flat ground, (P,)."""
+    fallen: NDArray[np.bool_]
+    """Whether each state is a settled fall; the others are frames of motions, (P,)."""
 
     @staticmethod
-    def of(qpos: Array, level: NDArray[np.int_] | None = None) -> StartPool:
-        """Make a pool whose success rates are 0."""
-        flat = np.zeros(len(qpos), dtype=int)
-        return StartPool(qpos, np.zeros(len(qpos)), flat if level is None else level)
+    def of(
+        qpos: Array, level: NDArray[np.int_] | None = None, fallen: NDArray[np.bool_] | None = None
+    ) -> StartPool:
+        """Make a pool whose success rates are 0; by default all states are falls of level 0."""
+        count = len(qpos)
+        return StartPool(
+            qpos,
+            np.zeros(count),
+            np.zeros(count, dtype=int) if level is None else level,
+            np.ones(count, dtype=bool) if fallen is None else fallen,
+        )
 
     def draw(self, count: int, rng: np.random.Generator, highest: int = 0) -> NDArray[np.int_]:
         """Draw rows of the pool, as often from each level up to the highest, hard ones more often.
@@ -56,7 +65,9 @@ class StartPool:
     def save(self, file: Path, robot: Robot) -> None:
         """Write the initial states and the robot's name to an .npz file."""
         arrays = {"qpos": self.qpos, "robot": robot.name}
-        save_arrays(file, arrays | ({"level": self.level} if self.level.any() else {}))
+        arrays |= {"level": self.level} if self.level.any() else {}
+        arrays |= {} if self.fallen.all() else {"fallen": self.fallen}
+        save_arrays(file, arrays)
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
@@ -66,14 +77,16 @@ class StartPool:
             ValueError: if the file holds no initial states of this robot.
         """
         try:
-            arrays = load_arrays(file, ("qpos", "robot"), optional=("level",))
+            arrays = load_arrays(file, ("qpos", "robot"), optional=("level", "fallen"))
             check_robot(arrays["robot"], robot.name)
             qpos = to_numbers(arrays["qpos"], "qpos", (None, width))
-            level = arrays.get("level")
+            level, fallen = arrays.get("level"), arrays.get("fallen")
             if level is not None:
                 level = to_numbers(level, "level", (len(qpos),)).astype(int)
+            if fallen is not None:
+                fallen = to_numbers(fallen, "fallen", (len(qpos),)).astype(bool)
         except (OSError, ArchiveError) as error:
             raise ValueError(
                 f"{file} holds no starts, expected an .npz of falls: {error}"
             ) from error
-        return StartPool.of(qpos, level)
+        return StartPool.of(qpos, level, fallen)

@@ -1,8 +1,6 @@
 """The terrain of a training: flat, rough and sloping patches in one field, easy ones first.
 
-As in [Frezzato22], section 5.4, a level opens after enough successes in the one before, and all
-open ones are visited again. The patches are made like the scenes rough:easy to rough:hard and
-slope:10 to slope:30.
+The patches are made like the scenes rough:easy to rough:hard and slope:10 to slope:30.
 """
 
 from __future__ import annotations
@@ -11,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from humanoid_getup.scenes.ground import HeightField
 from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
@@ -25,7 +22,6 @@ LEVELS = ("flat", *ROUGHNESS)
 SLOPES = {"easy": 10.0, "medium": 20.0, "hard": 30.0}  # degrees
 TILES = 16  # on each side of a patch
 MARGIN = 4  # tiles around a patch on which no robot starts
-TO_OPEN = 200  # successes in a level that open the next
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,29 +69,3 @@ def build_terrain(robot: Robot, rng: np.random.Generator) -> Terrain:
         patches.append(Patch(name=name, level=level, region=region))
     ground = HeightField(heights=heights, cell=cell)
     return Terrain(scene=Scene(name="terrain", ground=ground), patches=tuple(patches))
-
-
-class TerrainCurriculum:
-    """Opens the levels of a terrain one by one."""
-
-    def __init__(self, levels: NDArray[np.int_]) -> None:
-        """Begin with level 0 of starts at these levels, (P,)."""
-        self._levels = levels
-        self.open = 0
-        """Highest level that is open."""
-        self.successes = 0
-        """In the highest open level."""
-
-    def note(self, starts: NDArray[np.int_], stood: NDArray[np.bool_]) -> None:
-        """Count the successes of episodes from some starts; open the next level after enough."""
-        self.successes += int(np.sum(stood & (self._levels[starts] == self.open)))
-        if self.successes >= TO_OPEN and self.open < self._levels.max():
-            self.open, self.successes = self.open + 1, 0
-
-    def save_state(self) -> dict[str, int]:
-        """Return the complete state, for :meth:`restore_state`."""
-        return {"open": self.open, "successes": self.successes}
-
-    def restore_state(self, state: dict[str, int]) -> None:
-        """Restore a state of :meth:`save_state`."""
-        self.open, self.successes = state["open"], state["successes"]

@@ -50,6 +50,9 @@ def test_without_a_fall_of_a_kind_no_share_of_it_is_told():
     policy = begin()
     report(policy, falls=0, stood=0, alone=0)
     assert policy.describe() == "no fall has ended yet"
+    report(policy, falls=0, stood=0, alone=0, level=2)
+    assert policy.describe().endswith("yet; episodes begin on the way, up to level 2")
+    assert policy.is_learning
     report(policy, alone=0)
     assert policy.describe().endswith("of the weight held")
 

@@ -23,7 +23,7 @@ def test_a_fall_with_help_does_not_count_as_stood_alone():
     episodes = begin(ends_early=True)
     for _ in range(HELD):
         outcome = episodes.advance(ALL, NONE, NONE, HELD)
-    assert outcome.from_fall.tolist() == [0, 1]
+    assert outcome.from_pool.tolist() == [0, 1]
     assert outcome.stood.tolist() == [True, True]
     assert outcome.alone.tolist() == [True, False]
 

@@ -16,6 +16,7 @@ from sim2real.environment.episodes import HELD
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import Reward, action_change, haste, stands
+from sim2real.environment.starts.level_curriculum import TO_OPEN
 from sim2real.environment.starts.start_pool import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
@@ -129,6 +130,24 @@ def test_a_success_makes_its_start_rarer(op3, action, pool):
         _, _, _, _, info = env.step(np.zeros((8, action.size)))
     assert (info["falls"], info["stood"]) == (8, 8)
     assert np.all(standing.success > 0.0)
+
+
+def test_episodes_begin_on_the_way_first_and_do_not_count_as_falls(op3, action, pool):
+    model = GetUpEnv(op3, action, pool, FALLEN).sim.model
+    standing = np.tile(place(op3, model, op3.standing), (4, 1))
+    qpos, fallen = np.concatenate([standing, pool.qpos]), np.arange(4 + len(pool.qpos)) >= 4
+    mixed = StartPool.of(qpos, fallen.astype(int), fallen)
+    env = GetUpEnv(op3, action, mixed, replace(FALLEN, ends_early=1.0))
+    env.reset(seed=0)
+    infos = [env.step(np.zeros((8, action.size)))[4]]
+    while infos[-1]["level"] == 0:
+        infos.append(env.step(np.zeros((8, action.size)))[4])
+    assert len(infos) == pytest.approx(TO_OPEN / 8 * HELD / env.step_time, rel=0.1)
+    assert all(info["falls"] == 0 for info in infos)  # standing at the start proves nothing
+    env.episodes.age[:] = env.longest - 1
+    info = env.step(np.zeros((8, action.size)))[4]
+    assert 0 < info["falls"] < 8
+    assert info["stood"] == 0
 
 
 def test_the_critic_sees_the_observation_and_then_the_truth(op3, action, pool):

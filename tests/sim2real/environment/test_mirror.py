@@ -24,9 +24,7 @@ class Pairs(StartPool):
 
 def make_pairs(op3, action, qpos):
     options = EnvOptions(robots=len(qpos), falls=1.0, threads=1)
-    env = GetUpEnv(
-        op3, action, Pairs(qpos, np.zeros(len(qpos)), np.zeros(len(qpos), dtype=int)), options
-    )
+    env = GetUpEnv(op3, action, Pairs(**vars(StartPool.of(qpos))), options)
     observation, info = env.reset(seed=0)
     return env, observation, info["critic"]
 

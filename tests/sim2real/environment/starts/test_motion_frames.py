@@ -1,11 +1,18 @@
 """Frames of motions where episodes begin."""
 
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip("gymnasium")
 
 from robots import quaternion
-from sim2real.environment.starts.motion_frames import list_motion_starts
+from robots.kinematics import mirror_positions
+from sim2real.environment.starts.motion_frames import (
+    LEVELS,
+    list_backward_starts,
+    list_motion_starts,
+)
 
 
 def test_frames_of_the_known_motions_are_starts(op3, world):
@@ -16,3 +23,21 @@ def test_frames_of_the_known_motions_are_starts(op3, world):
     tilt = quaternion.tilt(starts[:, root + 3 : root + 7])
     assert tilt.min() < 0.1
     assert tilt.max() > 1.0
+
+
+def test_backward_starts_are_higher_the_nearer_they_are_to_the_stand(op3, world):
+    starts, levels = list_backward_starts(op3, world.model)
+    assert sorted(set(levels.tolist())) == list(range(LEVELS))
+    height = starts[:, op3.layout(world.model).root_qpos + 2]
+    mean = [height[levels == level].mean() for level in range(LEVELS)]
+    assert mean[:3] == sorted(mean[:3], reverse=True)
+    assert mean[0] > 0.9 * op3.standing.position[2]
+    assert mean[-1] < 0.5 * mean[0]
+    count = len(starts) // 2
+    assert starts[count:] == pytest.approx(mirror_positions(op3, world.model, starts[:count]))
+
+
+def test_a_robot_without_rises_has_no_backward_starts(op3, world, tmp_path):
+    bare = replace(op3, folder=tmp_path)
+    with pytest.raises(ValueError, match=r"no rising motion .* \(getup motions discover --robot"):
+        list_backward_starts(bare, world.model)

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("gymnasium")
 
 from robots import load_robot
+from sim2real.environment.starts.settled_falls import make_backward_pool
 from sim2real.environment.starts.start_pool import LEAST, StartPool
 
 
@@ -56,3 +57,13 @@ def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
     np.savez(tmp_path / "falls.npz", qpos=falls)
     with pytest.raises(ValueError, match="holds no starts"):
         StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])
+
+
+def test_a_pool_along_rises_survives_its_file_and_knows_its_falls(tmp_path: Path, op3, world):
+    pool = make_backward_pool(world, 2, np.random.default_rng(0))
+    pool.save(tmp_path / "falls.npz", op3)
+    again = StartPool.load(tmp_path / "falls.npz", op3, world.model.nq)
+    assert np.array_equal(again.level, pool.level)
+    assert again.fallen.sum() == 4  # two, and their mirror images
+    assert again.level[again.fallen].tolist() == [again.level.max()] * 4
+    assert again.level[~again.fallen].max() == again.level.max() - 1

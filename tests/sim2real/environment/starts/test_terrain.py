@@ -20,9 +20,7 @@ from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.starts.terrain import (
     LEVELS,
     SLOPES,
-    TO_OPEN,
     Terrain,
-    TerrainCurriculum,
     build_terrain,
 )
 
@@ -74,22 +72,6 @@ def test_robots_fall_on_each_patch_and_lie_on_it(op3, terrain, terrain_world):
             over = z - terrain.scene.ground.height(x, y)
             assert -0.05 < over < 0.25
     assert TILE * leg_length(op3) > 0.1
-
-
-def test_levels_open_one_by_one_after_enough_successes():
-    levels = np.array([0, 1, 2, 3])
-    curriculum = TerrainCurriculum(levels)
-    curriculum.note(np.array([1, 2]), np.array([True, True]))
-    assert (curriculum.open, curriculum.successes) == (0, 0)  # only those of level 0 count
-    for _ in range(TO_OPEN):
-        curriculum.note(np.array([0, 0]), np.array([True, False]))
-    assert curriculum.open == 1
-    for level in (1, 2, 3):
-        curriculum.note(np.full(3 * TO_OPEN, level), np.ones(3 * TO_OPEN, dtype=bool))
-    assert curriculum.open == 3
-    again = TerrainCurriculum(levels)
-    again.restore_state(curriculum.save_state())
-    assert (again.open, again.successes) == (curriculum.open, curriculum.successes)
 
 
 def test_only_falls_of_open_levels_are_drawn():

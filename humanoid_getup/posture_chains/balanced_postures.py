@@ -1,4 +1,4 @@
-"""Balanced postures: robots at rest on flat soles, and what holds them there."""
+"""Balanced postures: robots at rest on flat soles, or hands as well, and what holds them there."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Self
 import numpy as np
 
 from robots import Posture, Robot
+from robots.body.props import Prop
 from robots.body.statics import Statics
 from robots.quaternion import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BalancedPostures:
-    """Postures that balance on flat soles, and the targets with which servos hold them."""
+    """Postures on flat soles, or hands as well, and the targets with which servos hold them."""
 
     postures: tuple[Posture, ...]
     """On the ground z = 0, their soles level."""
@@ -29,6 +30,16 @@ class BalancedPostures:
         targets = [statics.find_targets(angles) for angles in joint_pos]
         return cls(
             postures=tuple(statics.make_posture(angles) for angles in joint_pos),
+            targets=np.array(targets).reshape(-1, robot.n),
+        )
+
+    @classmethod
+    def of_props(cls, robot: Robot, props: Sequence[Prop]) -> Self:
+        """Set a robot on its soles and hands."""
+        statics = Statics(robot)
+        targets = [statics.find_targets(each.joint_pos, each.hands, each.share) for each in props]
+        return cls(
+            postures=tuple(statics.make_posture(each.joint_pos) for each in props),
             targets=np.array(targets).reshape(-1, robot.n),
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.posture_chains.balanced_postures import BalancedPostures
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
@@ -12,6 +13,7 @@ from robots import Robot
 from robots.body.crouches import draw_crouches
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
+from robots.body.props import draw_props
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.quaternion import Array
@@ -27,7 +29,7 @@ SYMMETRIC = 0.6  # probability that a random posture is symmetric
 KEPT = 0.4  # probability that a limb does not go towards the stance
 PAIRED_LIMBS = 0.7  # probability that its partner goes with a limb that does
 SQUAT_SPREAD = 0.08  # rad
-CROUCHES, NEAR_CROUCHES = 120, 16  # that are drawn for a robot, and those near to a posture
+CROUCHES, PROPS, NEAR = 120, 90, 16  # that are drawn for a robot, and those near to a posture
 ALL_CROUCH = 0.5  # probability that arms and head move to the crouch's, too
 BOTH_FOLD = 0.75  # probability that both legs fold alike, rather than one
 ANYWHERE = (0.2, 0.7)  # of the way from the stance to a random posture
@@ -43,6 +45,7 @@ class RandomMoves:
         limbs = Limbs(robot)
         self._groups = _group(limbs)
         self._legs = np.array(sorted(k for name in LEGS for k in limbs.all[name].joints))
+        self._limbs = np.array(sorted(k for limb in limbs.all.values() for k in limb.joints))
         limbs.look(robot.standing.joint_pos)
         self._bending = [np.array(limbs.leg(name).list_pitch()) for name in LEGS]
         squats = [] if rng is None else list_squats(limbs, Statics(robot))
@@ -53,6 +56,9 @@ class RandomMoves:
         crouches = [] if rng is None else list(draw_crouches(limbs, CROUCHES, rng))
         self.crouches = BalancedPostures.at(robot, crouches)
         """Other balanced postures on flat soles."""
+        props = [] if rng is None else draw_props(limbs, PROPS, rng)
+        self.props = BalancedPostures.of_props(robot, props)
+        """Postures on flat soles and both hands."""
         kinds: dict[str, tuple[float, Callable[[Array, np.random.Generator], Array]]] = {
             "mirrored joints": (0.30, self._change_pairs),
             "joints": (0.12, self._change_joints),
@@ -62,6 +68,7 @@ class RandomMoves:
             "homeward": (0.12, self._go_homeward),
             "squat": (0.10 if squats else 0.0, self._squat),
             "crouch": (0.12 if len(self.crouches) else 0.0, self._crouch),
+            "prop": (0.10 if len(self.props) else 0.0, self._prop),
             "anywhere": (0.08, self._go_anywhere),
         }
         self.kinds, self._draw = tuple(kinds), [draw for _, draw in kinds.values()]
@@ -163,15 +170,16 @@ class RandomMoves:
     def _crouch(self, target: Array, rng: np.random.Generator) -> Array:
         """Move the legs to a crouch near their angles; often all else, too."""
         legs = self._legs
-        crouches = self.crouches.targets
-        far = np.abs(crouches[:, legs] - target[legs]).max(axis=1)
-        near = np.argsort(far, kind="stable")[:NEAR_CROUCHES]
-        crouch = crouches[int(rng.choice(near))]
+        crouch = _draw_near(self.crouches.targets, target, legs, rng)
         if rng.random() < ALL_CROUCH:
-            return crouch.copy()
+            return crouch
         moved = target.copy()
         moved[legs] = crouch[legs]
         return moved
+
+    def _prop(self, target: Array, rng: np.random.Generator) -> Array:
+        """Move arms and legs to a prop near their angles."""
+        return _draw_near(self.props.targets, target, self._limbs, rng)
 
     def _go_anywhere(self, _: Array, rng: np.random.Generator) -> Array:
         home, drawn = self._robot.standing.joint_pos, self._draw_anywhere(rng)
@@ -182,6 +190,15 @@ class RandomMoves:
 
     def _draw_anywhere(self, rng: np.random.Generator) -> Array:
         return rng.uniform(self._robot.lower, self._robot.upper)
+
+
+def _draw_near(
+    postures: Array, target: Array, joints: NDArray[np.int_], rng: np.random.Generator
+) -> Array:
+    """Draw one of the postures (K, n) whose joints are nearest to those of targets (n,)."""
+    far = np.abs(postures[:, joints] - target[joints]).max(axis=1)
+    near = np.argsort(far, kind="stable")[:NEAR]
+    return postures[int(rng.choice(near))].copy()
 
 
 def _group(limbs: Limbs) -> list[np.ndarray]:

@@ -21,7 +21,7 @@ from humanoid_getup.simulation.world import World
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 5
+VERSION = 6
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")

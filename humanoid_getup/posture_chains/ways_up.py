@@ -22,7 +22,7 @@ from robots.smooth_step import invert_smooth_step
 
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
-CROUCH_ROUNDS = 6  # in which the nearest pairs of crouches and ways up are tried
+ROUNDS = 8  # in which the nearest pairs of crouches, or props, and ways up are tried
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 ENTRIES = 4  # frames of a stored motion that are filed
@@ -46,7 +46,7 @@ class WaysUp:
         self.paired: set[tuple[RestingState, RestingState]] = set()
         """Pairs whose connection was tried."""
         self._add_squats()
-        self._add_crouches(rng)
+        self._add_balanced(rng)
 
     def __iter__(self) -> Iterator[RestingState]:
         return iter(self.archive)
@@ -155,10 +155,13 @@ class WaysUp:
         drawn = float(rng.choice(DURATIONS)) * self._player.scale
         return self._moves.aim(state.target, up.target, drawn, "connect")
 
-    def _add_crouches(self, rng: np.random.Generator) -> None:
-        """File the crouches that hold, and from which a move leads to a state with a way up."""
-        waiting = self._hold(self._moves.crouches)
-        for _ in range(CROUCH_ROUNDS):
+    def _add_balanced(self, rng: np.random.Generator) -> None:
+        """File crouches and props that hold, and from which a move leads to a state with a way up.
+
+        Props with little weight on the hands are near crouches; others join these.
+        """
+        waiting = [*self._hold(self._moves.crouches), *self._hold(self._moves.props)]
+        for _ in range(ROUNDS):
             waiting = [state for state in waiting if self.archive.wants(state)]
             deepest = sorted(waiting, key=lambda state: -state.progress)
             of_cells = [*{state.cell: state for state in deepest}.values()]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from robots.body.both_legs import BothLegs, find_overlaps_but_arms
-from robots.body.flat_soles import CLOSE, FlatSoles, Foot, fit_posture
+from robots.body.flat_soles import CLOSE, ROUGH, FlatSoles, Foot, fit_posture
 from robots.body.limbs import Limbs
 from robots.quaternion import Array
 
 EXTENSIONS = (0.2, 0.98)  # shares of the stretched leg
-LEANS = (-0.2, 1.0)  # sines of the torso's lean forward
+LEANS = (-0.5, 1.0)  # sines of the torso's lean forward
 STRIDES, WIDTHS = (-0.25, 0.25), (-0.05, 0.3)
 """Leg lengths by which feet are further apart than in the stance."""
 STRIDING = 0.3  # probability that one foot is in front of the other
@@ -61,11 +61,16 @@ class _CrouchSampler:
         reach, both = extension * soles.length, self._both
 
         def measure() -> Array:
-            leans, errors = soles.measure(reach)
-            return np.concatenate([LEAN * (leans - lean), CLOSE * errors])
+            back, errors = soles.measure(reach)
+            return np.concatenate([LEAN * (back + lean), CLOSE * errors])
 
         bent = both.bend_knees(base, 1.0)
         angles = fit_posture(
-            lambda values: both.look(base, values), measure, bent, base[both.joints], both.bounds
+            lambda values: both.look(base, values),
+            measure,
+            bent,
+            base[both.joints],
+            both.bounds,
+            ROUGH,
         )
         return angles if np.abs(soles.measure(reach)[1]).max() < SOLVED else None

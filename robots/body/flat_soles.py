@@ -14,7 +14,7 @@ from robots.quaternion import Array
 
 CLOSE, HABIT = 5.0, 0.02
 """Weights of the feet's place, and of the angles' distance from the start."""
-EVALUATIONS = 200
+EVALUATIONS, EXACT, ROUGH = 200, 1e-8, 1e-3
 MARGIN = 0.02  # rad from the end of a joint's range
 
 
@@ -55,8 +55,8 @@ class FlatSoles:
             reach: From the hip to the ground [m].
 
         Returns:
-            Sines of the angles between the torso and each of f soles, about y, (f,), and errors
-            of unit vectors and of places in lengths of a leg.
+            Sines of the angles by which the torso leans back over each of f soles, (f,), and
+            errors of unit vectors and of places in lengths of a leg.
         """
         legs = [foot.leg for foot in self.feet]
         axes = np.array([leg.sole_axes for leg in legs])  # (f, 3, 3)
@@ -79,6 +79,7 @@ def fit_posture(
     start: Array,
     before: Array,
     bounds: tuple[Array, Array],
+    tolerance: float = EXACT,
 ) -> Array:
     """Fit some joint angles (j,) within bounds [rad]; return all angles (n,), looked at last.
 
@@ -88,6 +89,7 @@ def fit_posture(
         start: Angles from which the search begins, clipped.
         before: Angles from which the way should be short.
         bounds: Least and greatest angles.
+        tolerance: Relative change below which it is good enough.
     """
 
     def residuals(values: Array) -> Array:
@@ -95,4 +97,12 @@ def fit_posture(
         return np.concatenate([measure(), HABIT * (values - before)])
 
     start = np.clip(start, *bounds)
-    return look(least_squares(residuals, start, bounds=bounds, max_nfev=EVALUATIONS).x)
+    found = least_squares(
+        residuals,
+        start,
+        bounds=bounds,
+        max_nfev=EVALUATIONS,
+        ftol=tolerance,
+        xtol=tolerance,
+    )
+    return look(found.x)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -11,6 +13,8 @@ from robots.posture import Posture
 from robots.quaternion import Array
 from robots.robot import Robot
 
+Hands = Sequence[tuple[int, Array]]
+"""Bodies, and where in their frames they touch the ground [m], (3,) each."""
 STEP = 1e-4  # rad, of the difference that tells by how much a passive joint follows another
 
 
@@ -60,28 +64,39 @@ class Statics:
         """
         return self._robot.transmission.torque_for_joint(self._measure_at_joints(joint_pos))
 
-    def find_targets(self, joint_pos: Array) -> Array:
+    def find_targets(self, joint_pos: Array, hands: Hands = (), share: float = 0.0) -> Array:
         """Find the targets that hold joint angles on both soles, within their limits, (n,) [rad].
 
         They lead the angles by the errors at which the servos make the torques.
+
+        Args:
+            joint_pos: [rad], (n,)
+            hands: Bodies that touch the ground as well, and where in their frames [m].
+            share: Of the weight, that they carry together.
         """
-        lead = self._robot.compute_lead(self._measure_at_joints(joint_pos))
+        lead = self._robot.compute_lead(self._measure_at_joints(joint_pos, hands, share))
         return np.clip(joint_pos + lead, self._robot.lower, self._robot.upper)
 
-    def _measure_at_joints(self, joint_pos: Array) -> Array:
-        """Compute the torques at the joints that hold their angles on both soles [N·m], (n,)."""
+    def _measure_at_joints(self, joint_pos: Array, hands: Hands = (), share: float = 0.0) -> Array:
+        """Compute the torques at the joints that hold their angles on the ground [N·m], (n,)."""
         self.place_on_soles(joint_pos)
         data, model = self._data, self._model
         center = data.subtree_com[self._layout.torso]
         places = np.array([data.site_xpos[sole] for sole in self._soles])
         shares = _share_weight(places[:, 1], float(center[1]))
         torque = data.qfrc_bias - data.qfrc_passive
+        held = list[tuple[int, Array, float]]()
+        for sole, place, own in zip(self._soles, places, shares, strict=True):
+            ahead = place[0] if hands else center[0]
+            point = np.array([ahead, place[1], place[2]])
+            held.append((int(model.site_bodyid[sole]), point, (1.0 - share) * own))
+        for body, place in hands:
+            point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
+            held.append((body, point, share / len(hands)))
         jacobian = np.zeros((3, model.nv))
-        for sole, place, share in zip(self._soles, places, shares, strict=True):
-            point = np.array([center[0], place[1], place[2]])
-            body = int(model.site_bodyid[sole])
+        for body, point, own in held:
             mujoco.mj_jac(model, data, jacobian, None, point, body)
-            torque -= jacobian.T @ np.array([0.0, 0.0, share * self.weight])
+            torque -= jacobian.T @ np.array([0.0, 0.0, own * self.weight])
         return torque[self._layout.dof] + self._hand_on(torque[self._passive_dof])
 
     def _hand_on(self, torque: Array) -> Array:

@@ -1,0 +1,62 @@
+"""Props stand on soles and hands, their weight between them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from robots import Robot, quaternion
+from robots.body.limbs import Limbs
+from robots.body.props import MOST_DOWN, draw_props
+from robots.body.statics import Statics
+from robots.kinematics import place
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def limbs(op3: Robot) -> Limbs:
+    return Limbs(op3)
+
+
+def find_up(posture) -> np.ndarray:
+    """Return the vertical in the torso's frame: its x is negative as the chest looks down."""
+    return quaternion.rotate(quaternion.inverse(posture.orientation), UP)
+
+
+def test_props_have_soles_and_hands_on_the_ground_and_their_weight_between(
+    op3: Robot, limbs: Limbs
+):
+    props, statics = draw_props(limbs, 40, np.random.default_rng(0)), Statics(op3)
+    model = op3.spec().compile()
+    data, length = mujoco.MjData(model), limbs.thigh_and_shank
+    assert len(props) > 5
+    for prop in props:
+        posture = statics.make_posture(prop.joint_pos)
+        data.qpos[:] = place(op3, model, posture)
+        mujoco.mj_forward(model, data)
+        hands = [
+            data.xpos[body] + data.xmat[body].reshape(3, 3) @ place for body, place in prop.hands
+        ]
+        soles = np.array([data.site(name).xpos for name in op3.sole_sites])
+        forward = data.site_xmat[model.site(op3.sole_sites[0]).id].reshape(3, 3)[:, 0]
+        assert np.array([hand[2] for hand in hands]) == pytest.approx(0.0, abs=0.05 * length)
+        assert soles[:, 2] == pytest.approx(0.0, abs=0.05 * length)
+        between = soles.mean(axis=0) + prop.share * (np.mean(hands, axis=0) - soles.mean(axis=0))
+        off = (data.subtree_com[limbs.torso] - between) @ forward
+        assert off == pytest.approx(0.0, abs=0.05 * length)
+        assert find_up(posture)[2] > -MOST_DOWN
+        assert np.array_equal(op3.symmetrize(prop.joint_pos), prop.joint_pos)
+
+
+def test_targets_of_a_prop_ask_less_of_the_legs_the_more_the_hands_carry(op3: Robot, limbs: Limbs):
+    props = draw_props(limbs, 40, np.random.default_rng(0))
+    prop = max(props, key=lambda each: each.share)
+    statics, legs = Statics(op3), [k for k, name in enumerate(op3.joint_names) if "knee" in name]
+    lead = {
+        share: np.abs(statics.find_targets(prop.joint_pos, prop.hands, share) - prop.joint_pos)
+        for share in (0.0, prop.share)
+    }
+    arms = [k for k, name in enumerate(op3.joint_names) if "sho_pitch" in name]
+    assert lead[prop.share][arms].max() > lead[0.0][arms].max()
+    assert prop.share > 0.2
+    assert lead[prop.share][legs].sum() != lead[0.0][legs].sum()

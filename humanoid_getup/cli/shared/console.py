@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -20,6 +21,7 @@ from humanoid_getup.progress.callback import Progress, Report
 SMALL_FIGURE = 0.1  # below which two decimals are too few
 ROUNDING = 1e-9  # below which a figure is 0
 WIDTH = 120  # characters of a line that goes to no terminal
+LINE_EVERY = 60.0  # s between lines of progress that go to no terminal
 
 
 class PipeConsole(Console):
@@ -65,7 +67,10 @@ def showing(command: JobRequest | None = None) -> Iterator[Report]:
 
 
 class ProgressDisplay:
-    """Shows a text or a bar for each phase, and lines for findings."""
+    """Shows a text or a bar for each phase, and lines for findings.
+
+    What goes to no terminal has no bars, but a line from time to time.
+    """
 
     def __init__(self, findings: Console) -> None:
         """Show progress on standard error, and findings on a console."""
@@ -73,12 +78,16 @@ class ProgressDisplay:
         self._status: Status | None = None
         self._bars: Bars | None = None
         self._tasks: dict[str, TaskID] = {}
+        self._lines = Console(stderr=True, highlight=False, width=WIDTH)
+        self._said = time.monotonic()
 
     def show(self, progress: Progress) -> None:
         """Show the progress of the work."""
         if progress.message:
             self.stop()
             self._findings.print(progress.message, markup=False, soft_wrap=True)
+        elif not self._lines.is_terminal:
+            self._say(progress)
         elif progress.total is None:
             self._show_text(progress.phase)
         else:
@@ -91,6 +100,16 @@ class ProgressDisplay:
         if self._bars is not None:
             self._bars.stop()
         self._status = self._bars = None
+
+    def _say(self, progress: Progress) -> None:
+        """Print a line of progress, if the last one is long ago."""
+        now = time.monotonic()
+        if now - self._said < LINE_EVERY:
+            return
+        self._said = now
+        counted = "" if progress.total is None else f" {progress.done:.0f}/{progress.total:.0f}"
+        line = f"{progress.phase}{counted} {progress.note}".rstrip()
+        self._lines.print(line, markup=False, soft_wrap=True)
 
     def _show_text(self, text: str) -> None:
         if self._status is None:

@@ -19,6 +19,7 @@ from run_getup import Run
 
 from humanoid_getup.jobs.requests.learning import TrainRequest
 from humanoid_getup.jobs.trained_policy import format_time
+from humanoid_getup.progress.callback import Progress
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train
@@ -98,12 +99,13 @@ def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch)
 
 
 def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
+    def interrupt(_: object, progress: Progress) -> None:
+        if progress.total is not None:
+            raise KeyboardInterrupt
 
     assert run(*TINY)[0] == 0
     before = Path("mine/checkpoint.pt").read_bytes()
-    monkeypatch.setattr("humanoid_getup.cli.shared.console.ProgressDisplay._show_bar", interrupt)
+    monkeypatch.setattr("humanoid_getup.cli.shared.console.ProgressDisplay.show", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
     assert "the same command continues from it" in error

@@ -17,12 +17,14 @@ from run_getup import Run
 from humanoid_getup.cli.get_up.results import draw_run
 from humanoid_getup.cli.options.rise import Play, RunPolicy
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table
+from humanoid_getup.cli.shared import console as console_module
+from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table, showing
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.jobs.requests.learning import ExportRequest
+from humanoid_getup.progress.callback import Progress
 from humanoid_getup.reporting import film_strip, plots
 from robots import Robot
 from robots.storage.files import atomic_path
@@ -168,6 +170,21 @@ def test_headings_of_a_table_keep_their_units():
     console = Console(file=io.StringIO(), width=80)
     console.print(make_table(("motion", "lasts [s]", "size [kB]"), left=["motion"]))
     assert console.file.getvalue().split("  ") == ["motion", "lasts [s]", "size [kB]", "\n"]
+
+
+def test_progress_that_goes_to_no_terminal_is_a_line_from_time_to_time(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    with showing() as show:
+        show(Progress(phase="search", done=100.0, total=60_000.0, note="supine: 26%"))
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(console_module, "LINE_EVERY", 0.0)
+        show(Progress(phase="search", done=200.0, total=60_000.0, note="supine: [31%]"))
+        show(Progress(phase="squats"))
+        show(Progress(message="a motion was found"))
+    said = capsys.readouterr()
+    assert said.err.splitlines() == ["search 200/60000 supine: [31%]", "squats"]
+    assert said.out == "a motion was found\n"
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])

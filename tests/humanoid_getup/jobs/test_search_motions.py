@@ -35,6 +35,7 @@ def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     small = partial(SearchSettings, batch=4, worlds=2, threads=1)
     monkeypatch.setattr(search_motions, "SearchSettings", small)
     monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
+    monkeypatch.setattr("humanoid_getup.posture_chains.moves.PROPS", 6)
     return tmp_path / "bare"
 
 

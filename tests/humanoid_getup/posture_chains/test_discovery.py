@@ -52,6 +52,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         return discovery
 
     monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
+    monkeypatch.setattr("humanoid_getup.posture_chains.moves.PROPS", 6)
     monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *_: min(LIMIT_SHARES))
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
     monkeypatch.setattr(ChainSearch, "shorten", lambda _, chain: chain)

@@ -15,7 +15,7 @@ STRIDES, WIDTHS = (-0.25, 0.25), (-0.05, 0.3)
 """Leg lengths by which feet are further apart than in the stance."""
 STRIDING = 0.3  # probability that one foot is in front of the other
 LEAN = 1.0  # weight of the wanted lean
-SOLVED = 0.03  # largest residual, in leg lengths and unit vectors
+SOLVED = 0.015  # largest residual, in leg lengths and unit vectors
 MOST_SPREAD = 0.8  # of the arms' way from the stance to a random posture
 
 

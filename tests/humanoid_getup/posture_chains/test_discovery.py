@@ -72,7 +72,7 @@ def test_a_side_is_done_with_so_many_motions(begin: Begin):
 
 
 def test_a_kept_motion_is_a_way_up_for_the_other_sides(begin: Begin):
-    discovery = begin("supine_sit_up_fast")
+    discovery = begin("supine_sit_up_gentle")
     before = set(discovery.tools.ways_up)
     run(discovery, 1)
     new = [up for up in discovery.tools.ways_up if up not in before]

@@ -20,6 +20,8 @@ WIDTHS = (-0.05, 0.3)  # leg lengths by which feet are further apart than in the
 NEAREST = 0.1  # leg lengths of hands from the middle of the soles
 REACH, LEAN = 0.3, 0.3  # weights of the wanted extension and lean
 SOLVED = 0.03  # largest residual, in leg lengths and unit vectors
+HEIGHT, BALANCE = 3, 4
+"""Where `FlatSoles.measure` has the errors of the hip's height and of the balance on one sole."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -117,7 +119,3 @@ class _PropSampler:
             turn = limbs.data.xmat[body].reshape(3, 3)
             hands.append((body, turn.T @ (limbs.find_end(limb) - limbs.data.xpos[body])))
         return tuple(hands)
-
-
-HEIGHT, BALANCE = 3, 4
-"""Where `FlatSoles.measure` has the errors of the hip's height and of the balance on one sole."""

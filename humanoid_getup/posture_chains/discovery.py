@@ -32,6 +32,7 @@ SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as w
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
+MAKING_SHARE = 0.5  # of the time of the search, from which no further motion is made yet
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
@@ -147,14 +148,21 @@ class ChainDiscovery:
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before
-            if chain := each.take_chain():
-                yield each, self._try(each, chain)
+            if self._has_time_to_make and (chain := each.take_chain()):
+                yield each, self._try(each, chain, improves=True)
 
     def conclude(self) -> Iterator[tuple[SideSearch, MadeMotion]]:
-        """Try a chain of each side without a motion, where the search ends; yield the motions."""
+        """Try a chain of each side without a motion, where the search ends; yield the motions.
+
+        They are not improved, which may take longer than the search.
+        """
         for each in self.sides:
             if not each.kept and (chain := each.take_chain(waits=False)):
-                yield each, self._try(each, chain)
+                yield each, self._try(each, chain, improves=False)
+
+    @property
+    def _has_time_to_make(self) -> bool:
+        return self.maker.simulated <= MAKING_SHARE * self.tools.player.simulated
 
     def _list_turns(self) -> list[SideSearch]:
         """List the sides to search next; without a chain for long, mostly the one that is ahead.
@@ -168,11 +176,12 @@ class ChainDiscovery:
         ahead = max(going, key=lambda each: each.search.archive.best.progress)
         return [*going, *[ahead] * EXTRA_TURNS]
 
-    def _try(self, each: SideSearch, chain: PostureChain) -> MadeMotion:
+    def _try(self, each: SideSearch, chain: PostureChain, *, improves: bool) -> MadeMotion:
         """Make a motion of a chain; keep it if it can be, as a way up for the other sides."""
         name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
         chain, rest = each.search.shorten(chain), self.tools.player.rest
-        made = self._check(each, self.maker.make(chain, rest, name=name, start_class=each.side))
+        made = self.maker.make(chain, rest, name=name, start_class=each.side, improves=improves)
+        made = self._check(each, made)
         if made.motion is not None:
             each.kept.append(made.motion)
             each.first = min(each.first, each.spent)

@@ -87,12 +87,19 @@ class MotionMaker:
         """Time simulated so far [s]."""
 
     def make(
-        self, chain: PostureChain, rest: float, *, name: str, start_class: StartClass
+        self,
+        chain: PostureChain,
+        rest: float,
+        *,
+        name: str,
+        start_class: StartClass,
+        improves: bool = True,
     ) -> MadeMotion:
         """Make a motion of a chain, whose moves are followed by a rest [s].
 
         The shortest of its versions that stands often enough is kept; motions end standing also
-        when they are entered at rest at some of their frames.
+        when they are entered at rest at some of their frames. If none does, a short one may be
+        improved.
         """
         world, rng = self._world, np.random.default_rng([self._seed, 0])
         keyframes = make_keyframes(
@@ -114,7 +121,8 @@ class MotionMaker:
         )
         versions = shortener.shorten(keyframes)
         found = choose_version(versions, lambda each: self._judge(each, optimizer))
-        if WORTH <= found.share < KEPT_SHARE and found.duration < LONG * shortener.scale:
+        is_worth_it = WORTH <= found.share < KEPT_SHARE
+        if improves and is_worth_it and found.duration < LONG * shortener.scale:
             best = optimizer.optimize(found.keyframes, GENERATIONS, self._seed)[0]
             found = max(found, self._judge(best, optimizer), key=lambda each: each.share)
         self.simulated += shortener.simulated + optimizer.simulated

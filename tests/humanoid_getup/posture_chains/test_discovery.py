@@ -114,6 +114,26 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
     assert [*discovery.conclude()] == []  # it has one
 
 
+def test_making_does_not_take_longer_than_the_search_and_improves_nothing_at_its_end(
+    begin: Begin, monkeypatch: pytest.MonkeyPatch
+):
+    discovery, improved = begin("supine_sit_up_fast", "supine_sit_up_fast"), []
+    make = discovery.maker.make
+
+    def record(*args: object, improves: bool, **fields: object) -> MadeMotion:
+        improved.append(improves)
+        return make(*args, **fields)
+
+    monkeypatch.setattr(discovery.maker, "make", record)
+    discovery.maker.simulated = discovery.tools.player.simulated
+    assert run(discovery, 3) == []
+    discovery.maker.simulated *= 0.4
+    assert run(discovery, 1) == [""]
+    discovery.sides[0].kept.clear()
+    assert [made.failure for _, made in discovery.conclude()] == [""]
+    assert improved == [True, False]
+
+
 def test_a_side_on_which_a_robot_does_not_stay_is_skipped(
     world: World, monkeypatch: pytest.MonkeyPatch
 ):

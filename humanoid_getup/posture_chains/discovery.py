@@ -32,7 +32,8 @@ SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as w
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
-MAKING_SHARE = 0.5  # of the time of the search, from which no further motion is made yet
+UNIMPROVED = 20_000.0  # s of the search, in which other chains are found sooner than improved
+MAKING_SHARE = 0.5  # of the time of the search, above which motions are not improved either
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
@@ -148,8 +149,8 @@ class ChainDiscovery:
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before
-            if self._has_time_to_make and (chain := each.take_chain()):
-                yield each, self._try(each, chain, improves=True)
+            if chain := each.take_chain():
+                yield each, self._try(each, chain, improves=self._has_time_to_improve)
 
     def conclude(self) -> Iterator[tuple[SideSearch, MadeMotion]]:
         """Try a chain of each side without a motion, where the search ends; yield the motions.
@@ -161,8 +162,9 @@ class ChainDiscovery:
                 yield each, self._try(each, chain, improves=False)
 
     @property
-    def _has_time_to_make(self) -> bool:
-        return self.maker.simulated <= MAKING_SHARE * self.tools.player.simulated
+    def _has_time_to_improve(self) -> bool:
+        searched = self.tools.player.simulated
+        return searched > UNIMPROVED and self.maker.simulated < MAKING_SHARE * searched
 
     def _list_turns(self) -> list[SideSearch]:
         """List the sides to search next; without a chain for long, mostly the one that is ahead.

@@ -114,10 +114,14 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
     assert [*discovery.conclude()] == []  # it has one
 
 
-def test_making_does_not_take_longer_than_the_search_and_improves_nothing_at_its_end(
-    begin: Begin, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("searched", "made", "improves"),
+    [(5_000.0, 0.0, False), (30_000.0, 9_000.0, True), (30_000.0, 16_000.0, False)],
+)
+def test_motions_are_improved_late_in_a_search_that_has_time_for_it(
+    begin: Begin, monkeypatch: pytest.MonkeyPatch, searched: float, made: float, improves: bool
 ):
-    discovery, improved = begin("supine_sit_up_fast", "supine_sit_up_fast"), []
+    discovery, improved = begin("supine_sit_up_fast", "supine_sit_up_fast"), list[bool]()
     make = discovery.maker.make
 
     def record(*args: object, improves: bool, **fields: object) -> MadeMotion:
@@ -125,13 +129,11 @@ def test_making_does_not_take_longer_than_the_search_and_improves_nothing_at_its
         return make(*args, **fields)
 
     monkeypatch.setattr(discovery.maker, "make", record)
-    discovery.maker.simulated = discovery.tools.player.simulated
-    assert run(discovery, 3) == []
-    discovery.maker.simulated *= 0.4
+    discovery.tools.player.simulated, discovery.maker.simulated = searched, made
     assert run(discovery, 1) == [""]
     discovery.sides[0].kept.clear()
     assert [made.failure for _, made in discovery.conclude()] == [""]
-    assert improved == [True, False]
+    assert improved == [improves, False]
 
 
 def test_a_side_on_which_a_robot_does_not_stay_is_skipped(

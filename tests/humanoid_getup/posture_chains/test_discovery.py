@@ -129,6 +129,7 @@ def test_motions_are_improved_late_in_a_search_that_has_time_for_it(
         return make(*args, **fields)
 
     monkeypatch.setattr(discovery.maker, "make", record)
+    monkeypatch.setattr(f"{DISCOVERY}.LATE", np.inf)
     discovery.tools.player.simulated, discovery.maker.simulated = searched, made
     assert run(discovery, 1) == [""]
     discovery.sides[0].kept.clear()

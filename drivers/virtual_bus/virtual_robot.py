@@ -185,10 +185,10 @@ class VirtualPorts:
 
     def __enter__(self) -> VirtualPorts:
         with ExitStack() as opening:
+            if self.imu_line is not None:
+                opening.callback(self.imu_line.close)  # after the bus that waits for it has ended
             for bus in self.buses.values():
                 opening.enter_context(bus)
-            if self.imu_line is not None:
-                opening.callback(self.imu_line.close)
             self._open = opening.pop_all()
         return self
 

@@ -86,6 +86,24 @@ def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
     return state
 
 
+def test_the_line_of_an_imu_is_closed_after_the_bus_that_waits_for_it(
+    tiny: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    virtual = VirtualRobot(Simulation(with_imu(tiny, "serial line")), powered=True)
+    ports, running = VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP), list[bool]()
+    assert ports.imu_line is not None
+    close = ports.imu_line.close
+
+    def close_noted() -> None:
+        running.append(ports.main.running)
+        close()
+
+    monkeypatch.setattr(ports.imu_line, "close", close_noted)
+    with ports:
+        assert ports.main.running
+    assert running == [False]
+
+
 @pytest.mark.parametrize("kind", [*KINDS, "board by its addresses"])
 def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
     robot = with_imu(tiny, kind)

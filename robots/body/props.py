@@ -83,12 +83,17 @@ class _PropSampler:
         errors = self._measure_errors(soles, soles.measure(reach)[1], share)
         if foot.leg.sole_axes[2, 2] < -MOST_DOWN or np.abs(errors).max() > SOLVED:
             return None
-        if abs(self._measure_hand(soles)[0]) < NEAREST:
+        if abs(self._measure_hand(soles)[0]) < NEAREST or not self._is_in_range(angles):
             return None
         if find_overlaps_but_arms(self._limbs, angles) - self._usual:
             return None
         self._limbs.look(angles)
         return Prop(joint_pos=angles, share=share, hands=self._locate_hands())
+
+    def _is_in_range(self, angles: Array) -> bool:
+        """Tell whether the right limbs can take what the left ones do."""
+        robot = self._robot
+        return bool(np.all((angles >= robot.lower) & (angles <= robot.upper)))
 
     def _look(self, values: Array) -> Array:
         """Look at the stance with other angles of the left limbs, mirrored; return all, (n,)."""

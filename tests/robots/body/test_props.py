@@ -1,5 +1,7 @@
 """Props stand on soles and hands, their weight between them."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -46,6 +48,16 @@ def test_props_have_soles_and_hands_on_the_ground_and_their_weight_between(
         assert off == pytest.approx(0.0, abs=0.05 * length)
         assert find_up(posture)[2] > -MOST_DOWN
         assert np.array_equal(op3.symmetrize(prop.joint_pos), prop.joint_pos)
+
+
+def test_a_prop_that_one_side_cannot_take_is_left_out(op3: Robot):
+    both = draw_props(Limbs(op3), 30, np.random.default_rng(0))
+    upper, elbow = op3.upper.copy(), op3.joint_names.index("r_el")
+    upper[elbow] = np.median([prop.joint_pos[elbow] for prop in both])
+    joints = [replace(j, upper=float(u)) for j, u in zip(op3.joints, upper, strict=True)]
+    one = draw_props(Limbs(replace(op3, joints=tuple(joints))), 30, np.random.default_rng(0))
+    assert 0 < len(one) < len(both)
+    assert all(prop.joint_pos[elbow] <= upper[elbow] for prop in one)
 
 
 def test_targets_of_a_prop_ask_less_of_the_legs_the_more_the_hands_carry(op3: Robot, limbs: Limbs):

@@ -94,6 +94,7 @@ class Recipe:
         return choose_actions(robot, self.wide, self.pwm_limit)
 
 
+QUICK = Recipe(rewards="quick", randomization="torque", wide=False, iterations=500)
 # A training from a policy that rises keeps its skill by exploring less.
 ONWARD = Recipe(
     rewards="robust",
@@ -122,16 +123,9 @@ STYLED = Recipe(
     style=FLAT_STYLE,
 )
 RECIPES = {
-    "quick": Recipe(rewards="quick", randomization="torque", wide=False, iterations=500),
+    "quick": QUICK,
     # For bodies that do not find a stand by chance: stands are near at first, without a force.
-    "backwards": Recipe(
-        rewards="quick",
-        randomization="torque",
-        wide=False,
-        iterations=500,
-        backwards=True,
-        lift=0.0,
-    ),
+    "backwards": replace(QUICK, backwards=True, lift=0.0),
     "robust": ONWARD,
     # At 0.55 of its supply, an XM430 has 2.25 N·m of its 4.1 N·m at standstill, and 0.55 of
     # its speed: slow motions land softly.

@@ -26,12 +26,7 @@ class BalancedPostures:
     @classmethod
     def at(cls, robot: Robot, joint_pos: Sequence[Array]) -> Self:
         """Set a robot at each of K joint angles (n,) [rad] on its soles."""
-        statics = Statics(robot)
-        targets = [statics.find_targets(angles) for angles in joint_pos]
-        return cls(
-            postures=tuple(statics.make_posture(angles) for angles in joint_pos),
-            targets=np.array(targets).reshape(-1, robot.n),
-        )
+        return cls.of_props(robot, [Prop(joint_pos=angles) for angles in joint_pos])
 
     @classmethod
     def of_props(cls, robot: Robot, props: Sequence[Prop]) -> Self:

@@ -26,13 +26,13 @@ HEIGHT, BALANCE = 3, 4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prop:
-    """A posture that is the same on both sides, on flat soles and both hands."""
+    """A posture on flat soles, and on hands if there are any."""
 
     joint_pos: Array
     """(n,) [rad]"""
-    share: float
+    share: float = 0.0
     """Of the weight that the hands carry."""
-    hands: tuple[tuple[int, Array], ...]
+    hands: tuple[tuple[int, Array], ...] = ()
     """Body of each hand, and where in its frame it touches the ground [m], (3,)."""
 
 

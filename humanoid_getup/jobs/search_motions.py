@@ -251,8 +251,14 @@ class MotionSearch:
         return sorted({file.stem for file in files} | {n for n in keys if n.startswith(begin)})
 
     def _preflight(self, motion: Motion) -> str:
-        """Return why the preflight refuses a motion; "" if it does not."""
-        verdict = preflight(self._world, motion, voltage=self._robot.supply_voltage)
+        """Return why the preflight refuses a motion; "" if it does not.
+
+        A rise that falls with feedback to the ankles is played without, as by `AttemptManager`.
+        """
+        supply = self._robot.supply_voltage
+        verdict = preflight(self._world, motion, voltage=supply)
+        if verdict.falls:
+            verdict = preflight(self._world, motion, voltage=supply, balanced=False)
         return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
 
 

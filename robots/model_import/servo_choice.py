@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -21,6 +21,7 @@ RESERVE = 2.0  # times that torque a servo should have at standstill
 HEAVY = 0.75  # share of the robot's mass that its servos may weigh; OP3's are 0.53 of it
 WILD = 20.0  # times that torque: a limit of a simulation, not of a motor
 ENDLESS = 1000.0  # N·m; models state it for unknown motors
+FASTEST = 50.0  # rad/s, above the speeds of geared motors; models state more for unknown ones
 GRAVITY = 9.81
 OWN_P_GAIN = 1600  # twice a Dynamixel's: the stiffness that keeps a robot up grows with its height
 OWN_SPEED = 8.0  # rad/s, of a motor without a stated speed
@@ -74,7 +75,7 @@ def choose_servos(
     named = _read_wishes(joints, asked)
     need = SQUAT_SHARE * weight * GRAVITY * leg_length
     stated = {
-        name: figures
+        name: _without_wild_speed(figures)
         for name, figures in actuators.items()
         if figures.effort is not None and figures.effort < min(WILD * need, ENDLESS)
     }
@@ -113,6 +114,11 @@ def choose_servos(
             f"servos {made} at {supply:g} V: made up from the model's limits of torque and speed, "
             "which no known type has; set their figures in servos.toml"
         )
+    if wild := [joint for joint in read if _is_wild(actuators[joint])]:
+        guesses.append(
+            f"speeds of {_few(wild)}: the model's limit of {actuators[wild[0]].speed:g} rad/s is no "
+            f"motor's, expected at most {FASTEST:g} rad/s; set the types with --servo TYPE=PATTERN"
+        )
     mass = sum(own[kind]["mass"] if kind in own else servo_models()[kind].mass for kind in types)
     if guesses and mass > HEAVY * weight:
         guesses.append(
@@ -120,6 +126,14 @@ def choose_servos(
             "them: check its masses, or set lighter types with --servo TYPE=PATTERN"
         )
     return ServoChoice(types=tuple(types), supply=supply, own=own, guesses=tuple(guesses))
+
+
+def _is_wild(figures: ActuatorFigures) -> bool:
+    return figures.speed is not None and figures.speed > FASTEST
+
+
+def _without_wild_speed(figures: ActuatorFigures) -> ActuatorFigures:
+    return replace(figures, speed=None) if _is_wild(figures) else figures
 
 
 def _check_torques(

@@ -138,6 +138,15 @@ def test_limits_that_no_motor_has_are_none():
     assert set(choose(dict.fromkeys(JOINTS, 1e6)).types) == set(choose().types)
 
 
+def test_a_speed_that_no_motor_has_is_none():
+    """A placeholder of a simulation made a motor of its own, too stiff to balance with."""
+    wild = dict.fromkeys(JOINTS, ActuatorFigures(effort=6.0, speed=100.0))
+    choice = choose_servos(JOINTS, wild, (), **SMALL)
+    assert choice.types == choose(dict.fromkeys(JOINTS, 6.0)).types
+    assert not choice.own
+    assert any("100 rad/s" in guess and "--servo" in guess for guess in choice.guesses)
+
+
 def test_a_joint_stronger_than_servos_is_refused():
     with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
         choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)

@@ -117,7 +117,8 @@ def choose_servos(
     if wild := [joint for joint in read if _is_wild(actuators[joint])]:
         guesses.append(
             f"speeds of {_few(wild)}: the model's limit of {actuators[wild[0]].speed:g} rad/s is "
-            f"no motor's, expected at most {FASTEST:g} rad/s; set the types with --servo TYPE=PATTERN"
+            f"no motor's, expected at most {FASTEST:g} rad/s; set the types with "
+            "--servo TYPE=PATTERN"
         )
     mass = sum(own[kind]["mass"] if kind in own else servo_models()[kind].mass for kind in types)
     if guesses and mass > HEAVY * weight:

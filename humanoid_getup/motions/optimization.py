@@ -77,15 +77,21 @@ class TrajectoryOptimizer:
         seed: int,
         report: Callable[[int, float, float], None] = lambda *_: None,
         log: SearchLog | None = None,
+        *,
+        step: float = 1.0,
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
+
+        The first ``step`` is 1 for keyframes written by hand, less for those that nearly succeed.
 
         After each generation its number, best cost and share that stood are reported. Generations
         that the log has are not rolled out again; others are added to it.
         """
         keyframes = self.find_success(keyframes, FIRST_SHARE * generations, seed) or keyframes
         rng = np.random.default_rng(seed)
-        population = KeyframePopulation(keyframes, self.world.robot, size=POPULATION, seed=seed)
+        population = KeyframePopulation(
+            keyframes, self.world.robot, size=POPULATION, seed=seed, step=step
+        )
         finalists = [keyframes]
         for generation in range(generations):
             candidates = population.ask()

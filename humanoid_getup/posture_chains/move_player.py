@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,14 @@ from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.torque import find_saturation
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.posture_chains.archive import Archive
-from humanoid_getup.posture_chains.features import Features, Meter
+from humanoid_getup.posture_chains.arrivals import (
+    Arrivals,
+    Bools,
+    TriedMove,
+    list_resting,
+    make_state,
+)
+from humanoid_getup.posture_chains.features import Meter
 from humanoid_getup.posture_chains.resting_state import (
     PostureChain,
     PostureMove,
@@ -29,6 +35,7 @@ from humanoid_getup.posture_chains.resting_state import (
     are_near,
     sample_moves,
 )
+from humanoid_getup.simulation.coarse_step import find_coarse_step
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.body.lengths import leg_length
@@ -42,51 +49,11 @@ SETTLING = 0.35  # s for OP3, the rest after each move
 REST_TIME = 0.06  # s at the end of a move over which a robot's speed is measured
 REST_JOINT_SPEED, REST_ROOT_SPEED = 0.6, 0.06  # rad/s, and m/s for OP3
 MOST_OVERLAP = 0.008  # m by which a robot may press into itself
+PRESSING = 0.5  # of full torque, with which servos press at most where they pressed in vain
 FINER = 2  # physics steps a control period of a check in the undisturbed world
 STANDS = -1
 """Of a chain that ends in a held stand."""
 MISSES = 3  # disturbed worlds of eight in which a chain that is kept may fall
-BEHIND = 0.05  # progress by which a robot may be behind one that is alike
-
-Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Arrivals:
-    """Where M moves end, in K worlds each."""
-
-    qpos: Array
-    """MuJoCo positions, (M, K, nq)."""
-    features: Features
-    """Of all robots, (M * K,)."""
-    rests: Bools
-    """Which robots rest, (M, K)."""
-    stands: Bools
-    """Which ones are upright on their feet, (M, K)."""
-
-    def are_like(self, states: Sequence[RestingState]) -> Bools:
-        """Tell which moves end in all worlds like their state, (M,): near, and not behind."""
-        shape = self.rests.shape
-        cells = np.array([state.cell for state in states])
-        progress = np.array([state.progress for state in states])
-        own = self.features.cells.reshape(*shape, -1)
-        near = are_near(own, cells[:, None])
-        kept = self.features.progress.reshape(shape) >= progress[:, None] - BEHIND
-        return np.all(self.rests & near & kept, axis=1)
-
-    def join(self, others: Arrivals) -> Arrivals:
-        """Join the ends of the same moves in further worlds."""
-        return Arrivals(
-            qpos=np.concatenate([self.qpos, others.qpos], axis=1),
-            features=self.features.join(others.features, len(self.qpos)),
-            rests=np.concatenate([self.rests, others.rests], axis=1),
-            stands=np.concatenate([self.stands, others.stands], axis=1),
-        )
-
-    def state(self, row: int, target: Array, **fields: Any) -> RestingState:
-        """Return the state in the first world, with the targets that are held there (n,)."""
-        first = row * self.rests.shape[1]
-        return make_state(self.qpos[row, 0], target, self.features, first, **fields)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,24 +74,10 @@ def measure_time_scale(robot: Robot) -> float:
     return float(np.sqrt(leg_length(robot) / OP3_LEG))
 
 
-def make_state(
-    qpos: Array, target: Array, features: Features, row: int, **fields: Any
-) -> RestingState:
-    """Make a state at MuJoCo positions (nq,) from one row of features."""
-    return RestingState(
-        qpos=qpos.copy(),
-        target=target,
-        cell=tuple(features.cells[row].tolist()),
-        progress=float(features.progress[row]),
-        place=features.places[row],
-        **fields,
-    )
-
-
 class MovePlayer:
     """Plays moves in one world: roughly to try them, disturbed to check them.
 
-    A trial simulates one physics step a control period, which is enough to tell which moves are
+    A trial simulates in the longest stable physics steps, which is enough to tell which moves are
     worth a check; a check simulates the undisturbed world in finer steps. A whole chain is
     judged by a held stand, undisturbed in the world's own steps, disturbed in those of a check.
     """
@@ -144,10 +97,13 @@ class MovePlayer:
         In every other disturbed world, ``weakest`` is the share of that limit that is left.
         """
         self.world, self._rng, self._limit, self._weakest = world, rng, limit, weakest
-        period = world.robot.control_period
-        self._trial = Experiment(world.vary(timestep=period), threads=threads)
+        step, full = find_coarse_step(world), world.robot.max_torque
+        self._trial = Experiment(world.vary(timestep=step), threads=threads)
         self._experiment = Experiment(world, threads=threads)
-        self._finer = Experiment(world.vary(timestep=period / FINER), threads=threads)
+        finer = min(step, world.robot.control_period / FINER)
+        self._finer = Experiment(world.vary(timestep=finer), threads=threads)
+        torque = full if limit.value is None else np.minimum(full, limit.value)
+        self._most_lead = np.abs(world.robot.compute_lead(PRESSING * torque))
         self._layout = world.robot.layout(world.model)
         self._meter = meter
         self.scale = measure_time_scale(world.robot)
@@ -176,13 +132,36 @@ class MovePlayer:
 
         Stands are always returned.
         """
-        tried, new = self.try_out(states, moves), list[RestingState]()
-        for k in np.flatnonzero(tried.rests[:, 0]).tolist():
-            fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
-            state = tried.state(k, moves[k].target, **fields)
-            if tried.stands[k, 0] or archive.wants(state):
+        new = list[RestingState]()
+        for tried in self.try_softly(states, moves):
+            begun = tried.begun
+            state = replace(tried.end, before=begun, move=tried.move, depth=begun.depth + 1)
+            if tried.stands or archive.wants(state):
                 new.append(state)
         return new
+
+    def try_softly(
+        self, states: Sequence[RestingState], moves: Sequence[PostureMove]
+    ) -> Iterator[TriedMove]:
+        """Try a move from each of M states; yield those that end at rest.
+
+        Where servos would press with all their torque, the move is tried again to targets near the
+        angles that the joints came to.
+        """
+        tried = self.try_out(states, moves)
+        yield from list_resting(states, moves, tried)
+        rows = np.flatnonzero(tried.presses[:, 0]).tolist()
+        if rows:
+            softer = [self._soften(moves[k], tried.qpos[k, 0]) for k in rows]
+            begun = [states[k] for k in rows]
+            yield from list_resting(begun, softer, self.try_out(begun, softer))
+
+    def _soften(self, move: PostureMove, qpos: Array) -> PostureMove:
+        """Move the last targets of a move towards the angles at which it ended, (nq,)."""
+        robot, ended = self.world.robot, qpos[self._layout.qpos]
+        lead = np.clip(move.target - ended, -self._most_lead, self._most_lead)
+        target = np.clip(ended + lead, robot.lower, robot.upper)
+        return replace(move, knots=np.vstack([move.knots[:-1], target]))
 
     def check(
         self, states: Sequence[RestingState], moves: Sequence[PostureMove], worlds: int
@@ -306,11 +285,13 @@ class MovePlayer:
         each = len(scenarios) // len(targets)
         record = experiment.play(scenarios, np.repeat(targets, each, axis=0))
         self.simulated += record.duration
-        ends = record.qpos[:, -1]
+        ends, rests = record.qpos[:, -1], self._find_resting(record)
+        presses = self._find_pressing(record, scenarios.parameters.voltage)
         return Arrivals(
             qpos=ends.reshape(-1, each, ends.shape[1]),
             features=self._meter.measure(ends),
-            rests=self._find_resting(record, scenarios.parameters.voltage).reshape(-1, each),
+            rests=(rests & ~presses).reshape(-1, each),
+            presses=(rests & presses).reshape(-1, each),
             stands=record.upright[:, -self._rest_steps :].all(axis=1).reshape(-1, each),
         )
 
@@ -330,20 +311,23 @@ class MovePlayer:
     def _rest_steps(self) -> int:
         return max(round(REST_TIME / self.world.robot.control_period), 2)
 
-    def _find_resting(self, record: Record, voltage: Array) -> Bools:
-        """Tell which robots are at rest at the end, and never pressed into themselves, (N,).
-
-        No servo may be saturated at the supply [V], (N,), as its robot rests: it would trip in a
-        row of such postures.
-        """
+    def _find_resting(self, record: Record) -> Bools:
+        """Tell which robots are at rest at the end, and never pressed into themselves, (N,)."""
         steps, root = self._rest_steps, record.qpos[:, :, self._layout.root_position]
         turned = np.abs(record.joint_pos[:, -1] - record.joint_pos[:, -1 - steps]).max(axis=1)
         moved = np.linalg.norm(root[:, -1] - root[:, -1 - steps], axis=1)
         time = steps * record.period
         slow = (turned < REST_JOINT_SPEED * time) & (moved < REST_ROOT_SPEED * self.scale * time)
-        torque, velocity = record.torque[:, -steps:], record.actuator_vel[:, -steps:]
-        saturated = find_saturation(self.world.robot, torque, velocity, voltage[:, np.newaxis])
-        slow &= ~np.any(np.all(saturated, axis=1), axis=1)
         if record.overlap is not None:
             slow &= record.overlap.max(axis=1) < MOST_OVERLAP
         return slow & ~record.diverged
+
+    def _find_pressing(self, record: Record, voltage: Array) -> Bools:
+        """Tell which robots have a servo that is saturated at the end at the supply [V], (N,).
+
+        It would trip in a row of such postures.
+        """
+        steps = self._rest_steps
+        torque, velocity = record.torque[:, -steps:], record.actuator_vel[:, -steps:]
+        saturated = find_saturation(self.world.robot, torque, velocity, voltage[:, np.newaxis])
+        return np.any(np.all(saturated, axis=1), axis=1)

@@ -15,6 +15,7 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.posture_chains.chain_keyframes import STILL
 from humanoid_getup.posture_chains.move_player import measure_time_scale
+from humanoid_getup.simulation.coarse_step import find_coarse_step
 from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
 from robots.quaternion import Array
 
@@ -46,7 +47,7 @@ class Shortener:
         """
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
-        coarsest = world.vary(timestep=world.robot.control_period)
+        coarsest = world.vary(timestep=find_coarse_step(world))
         self._first = Experiment(coarsest, threads=threads)
         self._scenarios = scenarios
         self._preference = Preference(

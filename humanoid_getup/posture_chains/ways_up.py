@@ -65,11 +65,10 @@ class WaysUp:
         """Try a number of moves from states with a way up, and file where they lead."""
         states = self.archive.draw(count, rng)
         moves = self._moves.draw_all(states, self._player.scale, rng)
-        tried, new = self._player.try_out(states, moves), []
-        for k in np.flatnonzero(tried.rests[:, 0]):
-            back = moves[k].reverse(states[k].target)
-            fields = {"after": states[k], "onward": back, "depth": states[k].depth + 1}
-            state = tried.state(int(k), moves[k].target, **fields)
+        new = list[RestingState]()
+        for tried in self._player.try_softly(states, moves):
+            up, back = tried.begun, tried.move.reverse(tried.begun.target)
+            state = replace(tried.end, after=up, onward=back, depth=up.depth + 1)
             if self.archive.wants(state):
                 new.append(state)
         self._check(new)

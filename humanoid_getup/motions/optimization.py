@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.distributions import Normal
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturbance, Scenarios
@@ -35,6 +36,11 @@ FIRST_POPULATION = 24  # candidates of such a generation, each rolled out once
 FIRST_STEP = 1.5  # of the first step sizes of the search for robust motions
 FINAL_SCENARIOS = 48
 FIRST_FINAL = 16  # of these, after which a judgement may end
+PRACTICE = 96  # worlds from which those are chosen in which keyframes fail
+FEW_FAILURES = 2  # of these, from which keyframes are good enough
+HARD, EASY = 8, 4  # worlds of a generation in which they failed, and in which they did not
+ROUNDS, ROUND = 4, 3  # choices of worlds, and generations after each
+CAREFUL_STEP = 0.2  # of the first step sizes, for keyframes that succeed in most worlds
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
 Bounds = tuple[float, float]
@@ -77,21 +83,15 @@ class TrajectoryOptimizer:
         seed: int,
         report: Callable[[int, float, float], None] = lambda *_: None,
         log: SearchLog | None = None,
-        *,
-        step: float = 1.0,
     ) -> tuple[Keyframes, float]:
         """Search key postures and times; return the best and its disturbed success share.
-
-        The first ``step`` is 1 for keyframes written by hand, less for those that nearly succeed.
 
         After each generation its number, best cost and share that stood are reported. Generations
         that the log has are not rolled out again; others are added to it.
         """
         keyframes = self.find_success(keyframes, FIRST_SHARE * generations, seed) or keyframes
         rng = np.random.default_rng(seed)
-        population = KeyframePopulation(
-            keyframes, self.world.robot, size=POPULATION, seed=seed, step=step
-        )
+        population = KeyframePopulation(keyframes, self.world.robot, size=POPULATION, seed=seed)
         finalists = [keyframes]
         for generation in range(generations):
             candidates = population.ask()
@@ -107,6 +107,31 @@ class TrajectoryOptimizer:
             share.append(compute_share(judged[-1][1], UNDISTURBED))
         best = min(range(len(finalists)), key=lambda i: (-round(share[i], 2), judged[i][0]))
         return finalists[best], share[best]
+
+    def improve(self, keyframes: Keyframes, seed: int) -> Keyframes:
+        """Improve keyframes that succeed in most worlds, by those in which they fail.
+
+        From a number of worlds, others than those of `judge`, candidates of a few generations are
+        rolled out in those in which the mean of the last ones failed, and in some others.
+        """
+        rng = np.random.default_rng([seed, 2])
+        worlds = self._make_scenarios(keyframes, PRACTICE, rng)
+        population = KeyframePopulation(
+            keyframes, self.world.robot, size=POPULATION, seed=seed, step=CAREFUL_STEP
+        )
+        best, fewest = keyframes, PRACTICE
+        for generation in range(ROUNDS * ROUND + 1):
+            if generation % ROUND == 0:
+                mean = population.mean if generation else keyframes
+                failed = ~self._roll_out(self._fine, [mean], worlds, HOLD_TIME)[1][0]
+                if failed.sum() < fewest:
+                    best, fewest = mean, int(failed.sum())
+                if failed.sum() <= FEW_FAILURES or generation == ROUNDS * ROUND:
+                    break
+                hard = worlds.take(_choose_hard(failed, rng))
+            candidates = population.ask()
+            population.tell(self._roll_out(self._fine, candidates, hard, SEARCH_HOLD)[0])
+        return best
 
     def find_success(self, keyframes: Keyframes, generations: int, seed: int) -> Keyframes | None:
         """Change keyframes until they succeed once, undisturbed, at full torque.
@@ -215,6 +240,12 @@ class TrajectoryOptimizer:
             rng,
             bounds=self._bounds,
         )
+
+
+def _choose_hard(failed: np.ndarray, rng: np.random.Generator) -> NDArray[np.int_]:
+    """Choose the first world, some of those in which keyframes failed, and a few others."""
+    wrong, right = np.flatnonzero(failed[1:]) + 1, np.flatnonzero(~failed[1:]) + 1
+    return np.concatenate([[0], rng.permutation(wrong)[:HARD], rng.permutation(right)[:EASY]])
 
 
 def count_work(generations: int, done: int = 0) -> float:

@@ -30,9 +30,8 @@ from robots.quaternion import Array
 SHARES = (*sorted(LIMIT_SHARES), 0.85)
 """Of full torque: the least under which motions are judged; those for weak servos after it."""
 KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
-WORTH = 0.3  # share from which a rise is optimized
-LONG = 7.0  # s for OP3, from which it is not
-GENERATIONS, STEP = 8, 0.2  # of the optimization, and its first step
+WORTH = 0.3  # share from which a rise is improved
+LONG = 9.0  # s for OP3, from which it is not
 JUDGED = 6  # of the ever shorter versions of a chain, at most
 
 
@@ -123,8 +122,8 @@ class MotionMaker:
         found = choose_version(versions, lambda each: self._judge(each, optimizer))
         is_worth_it = WORTH <= found.share < KEPT_SHARE
         if improves and is_worth_it and found.duration < LONG * shortener.scale:
-            best = optimizer.optimize(found.keyframes, GENERATIONS, self._seed, step=STEP)[0]
-            found = max(found, self._judge(best, optimizer), key=lambda each: each.share)
+            better = self._judge(optimizer.improve(found.keyframes, self._seed), optimizer)
+            found = max(found, better, key=lambda each: each.share)
         self.simulated += shortener.simulated + optimizer.simulated
         if found.share >= KEPT_SHARE:
             return self._record(found, chain.start)

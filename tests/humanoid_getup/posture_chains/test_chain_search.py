@@ -53,6 +53,24 @@ def test_entry_frames_of_known_motions_are_ways_up_where_they_lead_to_a_stand(wo
     assert longest == pytest.approx(rises.time[-1], rel=0.5), "one is from far below"
 
 
+def test_where_servos_press_in_vain_softer_targets_are_tried(tools: ChainTools, lying: np.ndarray):
+    """On its back OP3 presses its legs against each other, and its arms against the ground."""
+    player, moves = tools.player, tools.moves
+    robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
+    states = [player.describe(lying, np.clip(lying[layout.qpos], robot.lower, robot.upper))] * 60
+    drawn = moves.draw_all(states, player.scale, np.random.default_rng(3))
+    plain = player.try_out(states, drawn)
+    assert not np.any(plain.rests & plain.presses)
+    tried = list(player.try_softly(states, drawn))
+    softer = [each for each in tried if not any(each.move is move for move in drawn)]
+    assert len(softer) >= 2
+    assert len(tried) - len(softer) == plain.rests.sum()
+    for each in softer:
+        again = player.try_out([each.begun], [each.move])
+        assert again.rests.all()
+        assert np.array_equal(each.end.target, each.move.target)
+
+
 def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(
     tools: ChainTools, lying: np.ndarray
 ):

@@ -152,8 +152,7 @@ def test_keyframes_that_nearly_succeed_are_improved_by_the_worlds_in_which_they_
     world, op3, monkeypatch
 ):
     """With 1.6 N·m a push-up stands in 42 of 48 worlds."""
-    monkeypatch.setattr(optimization, "PRACTICE", 32)
-    monkeypatch.setattr(optimization, "FEW_FAILURES", 0)
+    monkeypatch.setattr(optimization, "PRACTICE", 48)
     monkeypatch.setattr(optimization, "ROUNDS", 1)
     weak = next(k for k in load_robot_keyframes(op3) if k.name == "prone_push_up_fast")
     weak = replace(weak, torque_limit=1.6)

@@ -33,7 +33,7 @@ FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
 UNIMPROVED = 8000.0  # s of the search, before which another chain is found sooner
-MAKING_SHARE = 0.5  # of the time of the search, above which motions are not improved
+MAKING_SHARE = 1.0  # of the time of the search, above which motions are not improved
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
 LEAST_FURTHER = 2000.0  # s simulated, for further ones
 

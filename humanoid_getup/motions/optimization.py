@@ -39,7 +39,7 @@ FIRST_FINAL = 16  # of these, after which a judgement may end
 PRACTICE = 96  # worlds from which those are chosen in which keyframes fail
 FEW_FAILURES = 2  # of these, from which keyframes are good enough
 HARD, EASY = 8, 4  # worlds of a generation in which they failed, and in which they did not
-ROUNDS, ROUND = 4, 3  # choices of worlds, and generations after each
+ROUNDS, ROUND = 3, 3  # choices of worlds, and generations after each
 CAREFUL_STEP = 0.2  # of the first step sizes, for keyframes that succeed in most worlds
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
@@ -112,25 +112,27 @@ class TrajectoryOptimizer:
         """Improve keyframes that succeed in most worlds, by those in which they fail.
 
         From a number of worlds, others than those of `judge`, candidates of a few generations are
-        rolled out in those in which the mean of the last ones failed, and in some others.
+        rolled out in those in which the mean of the last ones failed, and in some others. That ends
+        with a mean that fails in no fewer worlds.
         """
         rng = np.random.default_rng([seed, 2])
         worlds = self._make_scenarios(keyframes, PRACTICE, rng)
         population = KeyframePopulation(
             keyframes, self.world.robot, size=POPULATION, seed=seed, step=CAREFUL_STEP
         )
-        best, fewest = keyframes, PRACTICE
-        for generation in range(ROUNDS * ROUND + 1):
-            if generation % ROUND == 0:
-                mean = population.mean if generation else keyframes
-                failed = ~self._roll_out(self._fine, [mean], worlds, HOLD_TIME)[1][0]
-                if failed.sum() < fewest:
-                    best, fewest = mean, int(failed.sum())
-                if failed.sum() <= FEW_FAILURES or generation == ROUNDS * ROUND:
-                    break
-                hard = worlds.take(_choose_hard(failed, rng))
-            candidates = population.ask()
-            population.tell(self._roll_out(self._fine, candidates, hard, SEARCH_HOLD)[0])
+        best, mean, fewest = keyframes, keyframes, PRACTICE + 1
+        for number in range(ROUNDS + 1):
+            failed = ~self._roll_out(self._fine, [mean], worlds, HOLD_TIME)[1][0]
+            if failed.sum() >= fewest:
+                break
+            best, fewest = mean, int(failed.sum())
+            if fewest <= FEW_FAILURES or number == ROUNDS:
+                break
+            hard = worlds.take(_choose_hard(failed, rng))
+            for _ in range(ROUND):
+                candidates = population.ask()
+                population.tell(self._roll_out(self._coarse, candidates, hard, SEARCH_HOLD)[0])
+            mean = population.mean
         return best
 
     def find_success(self, keyframes: Keyframes, generations: int, seed: int) -> Keyframes | None:

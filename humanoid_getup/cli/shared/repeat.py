@@ -52,4 +52,6 @@ def _write_option(name: str, value: object) -> list[str]:
         return [name if value else f"--no-{name[2:]}"]
     if isinstance(value, tuple):
         return [name, ",".join(map(str, value))]
+    if isinstance(value, float) and value.is_integer():
+        return [name, str(int(value))]
     return [name, str(value)]

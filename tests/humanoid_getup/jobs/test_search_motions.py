@@ -110,7 +110,7 @@ def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup
     assert "no motion from: supine" in out
     assert re.search(r"supine: no chain stands; .* after \d+ moves, has its neck at \d+%", out)
     assert Path("op3_motions.png").stat().st_size > 5_000
-    again = "getup motions discover --robot bare --sides supine --budget 100.0 --resume"
+    again = "getup motions discover --robot bare --sides supine --budget 100 --resume"
     assert f"next: {again}" in out
     file = bare / "unfinished" / "search.npz"
     size = file.stat().st_size

@@ -116,7 +116,7 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
 
 @pytest.mark.parametrize(
     ("searched", "made", "improves"),
-    [(5_000.0, 0.0, False), (25_000.0, 9_000.0, True), (25_000.0, 13_000.0, False)],
+    [(5_000.0, 0.0, False), (25_000.0, 24_000.0, True), (25_000.0, 26_000.0, False)],
 )
 def test_motions_are_improved_late_in_a_search_that_has_time_for_it(
     begin: Begin, monkeypatch: pytest.MonkeyPatch, searched: float, made: float, improves: bool

@@ -39,7 +39,7 @@ FIRST_FINAL = 16  # of these, after which a judgement may end
 PRACTICE = 96  # worlds from which those are chosen in which keyframes fail
 FEW_FAILURES = 2  # of these, from which keyframes are good enough
 HARD, EASY = 8, 4  # worlds of a generation in which they failed, and in which they did not
-ROUNDS, ROUND = 3, 3  # choices of worlds, and generations after each
+ROUNDS, EACH_ROUND = 3, 3  # choices of worlds, and generations after each
 CAREFUL_STEP = 0.2  # of the first step sizes, for keyframes that succeed in most worlds
 FINALISTS = 8  # best candidates of the last generations that are judged, beside start and mean
 LEAD_IN = 0.1  # s in the start posture
@@ -129,7 +129,7 @@ class TrajectoryOptimizer:
             if fewest <= FEW_FAILURES or number == ROUNDS:
                 break
             hard = worlds.take(_choose_hard(failed, rng))
-            for _ in range(ROUND):
+            for _ in range(EACH_ROUND):
                 candidates = population.ask()
                 population.tell(self._roll_out(self._coarse, candidates, hard, SEARCH_HOLD)[0])
             mean = population.mean

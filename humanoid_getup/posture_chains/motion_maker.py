@@ -128,7 +128,7 @@ class MotionMaker:
         if found.share >= KEPT_SHARE:
             return self._record(found, chain.start)
         if not found.share:
-            return found.refuse("it falls undisturbed, shortened or not")
+            return found.refuse("it falls undisturbed")
         return found.refuse(
             f"stands in {found.share:.1%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
         )

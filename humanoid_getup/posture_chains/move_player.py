@@ -49,7 +49,7 @@ SETTLING = 0.35  # s for OP3, the rest after each move
 REST_TIME = 0.06  # s at the end of a move over which a robot's speed is measured
 REST_JOINT_SPEED, REST_ROOT_SPEED = 0.6, 0.06  # rad/s, and m/s for OP3
 MOST_OVERLAP = 0.008  # m by which a robot may press into itself
-PRESSING = 0.5  # of full torque, with which servos press at most where they pressed in vain
+PRESSING = 0.5  # of the torque limit, for servos that had pressed with all their torque
 FINER = 2  # physics steps a control period of a check in the undisturbed world
 STANDS = -1
 """Of a chain that ends in a held stand."""

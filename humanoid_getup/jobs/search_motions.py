@@ -19,7 +19,7 @@ from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_keyframes
 from humanoid_getup.motions.motion import FOUND, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.playback.preflight import preflight
+from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.posture_chains.chain_search import ChainTools, SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch, list_sides
 from humanoid_getup.posture_chains.lifting import check_lifting
@@ -251,14 +251,8 @@ class MotionSearch:
         return sorted({file.stem for file in files} | {n for n in keys if n.startswith(begin)})
 
     def _preflight(self, motion: Motion) -> str:
-        """Return why the preflight refuses a motion; "" if it does not.
-
-        A rise that falls with feedback to the ankles is played without, as by `AttemptManager`.
-        """
-        supply = self._robot.supply_voltage
-        verdict = preflight(self._world, motion, voltage=supply)
-        if verdict.falls:
-            verdict = preflight(self._world, motion, voltage=supply, balanced=False)
+        """Return why the preflight refuses a motion; "" if it does not."""
+        verdict = preflight_stored(self._world, motion)
         return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
 
 

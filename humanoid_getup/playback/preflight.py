@@ -157,6 +157,18 @@ def preflight(
     return MotionVerdict(tuple(reasons), figures=figures)
 
 
+def preflight_stored(world: World, motion: Motion) -> MotionVerdict:
+    """Judge a motion that is to be stored, at the nominal supply.
+
+    A rise that falls with feedback to the ankles is judged without: so it is played.
+    """
+    voltage = world.robot.supply_voltage
+    verdict = preflight(world, motion, voltage=voltage)
+    if verdict.falls and motion.rises:
+        return preflight(world, motion, voltage=voltage, balanced=False)
+    return verdict
+
+
 def preflight_robot(robot: Robot, voltage: float, temperature: Array) -> Verdict:
     """Judge the supply [V] and the temperatures of the servos [°C], (n,), without a motion."""
     return Verdict((*_judge_supply(robot, voltage), *_judge_temperature(robot, temperature)))

@@ -19,7 +19,7 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.quaternion import Array
 
-WORLDS = 3  # in which a new state must be reached, the first undisturbed
+WORLDS = 5  # in which a new state must be reached, the first undisturbed
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
@@ -63,7 +63,7 @@ class ChainTools:
         self.meter = StandMeter(world)
         self.player = self._make_player()
         self.moves = moves or RandomMoves(world.robot, rng)
-        self.ways_up = WaysUp(self.player, self.moves, self.settings.worlds, rng)
+        self.ways_up = WaysUp(self.player, self.moves, rng)
 
     def copy(self, rng: np.random.Generator) -> ChainTools:
         """Return tools for another search that begin with what these know."""
@@ -111,7 +111,10 @@ class ChainSearch:
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
         self._scenarios = self._player.sample_worlds(start, PLAYED)
         self.archive = Archive()
-        self.start = self._player.describe(start, held)
+        lying = self._player.describe(start, held)
+        disturbed = self._scenarios.take(np.arange(1, PLAYED))
+        others = tools.settings.worlds - 1
+        self.start = replace(lying, arrivals=self._player.settle(lying, disturbed, others))
         self.archive.add(self.start)
         self.chains: list[PostureChain] = []
         """The best chains found so far: those that fall least, the shortest first."""
@@ -150,11 +153,7 @@ class ChainSearch:
         if not new:
             return
         ends, checked = self._player.repeat_last(new, self._tools.settings.worlds)
-        alike = ends.are_like(new)
-        first = [k for k in np.flatnonzero(alike).tolist() if new[k].before is self.start]
-        if first:
-            alike[first] = self._player.repeat([new[k] for k in first], self._scenarios)
-        for k in np.flatnonzero(alike):
+        for k in np.flatnonzero(ends.are_like(new)):
             self.archive.add(checked[k])
         stands = [checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))]
         self._finish([ChainEnd(stand=each, own=len(each.path)) for each in stands])

@@ -120,6 +120,14 @@ class MovePlayer:
         """Describe a robot at rest at MuJoCo positions (nq,), with held targets (n,)."""
         return make_state(qpos, target, self._meter.measure(qpos[None]), 0)
 
+    def settle(self, start: RestingState, scenarios: Scenarios, worlds: int) -> Array:
+        """Hold a start in scenarios; return where robots come to rest near it in K, (K, nq)."""
+        hold = PostureMove(knots=start.target[None], duration=self.rest, kind="hold")
+        ends = self._arrive(self._trial, scenarios, self._sample([start], [[hold]]))
+        stay = np.flatnonzero(are_near(ends.features.cells, start.cell))
+        rested = ends.qpos[0, stay] if stay.size else start.qpos[None]
+        return rested[np.arange(worlds) % len(rested)]
+
     def try_out(self, states: Sequence[RestingState], moves: Sequence[PostureMove]) -> Arrivals:
         """Play a move from each of M states, undisturbed and coarsely."""
         targets = self._sample(states, [[move] for move in moves])
@@ -166,7 +174,11 @@ class MovePlayer:
     def check(
         self, states: Sequence[RestingState], moves: Sequence[PostureMove], worlds: int
     ) -> Arrivals:
-        """Play a move from each of M states in K worlds, the first undisturbed."""
+        """Play a move from each of M states in K worlds, the first undisturbed.
+
+        In the others robots begin where the moves before have led them in as many worlds, if that
+        is known: along a chain of thirty, small deviations would add up unseen.
+        """
         targets = self._sample(states, [[move] for move in moves])
         first = self._arrive(self._finer, self._make_nominal(states), targets)
         if worlds == 1:
@@ -180,21 +192,12 @@ class MovePlayer:
         begun = [state.before for state in states if state.before is not None]
         moves = [state.move for state in states if state.move is not None]
         ends = self.check(begun, moves, worlds)
-        return ends, [replace(one, qpos=ends.qpos[k, 0].copy()) for k, one in enumerate(states)]
+        pairs = zip(states, ends.qpos, strict=True)
+        return ends, [replace(one, qpos=at[0].copy(), arrivals=at[1:].copy()) for one, at in pairs]
 
     def are_near(self, state: RestingState, qpos: Array) -> bool:
         """Tell whether robots at MuJoCo positions (K, nq) are all near to a state."""
         return bool(np.all(are_near(self._meter.measure(qpos).cells, state.cell)))
-
-    def repeat(self, states: Sequence[RestingState], scenarios: Scenarios) -> Bools:
-        """Tell which of M states that are one move from the start are reached in most scenarios."""
-        begun = [state.before for state in states if state.before is not None]
-        moves = [[state.move] for state in states if state.move is not None]
-        tiled = scenarios.tile(len(states))
-        ends = self._arrive(self._trial, tiled, self._sample(begun, moves))
-        cells = np.array([state.cell for state in states])[:, None]
-        near = are_near(ends.features.cells.reshape(len(states), len(scenarios), -1), cells)
-        return np.sum(~near, axis=1) <= MISSES
 
     def trace(self, chain: PostureChain) -> list[RestingState]:
         """Play a chain once, undisturbed; return its start and where each of its moves ends."""
@@ -273,7 +276,7 @@ class MovePlayer:
 
     def _disturb(self, states: Sequence[RestingState], worlds: int) -> Scenarios:
         """Make disturbed scenarios from M states, K of each, (M * K,)."""
-        starts = np.repeat([state.qpos for state in states], worlds, axis=0)
+        starts = np.concatenate([state.list_arrivals(worlds) for state in states])
         parameters = ROUGH.draw(self.world, len(starts), self._rng, self._limit)
         parameters.torque_limit.reshape(-1, worlds)[:, ::2] *= self._weakest
         noise = JOINT_NOISE.draw(self._rng, len(starts), self.world.robot.n)

@@ -99,6 +99,8 @@ class RestingState:
     """How near it is to a stand, from 0 to 1."""
     place: Array
     """Its place among all states; those that are alike are near to each other, (d,)."""
+    arrivals: Array | None = None
+    """Where moves from the start have led in K disturbed worlds, (K, nq); None if none have."""
     before: RestingState | None = None
     """Where the move that led here began; None for a start."""
     move: PostureMove | None = None
@@ -113,6 +115,11 @@ class RestingState:
     def is_near(self, other: RestingState) -> bool:
         """Tell whether another state is in the same cell or the next."""
         return bool(are_near(self.cell, other.cell))
+
+    def list_arrivals(self, worlds: int) -> Array:
+        """List where robots are in that many disturbed worlds, (K, nq)."""
+        known = self.arrivals
+        return np.repeat(self.qpos[None], worlds, axis=0) if known is None else known
 
     @property
     def path(self) -> list[RestingState]:

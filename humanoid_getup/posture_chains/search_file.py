@@ -21,9 +21,9 @@ from humanoid_getup.simulation.world import World
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 6
+VERSION = 7
 """Changes when files of earlier searches cannot be continued."""
-STATES = ("qpos", "target", "cell", "progress", "place", "links", "depth")
+STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
 ARCHIVES = ("members", "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
@@ -183,7 +183,7 @@ class _Writer:
         return self._moves.setdefault(move, len(self._moves))
 
     def _write_states(self) -> dict[str, Any]:
-        states = [*self._states]
+        states, worlds = [*self._states], self._discovery.tools.settings.worlds
         links = [
             [
                 NOTHING if state.before is None else self._states[state.before],
@@ -195,6 +195,7 @@ class _Writer:
         ]
         return {
             "qpos": np.array([state.qpos for state in states]),
+            "arrivals": np.array([state.list_arrivals(worlds - 1) for state in states]),
             "target": np.array([state.target for state in states]),
             "cell": np.array([state.cell for state in states]),
             "progress": np.array([state.progress for state in states]),
@@ -300,10 +301,13 @@ class _Reader:
     def _read_states(self) -> list[RestingState]:
         arrays, world = self._arrays, self._discovery.tools.world
         qpos = to_numbers(arrays["qpos"], "qpos", (None, world.model.nq))
+        others = self._discovery.tools.settings.worlds - 1
+        arrivals = to_numbers(arrays["arrivals"], "arrivals", (len(qpos), others, world.model.nq))
         target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
-        turned = qpos[:, world.robot.layout(world.model).root_orientation]
-        if np.any(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT):
-            raise ValueError("qpos holds a quaternion of another length than 1")
+        root = world.robot.layout(world.model).root_orientation
+        for key, positions in (("qpos", qpos), ("arrivals", arrivals)):
+            if np.any(np.abs(np.linalg.norm(positions[..., root], axis=-1) - 1.0) > UNIT):
+                raise ValueError(f"{key} holds a quaternion of another length than 1")
         known = self._discovery.tools.ways_up.stance
         progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
         place = to_numbers(arrays["place"], "place", (len(qpos), len(known.place)))
@@ -317,6 +321,7 @@ class _Reader:
             states.append(
                 RestingState(
                     qpos=qpos[k],
+                    arrivals=arrivals[k],
                     target=target[k],
                     cell=tuple(cell[k].tolist()),
                     progress=float(progress[k]),

@@ -20,6 +20,7 @@ from robots.kinematics import place
 from robots.quaternion import Array
 from robots.smooth_step import invert_smooth_step
 
+WORLDS = 3  # in which a way up must lead on, the first undisturbed
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
 ROUNDS = 8  # in which the nearest pairs of crouches, or props, and ways up are tried
@@ -33,11 +34,9 @@ FARTHEST = 1.2  # distance over which states are paired
 class WaysUp:
     """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
 
-    def __init__(
-        self, player: MovePlayer, moves: RandomMoves, worlds: int, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, player: MovePlayer, moves: RandomMoves, rng: np.random.Generator) -> None:
         """Begin with the stance and the balanced squats from which it is reached."""
-        self._player, self._moves, self._worlds = player, moves, worlds
+        self._player, self._moves = player, moves
         world = player.world
         stance = place(world.robot, world.model, world.robot.standing)
         self.stance = player.describe(stance, world.robot.standing.joint_pos)
@@ -113,6 +112,7 @@ class WaysUp:
                 return
             after = replace(
                 state.before,
+                arrivals=None,
                 before=None,
                 move=None,
                 after=after,
@@ -200,7 +200,7 @@ class WaysUp:
             return
         onward = [state.onward for state in states if state.onward is not None]
         goals = [state.after for state in states if state.after is not None]
-        ends = self._player.check(states, onward, self._worlds)
+        ends = self._player.check(states, onward, WORLDS)
         for state, leads in zip(states, ends.are_like(goals), strict=True):
             if leads:
                 self.archive.add(state)

@@ -11,7 +11,7 @@ from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_record import record_motion
-from humanoid_getup.playback.preflight import preflight
+from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.posture_chains.discovery import FOUND_SIDES
 from humanoid_getup.simulation.world import World
@@ -134,7 +134,7 @@ class MotionDiscovery:
             motion = with_entries(world, motion)
         except NoEntryError:
             return None
-        verdict = preflight(world, motion, voltage=world.robot.supply_voltage)
+        verdict = preflight_stored(world, motion)
         return motion if verdict.passed else None
 
 

@@ -87,6 +87,26 @@ def test_a_move_that_is_kept_ends_at_rest_alike_in_disturbed_worlds(
     assert np.allclose(ends.qpos[:, 0], [state.qpos for state in moved])
 
 
+def test_moves_are_checked_from_where_those_before_have_led(
+    tools: ChainTools, world: World, lying: np.ndarray
+):
+    """A robot that disturbances had rolled onto its front does not end on its back."""
+    layout, front = world.robot.layout(world.model), world.robot.standing.joint_pos
+    prone = lay_down(world, "prone", front)
+    held = np.clip(lying[layout.qpos], world.robot.lower, world.robot.upper)
+    state = tools.player.describe(lying, held)
+    stay = PostureMove(knots=held[None], duration=0.5, kind="test")
+    for arrivals, are_like in (
+        (None, True),
+        (np.array([lying, lying]), True),
+        (np.array([lying, prone]), False),
+    ):
+        moved = replace(state, arrivals=arrivals)
+        ends, (end,) = tools.player.repeat_last([replace(moved, before=moved, move=stay)], 3)
+        assert ends.are_like([state]).tolist() == [are_like]
+        assert np.array_equal(end.arrivals, ends.qpos[0, 1:])
+
+
 def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(
     world: World, lying: np.ndarray
 ):

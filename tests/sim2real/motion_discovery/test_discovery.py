@@ -41,7 +41,7 @@ def test_what_the_preflight_refuses_is_not_kept(
     monkeypatch.setattr(discovery.Replayer, "play", lambda *_: replay)
     monkeypatch.setattr(discovery.Replayer, "repeat", lambda *_: replay)
     monkeypatch.setattr(discovery, "with_entries", lambda _world, motion: motion)
-    monkeypatch.setattr(discovery, "preflight", check)
+    monkeypatch.setattr(discovery, "preflight_stored", check)
     finder = discovery.MotionDiscovery(world, None, policy_name="robust", seed=0)  # type: ignore[arg-type]
     found = finder.search("supine", count=1, most=1)
     assert (found.learned, found.replayed, found.best_share) == (1, 1, 1.0)

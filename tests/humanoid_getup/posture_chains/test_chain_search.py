@@ -104,7 +104,7 @@ def test_moves_are_checked_from_where_those_before_have_led(
         moved = replace(state, arrivals=arrivals)
         ends, (end,) = tools.player.repeat_last([replace(moved, before=moved, move=stay)], 3)
         assert ends.are_like([state]).tolist() == [are_like]
-        assert np.array_equal(end.arrivals, ends.qpos[0, 1:])
+        assert np.array_equal(end.list_arrivals(2), ends.qpos[0, 1:])
 
 
 def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(

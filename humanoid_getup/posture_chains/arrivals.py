@@ -33,15 +33,19 @@ class Arrivals:
     stands: Bools
     """Which ones are upright on their feet, (M, K)."""
 
-    def are_like(self, states: Sequence[RestingState]) -> Bools:
-        """Tell which moves end in all worlds like their state, (M,): near, and not behind."""
+    def are_like(self, states: Sequence[RestingState], *, pressing: bool = False) -> Bools:
+        """Tell which moves end in all worlds like their state, (M,): near, and not behind.
+
+        Servos may press with all their torque there if ``pressing``.
+        """
         shape = self.rests.shape
         cells = np.array([state.cell for state in states])
         progress = np.array([state.progress for state in states])
         own = self.features.cells.reshape(*shape, -1)
         near = are_near(own, cells[:, None])
         kept = self.features.progress.reshape(shape) >= progress[:, None] - BEHIND
-        return np.all(self.rests & near & kept, axis=1)
+        at_rest = self.rests | self.presses if pressing else self.rests
+        return np.all(at_rest & near & kept, axis=1)
 
     def join(self, others: Arrivals) -> Arrivals:
         """Join the ends of the same moves in further worlds."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
-from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.posture_chains.shortcuts import ShortcutFinder
-from humanoid_getup.posture_chains.ways_up import WaysUp
+from humanoid_getup.posture_chains.ways_up import Pair, WaysUp
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.quaternion import Array
@@ -23,6 +24,7 @@ WORLDS = 5  # in which a new state must be reached, the first undisturbed
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
+SLOW_TIMES, SLOW_SHARE = (1.6, 3.0), 4  # s for OP3, and of a batch one in that many is slow
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 16  # chains of a batch that are played whole
@@ -219,27 +221,37 @@ class ChainSearch:
             rises += ways
         return begun, rises
 
-    def _connect(self, pairs: list[tuple[RestingState, RestingState]]) -> None:
-        """Move to the targets of states with a way up; where that leads there, go on up."""
+    def _connect(self, pairs: list[Pair]) -> None:
+        """Move to the targets of states with a way up; where that leads there, go on up.
+
+        The nearest that a quick move does not reach are tried with a slow one.
+        """
+        left = self._link(pairs, DURATIONS)
+        if slow := left[: self._tools.settings.batch // SLOW_SHARE]:
+            self._link(slow, SLOW_TIMES)
+
+    def _link(self, pairs: list[Pair], times: Sequence[float]) -> list[Pair]:
+        """Link pairs by moves that take one of some times of OP3 [s]; return those left apart."""
         states, ups = [state for state, _ in pairs], [up for _, up in pairs]
-        moves = [self._tools.ways_up.aim(state, up, self._tools.rng) for state, up in pairs]
-        tried, other = self._player.try_out(states, moves), list[RestingState]()
-        linked = list[int]()
-        for k in np.flatnonzero(tried.rests[:, 0]):
+        aim, rng = self._tools.ways_up.aim, self._tools.rng
+        moves = [aim(state, up, rng, times) for state, up in pairs]
+        tried = self._player.try_out(states, moves)
+        near, other = list[int](), list[RestingState]()
+        for k in np.flatnonzero(tried.rests[:, 0] | tried.presses[:, 0]).tolist():
             fields = {"before": states[k], "move": moves[k], "depth": states[k].depth + 1}
-            state = tried.state(int(k), moves[k].target, **fields)
+            state = tried.state(k, moves[k].target, **fields)
             if state.is_near(ups[k]):
-                linked.append(int(k))
-            elif self.archive.wants(state):
+                near.append(k)
+            elif tried.rests[k, 0] and self.archive.wants(state):
                 other.append(state)
         self._check(other)
-        if not linked:
-            return
-        ends = self._player.check(
-            [states[k] for k in linked], [moves[k] for k in linked], self._tools.settings.worlds
-        )
-        joined = [linked[row] for row in np.flatnonzero(ends.are_like([ups[k] for k in linked]))]
-        self._finish([_join(states[k], moves[k], ups[k]) for k in joined])
+        if near:
+            begun, goals = [states[k] for k in near], [ups[k] for k in near]
+            worlds = self._tools.settings.worlds
+            led = self._player.lead(begun, [moves[k] for k in near], goals, worlds)
+            linked = zip(begun, led, goals, strict=True)
+            self._finish([_join(s, move, up) for s, move, up in linked if move is not None])
+        return [pair for k, pair in enumerate(pairs) if k not in near]
 
 
 def _rank(chain: PostureChain) -> tuple[int, float]:

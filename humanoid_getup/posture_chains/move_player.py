@@ -185,6 +185,29 @@ class MovePlayer:
             return first
         return first.join(self._arrive(self._trial, self._disturb(states, worlds - 1), targets))
 
+    def lead(
+        self,
+        states: Sequence[RestingState],
+        moves: Sequence[PostureMove],
+        goals: Sequence[RestingState],
+        worlds: int,
+    ) -> list[PostureMove | None]:
+        """Check moves from M states that are to lead to others; return those that do.
+
+        Where servos press with all their torque there, a move has softer targets then, if it leads
+        there with these; None where it does not.
+        """
+        ends = self.check(states, moves, worlds)
+        leads = ends.are_like(goals)
+        led = [move if does else None for move, does in zip(moves, leads, strict=True)]
+        presses = ends.are_like(goals, pressing=True) & ~leads
+        if rows := np.flatnonzero(presses).tolist():
+            softer = [self._soften(moves[k], ends.qpos[k, 0]) for k in rows]
+            again = self.check([states[k] for k in rows], softer, worlds)
+            for row in np.flatnonzero(again.are_like([goals[k] for k in rows])):
+                led[rows[row]] = softer[row]
+        return led
+
     def repeat_last(
         self, states: Sequence[RestingState], worlds: int
     ) -> tuple[Arrivals, list[RestingState]]:

@@ -30,6 +30,9 @@ ENTRIES = 4  # frames of a stored motion that are filed
 KNOT_TIME = 0.1  # s between the targets that are taken from it
 FARTHEST = 1.2  # distance over which states are paired
 
+Pair = tuple[RestingState, RestingState]
+"""A state of a search, and one with a way up."""
+
 
 class WaysUp:
     """Finds ways up from the stance downwards: a move away is kept if the move back leads back."""
@@ -42,7 +45,7 @@ class WaysUp:
         self.stance = player.describe(stance, world.robot.standing.joint_pos)
         self.archive = Archive(downwards=True)
         self.archive.add(self.stance)
-        self.paired: set[tuple[RestingState, RestingState]] = set()
+        self.paired: set[Pair] = set()
         """Pairs whose connection was tried."""
         self._add_squats()
         self._add_balanced(rng)
@@ -98,7 +101,7 @@ class WaysUp:
         self, states: list[RestingState], onward: list[PostureMove], ups: list[RestingState]
     ) -> list[RestingState]:
         """Try a move from each state to one with a way up; return those that lead there."""
-        leads = self._player.try_out(states, onward).are_like(ups)
+        leads = self._player.try_out(states, onward).are_like(ups, pressing=True)
         return [
             replace(states[k], after=ups[k], onward=onward[k], depth=ups[k].depth + 1)
             for k in np.flatnonzero(leads)
@@ -132,9 +135,7 @@ class WaysUp:
         if lost is not None and lost.depth > 1:
             self.archive.drop(lost)
 
-    def pair(
-        self, states: list[RestingState], most: int
-    ) -> list[tuple[RestingState, RestingState]]:
+    def pair(self, states: list[RestingState], most: int) -> list[Pair]:
         """Pair states with near ones that have a way up, each pair once, the nearest first."""
         ups, pairs = list(self), []
         distance = cdist(_locate(states), _locate(ups))
@@ -149,9 +150,15 @@ class WaysUp:
                 pairs.append(pair)
         return pairs
 
-    def aim(self, state: RestingState, up: RestingState, rng: np.random.Generator) -> PostureMove:
-        """Make the move to the targets of a state with a way up."""
-        drawn = float(rng.choice(DURATIONS)) * self._player.scale
+    def aim(
+        self,
+        state: RestingState,
+        up: RestingState,
+        rng: np.random.Generator,
+        times: Sequence[float] = DURATIONS,
+    ) -> PostureMove:
+        """Make the move to the targets of a state with a way up, in one of OP3's times [s]."""
+        drawn = float(rng.choice(times)) * self._player.scale
         return self._moves.aim(state.target, up.target, drawn, "connect")
 
     def _add_balanced(self, rng: np.random.Generator) -> None:
@@ -200,10 +207,10 @@ class WaysUp:
             return
         onward = [state.onward for state in states if state.onward is not None]
         goals = [state.after for state in states if state.after is not None]
-        ends = self._player.check(states, onward, WORLDS)
-        for state, leads in zip(states, ends.are_like(goals), strict=True):
-            if leads:
-                self.archive.add(state)
+        led = self._player.lead(states, onward, goals, WORLDS)
+        for state, move in zip(states, led, strict=True):
+            if move is not None:
+                self.archive.add(replace(state, onward=move))
 
 
 def _follow(motion: Motion, frame: int, stance: Array) -> PostureMove:

@@ -162,6 +162,26 @@ def test_a_posture_in_which_a_servo_has_all_its_torque_is_no_rest(
     assert ends.rests.tolist() == [[True], [True], [False]]
 
 
+def test_a_move_that_leads_to_a_goal_and_presses_there_has_softer_targets(
+    tools: ChainTools, world: World, lying: np.ndarray
+):
+    """A leg is pressed against the other one, or goes back to where it was."""
+    robot, layout, player = world.robot, world.robot.layout(world.model), tools.player
+    held = np.clip(lying[layout.qpos], robot.lower, robot.upper)
+    begun, hip = player.describe(lying, held), robot.joint_names.index("l_hip_roll")
+    pressed = held.copy()
+    pressed[hip] = robot.upper[hip]
+    moves = [PostureMove(knots=to[None], duration=0.5, kind="test") for to in (held, pressed)]
+    ends = player.check([begun, begun], moves, 1)
+    assert ends.presses.tolist() == [[False], [True]]
+    goals = [ends.state(k, move.target) for k, move in enumerate(moves)]
+    stays, softer = player.lead([begun, begun], moves, goals, 2)
+    assert stays is moves[0]
+    assert softer is not None and held[hip] < softer.target[hip] < pressed[hip]
+    assert player.check([begun], [softer], 1).rests.all()
+    assert player.lead([begun], [moves[1]], [tools.ways_up.stance], 2) == [None]
+
+
 def test_one_seed_gives_one_search_with_any_number_of_threads(world: World, lying: np.ndarray):
     found = []
     for threads in (1, 2):

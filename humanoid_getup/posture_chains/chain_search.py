@@ -22,9 +22,10 @@ from robots.quaternion import Array
 
 WORLDS = 5  # in which a new state must be reached, the first undisturbed
 BATCH = 64  # moves that are tried at a time
-NEAR_STAND = 0.6  # progress from which rises to the stance are tried
+NEAR_STAND = 0.6  # progress from which rises to the stance, and slow moves, are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
 SLOW_TIMES, SLOW_SHARE = (1.6, 3.0), 4  # s for OP3, and of a batch one in that many is slow
+SLOWER = 3.0  # times as long as others are a turn of moves from states near to a stand
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 16  # chains of a batch that are played whole
@@ -32,7 +33,7 @@ TOGETHER = 4  # of these, at once: where one stands undisturbed, no others are p
 MOST_CHAINS = 16  # that are kept of each start
 ENOUGH = 3  # chains of which no motion was tried, from which longer ones are not played whole
 SHORTER = 0.9  # of the time of one that never falls, from which another is worth it
-TURNS = ("forward", "downward", "forward", "connect", "forward", "rise")
+TURNS = ("forward", "downward", "forward", "connect", "slow", "rise")
 """Kinds of batches, in turn."""
 
 
@@ -132,15 +133,19 @@ class ChainSearch:
         kind = TURNS[self.turn % len(TURNS)]
         self.turn += 1
         count, rng = self._tools.settings.batch, self._tools.rng
+        moves, scale = self._tools.moves, self._player.scale
         if kind == "downward":
             self._tools.ways_up.advance(count, rng)
         elif kind == "connect" and (pairs := self._tools.ways_up.pair(list(self.archive), count)):
             self._connect(pairs)
         elif kind == "rise" and (near := self._list_near()):
             self._try(*self._make_rises(near))
+        elif kind == "slow" and (near := [s for s in self.archive if s.progress > NEAR_STAND]):
+            states = [near[k] for k in rng.integers(len(near), size=count)]
+            self._try(states, moves.draw_all(states, SLOWER * scale, rng))
         else:
             states = self.archive.draw(count, rng)
-            self._try(states, self._tools.moves.draw_all(states, self._player.scale, rng))
+            self._try(states, moves.draw_all(states, scale, rng))
 
     def shorten(self, chain: PostureChain) -> PostureChain:
         """Return a chain that was found with the shortcuts that its worlds permit."""

@@ -11,10 +11,17 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.posture_chains.chain_search import ChainSearch, ChainTools, SearchSettings
+from humanoid_getup.posture_chains.chain_search import (
+    NEAR_STAND,
+    TURNS,
+    ChainSearch,
+    ChainTools,
+    SearchSettings,
+)
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
-from humanoid_getup.posture_chains.resting_state import PostureMove
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from humanoid_getup.simulation.world import World
 
 SMALL = SearchSettings(batch=12, worlds=2, threads=1)
@@ -105,6 +112,27 @@ def test_moves_are_checked_from_where_those_before_have_led(
         ends, (end,) = tools.player.repeat_last([replace(moved, before=moved, move=stay)], 3)
         assert ends.are_like([state]).tolist() == [are_like]
         assert np.array_equal(end.list_arrivals(2), ends.qpos[0, 1:])
+
+
+def test_near_a_stand_a_turn_of_moves_is_slow(
+    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
+    """A robot that balances is toppled by quick moves."""
+    squat = next(up for up in tools.ways_up if up.depth == 1 and up.progress > NEAR_STAND)
+    drawn = list[tuple[bool, float]]()
+
+    def draw(_: object, states: list[RestingState], scale: float, __: object) -> list[PostureMove]:
+        drawn.append((all(state is squat for state in states), scale / tools.player.scale))
+        return [PostureMove(knots=s.target[None], duration=scale, kind="test") for s in states]
+
+    monkeypatch.setattr(RandomMoves, "draw_all", draw)
+    for knows_squat in (False, True):
+        search = ChainSearch(tools, lying)
+        if knows_squat:
+            search.archive.add(squat)
+        search.turn = TURNS.index("slow")
+        search.advance()
+    assert drawn == [(False, 1.0), (True, 3.0)]
 
 
 def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(

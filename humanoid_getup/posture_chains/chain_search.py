@@ -24,8 +24,9 @@ WORLDS = 5  # in which a new state must be reached, the first undisturbed
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance, and slow moves, are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
-SLOW_TIMES, SLOW_SHARE = (1.6, 3.0), 4  # s for OP3, and of a batch one in that many is slow
-SLOWER = 3.0  # times as long as others are a turn of moves from states near to a stand
+SLOW_TIMES = (1.6, 3.0)  # s for OP3, of moves to ways up that quick ones do not reach
+SLOW_PAIRS = 4  # of a batch, one in so many is tried with such a move
+SLOWER = 3.0  # factor on the time of a turn of random moves from states near to a stand
 SQUAT_MARGIN = 0.05  # of standing height that a squat on the way up may be lower
 PLAYED = 8  # worlds in which whole chains are played, the first undisturbed
 MOST_JUDGED = 16  # chains of a batch that are played whole
@@ -232,7 +233,7 @@ class ChainSearch:
         The nearest that a quick move does not reach are tried with a slow one.
         """
         left = self._link(pairs, DURATIONS)
-        if slow := left[: self._tools.settings.batch // SLOW_SHARE]:
+        if slow := left[: self._tools.settings.batch // SLOW_PAIRS]:
             self._link(slow, SLOW_TIMES)
 
     def _link(self, pairs: list[Pair], times: Sequence[float]) -> list[Pair]:

@@ -192,10 +192,11 @@ class MovePlayer:
         goals: Sequence[RestingState],
         worlds: int,
     ) -> list[PostureMove | None]:
-        """Check moves from M states that are to lead to others; return those that do.
+        """Check moves from M states that are to lead to goals, in K worlds.
 
-        Where servos press with all their torque there, a move has softer targets then, if it leads
-        there with these; None where it does not.
+        Returns:
+            Each move that leads to its goal, with softer targets where servos would press there
+            with all their torque; None for one that does not.
         """
         ends = self.check(states, moves, worlds)
         leads = ends.are_like(goals)

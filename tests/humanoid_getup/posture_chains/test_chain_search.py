@@ -13,6 +13,8 @@ from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.posture_chains.chain_search import (
     NEAR_STAND,
+    SLOW_PAIRS,
+    SLOW_TIMES,
     TURNS,
     ChainSearch,
     ChainTools,
@@ -20,8 +22,9 @@ from humanoid_getup.posture_chains.chain_search import (
 )
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
-from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
+from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
 
 SMALL = SearchSettings(batch=12, worlds=2, threads=1)
@@ -133,6 +136,27 @@ def test_near_a_stand_a_turn_of_moves_is_slow(
         search.turn = TURNS.index("slow")
         search.advance()
     assert drawn == [(False, 1.0), (True, 3.0)]
+
+
+def test_the_nearest_ways_up_that_quick_moves_do_not_reach_are_tried_slowly(
+    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
+    own = tools.copy(np.random.default_rng(0))
+    search, times = ChainSearch(own, lying), list[tuple[float, ...]]()
+    for squat in [up for up in own.ways_up if up.depth == 1]:
+        search.archive.add(squat)
+
+    def stay(_: WaysUp, state: RestingState, __: object, ___: object, each: tuple[float, ...]):
+        times.append(each)
+        return PostureMove(knots=state.target[None], duration=0.5, kind="connect")
+
+    monkeypatch.setattr(WaysUp, "aim", stay)
+    monkeypatch.setattr(RestingState, "is_near", lambda *_: False)
+    search.turn = TURNS.index("connect")
+    search.advance()
+    assert times.count(DURATIONS) == SMALL.batch
+    assert times.count(SLOW_TIMES) == SMALL.batch // SLOW_PAIRS
+    assert len(times) == SMALL.batch + SMALL.batch // SLOW_PAIRS
 
 
 def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(

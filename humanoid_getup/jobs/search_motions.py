@@ -108,6 +108,8 @@ class MotionSearch:
         if arrays is not None:
             with refusing():
                 restore_search(self.file(robot), arrays, self._discovery, self._load)
+            sides = ", ".join(map(_describe_side, self.sides))
+            monitor.tell(f"goes on after {self._discovery.simulated:,.0f} s simulated: {sides}")
         self._saved, self._state = time.monotonic(), self._describe()
         for side in self._discovery.skipped:
             monitor.tell(f"{side}: no posture was found in which the robot stays on this side")
@@ -285,4 +287,6 @@ def describe_motion(motion: Motion) -> str:
 def _describe_side(each: SideSearch) -> str:
     if each.kept:
         return f"{each.side}: {len(each.kept)} kept"
+    if each.search.chains:
+        return f"{each.side}: a chain stands"
     return f"{each.side}: {each.search.archive.best.progress:.0%}"

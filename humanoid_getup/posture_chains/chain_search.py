@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, MovePlayer
@@ -113,10 +114,9 @@ class ChainSearch:
         self._tools, self._player = tools, tools.player
         robot, layout = tools.world.robot, tools.world.robot.layout(tools.world.model)
         held = np.clip(start[layout.qpos], robot.lower, robot.upper)
-        self._scenarios = self._player.sample_worlds(start, PLAYED)
         self.archive = Archive()
         lying = self._player.describe(start, held)
-        disturbed = self._scenarios.take(np.arange(1, PLAYED))
+        disturbed = self._player.sample_worlds(start, PLAYED).take(np.arange(1, PLAYED))
         others = tools.settings.worlds - 1
         self.start = replace(lying, arrivals=self._player.settle(lying, disturbed, others))
         self.archive.add(self.start)
@@ -128,6 +128,11 @@ class ChainSearch:
         """Batches so far."""
         self.risen: set[RestingState] = set()
         """States from which rises to the stance were tried."""
+
+    @property
+    def _scenarios(self) -> Scenarios:
+        """Sample the worlds in which whole chains are played; each time the same ones."""
+        return self._player.sample_worlds(self.start.qpos, PLAYED)
 
     def advance(self) -> None:
         """Play one batch of moves."""

@@ -32,6 +32,7 @@ SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as w
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
 WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
+LONGEST_WAIT = 4000.0  # s simulated, at most, from these to the next
 UNIMPROVED = 8000.0  # s of the search, before which another chain is found sooner
 MAKING_SHARE = 1.0  # of the time of the search, above which motions are not improved
 MOST_REPEATS = 2  # motions of one way, after which no other way is searched
@@ -82,11 +83,15 @@ class SideSearch:
         """
         if not self.search.untried:
             return None
-        self.ready = min(self.ready, WAITING * self.spent)
+        self.ready = min(self.ready, self._next_ready)
         if waits and self.spent < self.ready:
             return None
-        self.tried, self.ready = self.tried + 1, WAITING * self.spent
+        self.tried, self.ready = self.tried + 1, self._next_ready
         return self.search.untried.pop(0)
+
+    @property
+    def _next_ready(self) -> float:
+        return min(WAITING * self.spent, self.spent + LONGEST_WAIT)
 
 
 class ChainDiscovery:

@@ -270,17 +270,23 @@ class MovePlayer:
         found = Followed(lost=lost, fallen=fallen, stand=stood[:, 0])
         for k in np.flatnonzero(found.fallen > misses):
             rows = slice(each * int(k), each * (int(k) + 1))
-            found.lost[k] = self._find_missed(paths[int(k)], record.qpos[rows], misses)
+            found.lost[k] = self._find_missed(paths[int(k)], record, rows, misses)
         return found
 
-    def _find_missed(self, path: list[RestingState], qpos: Array, misses: int) -> int:
-        """Find the first state of a path that too many of K worlds have missed, (K, T, nq)."""
+    def _find_missed(
+        self, path: list[RestingState], record: Record, rows: slice, misses: int
+    ) -> int:
+        """Find the first state of a path that too many worlds, rows of a record, have missed.
+
+        A world in which a servo is overloaded before a state has missed it.
+        """
         period, at = self.world.robot.control_period, 0
+        qpos, stopped = record.qpos[rows], np.where(record.failed, record.cycles, np.inf)[rows]
         for number, state in enumerate(path[1:-1], start=1):
             assert state.move is not None
             at += len(state.move.sample(state.target, period, self.rest))
             cells = self._meter.measure(qpos[:, min(at, qpos.shape[1]) - 1]).cells
-            if np.sum(~are_near(cells, state.cell)) > misses:
+            if np.sum(~are_near(cells, state.cell) | (stopped < at)) > misses:
                 return number
         return len(path) - 1
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import Experiment
@@ -22,6 +23,8 @@ from robots.quaternion import Array
 WORLDS = 8  # in which a shortened rise is tried
 ALL, FEW = tuple(range(WORLDS)), (0, 4)
 """Those in which several changes are tried, and one alone."""
+TOLERANCES = (0.1, 0.05, 0.02)  # rad by which a curve with fewer keys may differ, in this order
+SLACK = 0.2  # s that fewer keys may cost
 REST_SHARES = (0.0, 0.3, 0.6)  # of all rests, tried in this order
 PACES = (0.5, 0.65, 0.8)  # of all times
 SHORTER = 0.6  # of the time of one key
@@ -67,6 +70,7 @@ class Shortener:
         """
         found, ends = [keyframes], self.simulated + MOST_SIMULATED
         self._cost = self._judge(found)[0]
+        found += self._pick_first(self._thin(keyframes), SLACK)
         for candidates in (self._shorten_rests, self._quicken):
             found += self._pick_first(candidates(found[-1]))
         for _ in range(ROUNDS):
@@ -78,6 +82,11 @@ class Shortener:
             if len(found) == before:
                 break
         return found
+
+    def _thin(self, keyframes: Keyframes) -> list[Keyframes]:
+        """Leave out keys that the curve passes anyway; motions joined by a chain have many."""
+        thinned = [thin(keyframes, tolerance) for tolerance in TOLERANCES]
+        return [each for each in thinned if len(each.keys) < len(keyframes.keys)]
 
     def _shorten_rests(self, keyframes: Keyframes) -> list[Keyframes]:
         rests = find_rests(keyframes)
@@ -105,11 +114,11 @@ class Shortener:
         together = [_apply(keyframes, [changes[k] for k in each]) for each in some]
         return self._pick_first([*together, alone[order[0]]])
 
-    def _pick_first(self, candidates: Sequence[Keyframes]) -> list[Keyframes]:
-        """Return the first of some keyframes that stand and cost less, if there is one."""
+    def _pick_first(self, candidates: Sequence[Keyframes], slack: float = 0.0) -> list[Keyframes]:
+        """Return the first keyframes that cost less, or little more [s], if there are any."""
         for each in candidates:
             cost = self._judge([each])[0]
-            if cost.mean() < self._cost.mean():
+            if cost.mean() < self._cost.mean() + slack:
                 self._cost = cost
                 return [each]
         return []
@@ -183,6 +192,19 @@ def _apply(keyframes: Keyframes, changes: Iterable[Change]) -> Keyframes:
 def find_rests(keyframes: Keyframes) -> NDArray[np.bool_]:
     """Tell between which keys the targets rest, (K-1,)."""
     return np.abs(np.diff(keyframes.keys, axis=0)).max(axis=1) < STILL
+
+
+def thin(keyframes: Keyframes, tolerance: float) -> Keyframes:
+    """Keep the keys through which a curve passes all others within a tolerance [rad], in time."""
+    at, keys = np.concatenate([[0.0], np.cumsum(keyframes.duration)]), keyframes.keys
+    kept = [0, len(keys) - 1]
+    while len(kept) < len(keys):
+        off = np.abs(PchipInterpolator(at[kept], keys[kept], axis=0)(at) - keys).max(axis=1)
+        worst = int(off.argmax())
+        if off[worst] <= tolerance:
+            break
+        kept = sorted([*kept, worst])
+    return replace(keyframes, keys=keys[kept], duration=np.diff(at[kept]))
 
 
 def without_keys(keyframes: Keyframes, keys: NDArray[np.int_]) -> Keyframes:

@@ -10,7 +10,9 @@ from robots.body.both_legs import BothLegs, find_overlaps_but_arms
 from robots.body.flat_soles import CLOSE, MARGIN, ROUGH, FlatSoles, Foot, fit_posture
 from robots.body.limb import ARMS, LEGS
 from robots.body.limbs import Limbs
+from robots.body.trunk import Trunk
 from robots.quaternion import Array
+from robots.robot import Robot
 
 EXTENSIONS = (0.15, 0.98)  # shares of the stretched leg
 LEANS = (-1.2, 1.8)  # rad by which the torso leans forward
@@ -51,7 +53,8 @@ class _PropSampler:
     def __init__(self, limbs: Limbs) -> None:
         self._limbs, self._robot, self._both = limbs, limbs.robot, BothLegs(limbs)
         robot, arm, leg = limbs.robot, limbs.all[ARMS[0]], limbs.all[LEGS[0]]
-        self._arm, self._joints = arm, np.array([*leg.joints, *arm.joints])
+        self._arm, self._legs = arm, len(leg.joints)
+        self._joints = np.array([*leg.joints, *arm.joints, *_list_spine(robot)])
         self._partners = robot.mirror_index[self._joints]
         lower, upper = robot.lower[self._joints], robot.upper[self._joints]
         margin = np.minimum(MARGIN, 0.25 * (upper - lower))
@@ -71,8 +74,7 @@ class _PropSampler:
         lean, share = rng.uniform(*LEANS), MOST_SHARE * rng.random() ** 2
         up = np.array([-np.sin(lean), 0.0, np.cos(lean)])
         start = rng.uniform(*self._bounds)
-        legs = len(start) - len(self._arm.joints)
-        start[:legs] = home[self._joints[:legs]]
+        start[: self._legs] = home[self._joints[: self._legs]]
 
         def measure() -> Array:
             errors, leans = soles.measure(reach)[1], LEAN * (foot.leg.sole_axes[:, 2] - up)
@@ -124,3 +126,9 @@ class _PropSampler:
             turn = limbs.data.xmat[body].reshape(3, 3)
             hands.append((body, turn.T @ (limbs.find_end(limb) - limbs.data.xpos[body])))
         return tuple(hands)
+
+
+def _list_spine(robot: Robot) -> list[int]:
+    """List the joints that bend the trunk forwards or backwards, in the robot's order."""
+    own, sign = robot.mirror_index, robot.mirror_sign
+    return [joint for joint in Trunk(robot).joints if own[joint] == joint and sign[joint] > 0.0]

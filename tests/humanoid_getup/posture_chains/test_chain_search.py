@@ -7,6 +7,7 @@ import pytest
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
@@ -196,6 +197,31 @@ def test_a_move_that_topples_a_robot_does_not_end_like_a_stand(tools: ChainTools
     stands = [replace(stance, before=stance, move=move) for move in moves]
     scenarios = USUAL.sample(world, stance.qpos, 2, np.random.default_rng(0))
     assert tools.player.follow(stands, scenarios).lost.tolist() == [STANDS, 1]
+
+
+def test_a_chain_that_stops_as_a_servo_trips_is_lost_with_that_move(
+    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
+    """A robot lies still through three moves; what follows where it stops is never seen."""
+    player, robot = tools.player, tools.world.robot
+    held = np.clip(lying[robot.layout(tools.world.model).qpos], robot.lower, robot.upper)
+    start = player.describe(lying, held)
+    stay = PostureMove(knots=start.target[None], duration=0.5, kind="test")
+    end = start
+    for _ in range(3):
+        end = replace(start, before=end, move=stay)
+    scenarios = player.sample_worlds(lying, 2)
+    assert player.follow([end], scenarios).lost.tolist() == [3], "it ends in no stand"
+    each = len(stay.sample(start.target, robot.control_period, player.rest))
+    play = Experiment.play
+
+    def trip(self: Experiment, *args: object, **fields: object) -> Record:
+        record = play(self, *args, **fields)  # type: ignore[arg-type]
+        stopped = np.full_like(record.cycles, each + 5)
+        return replace(record, cycles=stopped, failed=np.ones_like(record.failed))
+
+    monkeypatch.setattr(Experiment, "play", trip)
+    assert player.follow([end], scenarios).lost.tolist() == [2], "it trips in the second move"
 
 
 def test_a_posture_in_which_a_servo_has_all_its_torque_is_no_rest(

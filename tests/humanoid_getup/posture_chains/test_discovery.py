@@ -115,6 +115,22 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
 
 
 @pytest.mark.parametrize(
+    ("spent", "ready"), [(1000.0, 1300.0), (10_000.0, 13_000.0), (100_000.0, 104_000.0)]
+)
+def test_a_chain_waits_for_better_ones_a_share_of_the_time_but_not_for_ever(
+    begin: Begin, spent: float, ready: float
+):
+    side = begin("supine_sit_up_fast").sides[0]
+    side.search.advance()
+    side.spent = spent
+    for first in (spent, ready):  # after the first chain, and after each motion
+        side.spent = first
+        assert side.take_chain() is None or first == ready
+    assert side.tried == 1
+    assert side.ready == ready + min(0.3 * ready, 4000.0)
+
+
+@pytest.mark.parametrize(
     ("searched", "made", "improves"),
     [(5_000.0, 0.0, False), (25_000.0, 24_000.0, True), (25_000.0, 26_000.0, False)],
 )

@@ -12,7 +12,13 @@ from humanoid_getup.posture_chains import shortening
 from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
-from humanoid_getup.posture_chains.shortening import WORLDS, Shortener, find_rests, without_keys
+from humanoid_getup.posture_chains.shortening import (
+    WORLDS,
+    Shortener,
+    find_rests,
+    thin,
+    without_keys,
+)
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE
 from robots.body.limbs import Limbs
@@ -69,6 +75,49 @@ def test_keys_are_cut_with_the_way_to_them_and_never_the_last(world: World, chai
     cut = without_keys(keyframes, np.array([1, 2, 6]))
     assert np.array_equal(cut.keys, keyframes.keys[[0, 3, 4, 5, 6]])
     assert cut.duration.sum() == pytest.approx(keyframes.duration.sum() - 0.8 - REST)
+
+
+def test_keys_that_the_curve_passes_anyway_are_left_out(world: World, chain: PostureChain):
+    """A motion whose targets were sampled densely has a key for each sample."""
+    robot, period = world.robot, world.robot.control_period
+    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
+    sampled = keyframes.targets(robot, 0.0)[::5]
+    dense = replace(keyframes, keys=sampled, duration=np.full(len(sampled) - 1, 5 * period))
+    sizes = list[int]()
+    for tolerance in (0.02, 0.1):
+        thinned = thin(dense, tolerance)
+        sizes.append(len(thinned.keys))
+        assert thinned.duration.sum() == pytest.approx(dense.duration.sum())
+        assert np.array_equal(thinned.keys[[0, -1]], dense.keys[[0, -1]])
+        sent, expected = thinned.targets(robot, 0.0), dense.targets(robot, 0.0)
+        assert np.abs(sent - expected).max() < 1.3 * tolerance
+    assert len(dense.keys) > 3 * sizes[0] > 3 * sizes[1]
+    assert len(thin(keyframes, 0.0).keys) == len(keyframes.keys)
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_thinner_keyframes_are_taken_if_no_more_robots_fall(
+    world: World, chain: PostureChain, monkeypatch: pytest.MonkeyPatch, stands: bool
+):
+    robot, period = world.robot, world.robot.control_period
+    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
+    sampled = keyframes.targets(robot, 0.0)[::5]
+    dense = replace(keyframes, keys=sampled, duration=np.full(len(sampled) - 1, 5 * period))
+    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
+    shortener, judge = Shortener(world, scenarios, threads=1), Shortener._judge  # pyright: ignore
+    monkeypatch.setattr(shortening, "MOST_SIMULATED", 0.0)
+    monkeypatch.setattr(shortening, "REST_SHARES", (0.6,))
+    monkeypatch.setattr(shortening, "PACES", (1.0,))
+
+    def topple(self: Shortener, candidates: list[Keyframes], *args: object) -> np.ndarray:
+        cost = judge(self, candidates, *args)  # type: ignore[arg-type]
+        for row, each in enumerate(candidates):
+            if not stands and len(each.keys) < len(dense.keys):
+                cost[row, 3] = 40.0
+        return cost
+
+    monkeypatch.setattr(Shortener, "_judge", topple)
+    assert (len(shortener.shorten(dense)[-1].keys) < 0.5 * len(dense.keys)) == stands
 
 
 def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain: PostureChain):

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robots import Robot, quaternion
+from robots import Robot, load_robot, quaternion
 from robots.body.limbs import Limbs
 from robots.body.props import MOST_DOWN, draw_props
 from robots.body.statics import Statics
@@ -41,6 +41,17 @@ def test_props_have_soles_and_hands_on_the_ground_and_their_weight_between(
         assert off == pytest.approx(0.0, abs=0.05 * length)
         assert np.cos(quaternion.tilt(posture.orientation)) > -MOST_DOWN
         assert np.array_equal(op3.symmetrize(prop.joint_pos), prop.joint_pos)
+
+
+def test_a_trunk_bends_for_a_prop():
+    """The human's hands reach the ground in few postures without its waist and chest."""
+    human = load_robot("human")
+    names = ("waist_pitch", "spine_pitch", "chest_pitch")
+    bends = [human.joint_names.index(name) for name in names]
+    props = draw_props(Limbs(human), 20, np.random.default_rng(0))
+    home = human.standing.joint_pos[bends]
+    assert len(props) > 4
+    assert all(np.abs(prop.joint_pos[bends] - home).max() > 0.05 for prop in props)
 
 
 def test_a_prop_that_one_side_cannot_take_is_left_out(op3: Robot):

@@ -30,7 +30,8 @@ from robots.quaternion import Array
 SHARES = (*sorted(LIMIT_SHARES), 0.85)
 """Of full torque: the least under which motions are judged; those for weak servos after it."""
 KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
-WORTH = 0.3  # share from which a rise is improved
+WORTH = 0.3  # share from which a rise is slowed down and improved
+SLOWER = (1.2, 1.5)  # factors on all times of a rise that does not stand often enough
 LONG = 9.0  # s for OP3, from which it is not
 JUDGED = 6  # of the ever shorter versions of a chain, at most
 
@@ -97,8 +98,8 @@ class MotionMaker:
         """Make a motion of a chain, whose moves are followed by a rest [s].
 
         The shortest of its versions that stands often enough is kept; motions end standing also
-        when they are entered at rest at some of their frames. If none does, a short one may be
-        improved.
+        when they are entered at rest at some of their frames. If none does, the best one is slowed
+        down; then a short one may be improved.
         """
         world, rng = self._world, np.random.default_rng([self._seed, 0])
         keyframes = make_keyframes(
@@ -120,6 +121,8 @@ class MotionMaker:
         )
         versions = shortener.shorten(keyframes)
         found = choose_version(versions, lambda each: self._judge(each, optimizer))
+        if WORTH <= found.share < KEPT_SHARE:
+            found = self._slow_down(found, optimizer)
         is_worth_it = WORTH <= found.share < KEPT_SHARE
         if improves and is_worth_it and found.duration < LONG * shortener.scale:
             better = self._judge(optimizer.improve(found.keyframes, self._seed), optimizer)
@@ -132,6 +135,16 @@ class MotionMaker:
         return found.refuse(
             f"stands in {found.share:.1%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
         )
+
+    def _slow_down(self, found: MadeMotion, optimizer: TrajectoryOptimizer) -> MadeMotion:
+        """Return the best of a rise and slower ones: weak servos fall behind less there."""
+        judged = [found]
+        for pace in SLOWER:
+            slower = replace(found.keyframes, duration=pace * found.keyframes.duration)
+            judged.append(self._judge(slower, optimizer))
+            if judged[-1].share >= KEPT_SHARE:
+                break
+        return max(judged, key=lambda each: each.share)
 
     def _judge(self, keyframes: Keyframes, optimizer: TrajectoryOptimizer) -> MadeMotion:
         """Judge keyframes with the time that the servos need."""

@@ -142,6 +142,29 @@ def test_a_motion_of_a_chain_says_how_it_was_made(world: World, chain: PostureCh
     assert made.motion.rises
 
 
+@pytest.mark.parametrize(("needed", "pace"), [(1.0, 1.0), (1.15, 1.2), (1.4, 1.5), (9.0, 1.0)])
+def test_a_rise_that_stands_too_rarely_is_slowed_down_as_far_as_it_must(
+    world: World,
+    chain: PostureChain,
+    monkeypatch: pytest.MonkeyPatch,
+    needed: float,
+    pace: float,
+):
+    monkeypatch.setattr(Shortener, "shorten", lambda _, keyframes: [keyframes])
+    made_of = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
+    usual = made_of.duration.sum()
+
+    def judge(_: object, keyframes: Keyframes, *__: object, **___: object):
+        share = 1.0 if keyframes.duration.sum() > 0.99 * needed * usual else 0.8
+        return 0.0, np.arange(48) < 48 * share
+
+    monkeypatch.setattr(TrajectoryOptimizer, "judge", judge)
+    maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, threads=1)
+    made = maker.make(chain, REST, name="up", start_class="squat", improves=False)
+    assert (made.motion is not None) == (needed < 2.0)
+    assert made.duration == pytest.approx(pace * usual)
+
+
 def test_a_chain_that_falls_is_not_kept(world: World, chain: PostureChain):
     bent = chain.moves[0].target.copy()
     bent[[world.robot.joint_names.index(name) for name in ("l_ank_pitch", "l_knee")]] += 0.8

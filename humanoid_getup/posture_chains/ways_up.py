@@ -23,7 +23,9 @@ from robots.smooth_step import invert_smooth_step
 WORLDS = 3  # in which a way up must lead on, the first undisturbed
 HOLDING = 0.3  # s for OP3 in which a squat comes to rest
 SQUAT_TIME = 1.6  # s for OP3 from a squat to the stance
-ROUNDS = 8  # in which the nearest pairs of crouches, or props, and ways up are tried
+ROUNDS, FURTHER = 8, 16
+"""In which the nearest pairs of crouches, or props, and ways up are tried, and in which those of
+cells without a way up are."""
 TARGET_WEIGHT = 0.35  # of targets [rad RMS] beside the places of states
 DEPTH_COST = 0.03  # of a move, in the same unit
 ENTRIES = 4  # frames of a stored motion that are filed
@@ -167,8 +169,11 @@ class WaysUp:
         Props with little weight on the hands are near crouches; others join these.
         """
         waiting = [*self._hold(self._moves.crouches), *self._hold(self._moves.props)]
-        for _ in range(ROUNDS):
+        for number in range(ROUNDS + FURTHER):
             waiting = [state for state in waiting if self.archive.wants(state)]
+            if number >= ROUNDS:
+                known = {state.cell for state in self.archive}
+                waiting = [state for state in waiting if state.cell not in known]
             deepest = sorted(waiting, key=lambda state: -state.progress)
             of_cells = [*{state.cell: state for state in deepest}.values()]
             pairs = self.pair(of_cells, len(of_cells)) if of_cells else []

@@ -46,7 +46,8 @@ def test_ways_up_begin_with_squats_from_which_a_robot_stands_up(tools: ChainTool
     assert len(squats) >= 2
     onward = [up.onward for up in squats if up.onward is not None]
     ends = tools.player.check(squats, onward, 2)
-    assert ends.stands.all()
+    assert ends.stands[:, 0].all()
+    assert ends.stands[:, 1].mean() > 0.8  # in a disturbed world in which they were not checked
     assert all(up.progress < tools.ways_up.stance.progress for up in squats)
 
 

@@ -169,7 +169,8 @@ def test_a_chain_that_falls_is_not_kept(world: World, chain: PostureChain):
     bent = chain.moves[0].target.copy()
     bent[[world.robot.joint_names.index(name) for name in ("l_ank_pitch", "l_knee")]] += 0.8
     falls = PostureMove(knots=bent[None], duration=0.4, kind="test")
-    broken = PostureChain(start=chain.start, held=chain.held, moves=(falls, falls))
+    lying = lay_down(world, "supine", chain.held)
+    broken = PostureChain(start=lying, held=chain.held, moves=(falls, falls))
     maker = MotionMaker(world, seed=0, limit=FULL_TORQUE, weakest=0.61, threads=1)
     made = maker.make(broken, REST, name="down", start_class="squat")
     assert made.motion is None

@@ -21,7 +21,7 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.quaternion import Array
 
-WORLDS = 5  # in which a new state must be reached, the first undisturbed
+WORLDS = 3  # in which a new state must be reached, the first undisturbed
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance, and slow moves, are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3

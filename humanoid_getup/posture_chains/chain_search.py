@@ -21,7 +21,8 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 from robots.quaternion import Array
 
-WORLDS = 3  # in which a new state must be reached, the first undisturbed
+WORLDS, FEWER_WORLDS = 5, 3
+"""In which a new state must be reached, and in a hard search; the first is undisturbed."""
 BATCH = 64  # moves that are tried at a time
 NEAR_STAND = 0.6  # progress from which rises to the stance, and slow moves, are tried
 RISE_TIMES = (1.0, 1.6, 3.0)  # s for OP3
@@ -126,6 +127,8 @@ class ChainSearch:
         """Those of which no motion was tried yet."""
         self.turn = 0
         """Batches so far."""
+        self.is_hard = False
+        """Whether moves are checked in fewer worlds, as no chain is found."""
         self.risen: set[RestingState] = set()
         """States from which rises to the stance were tried."""
 
@@ -133,6 +136,11 @@ class ChainSearch:
     def _scenarios(self) -> Scenarios:
         """Sample the worlds in which whole chains are played; each time the same ones."""
         return self._player.sample_worlds(self.start.qpos, PLAYED)
+
+    @property
+    def _worlds(self) -> int:
+        worlds = self._tools.settings.worlds
+        return min(worlds, FEWER_WORLDS) if self.is_hard else worlds
 
     def advance(self) -> None:
         """Play one batch of moves."""
@@ -165,7 +173,7 @@ class ChainSearch:
     def _check(self, new: list[RestingState]) -> None:
         if not new:
             return
-        ends, checked = self._player.repeat_last(new, self._tools.settings.worlds)
+        ends, checked = self._player.repeat_last(new, self._worlds)
         for k in np.flatnonzero(ends.are_like(new)):
             self.archive.add(checked[k])
         stands = [checked[k] for k in np.flatnonzero(ends.stands.all(axis=1))]
@@ -258,8 +266,7 @@ class ChainSearch:
         self._check(other)
         if near:
             begun, goals = [states[k] for k in near], [ups[k] for k in near]
-            worlds = self._tools.settings.worlds
-            led = self._player.lead(begun, [moves[k] for k in near], goals, worlds)
+            led = self._player.lead(begun, [moves[k] for k in near], goals, self._worlds)
             linked = zip(begun, led, goals, strict=True)
             self._finish([_join(s, move, up) for s, move, up in linked if move is not None])
         return [pair for k, pair in enumerate(pairs) if k not in near]

@@ -31,6 +31,7 @@ FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left", "right")
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
+HARD = 10_000.0  # s of a side's own search without a chain, from which its moves are checked less
 WAITING = 1.3  # times a side's time until its first chain, or its last motion, before the next
 LONGEST_WAIT = 4000.0  # s simulated, at most, from these to the next
 UNIMPROVED = 20_000.0  # s of the search, before which another chain is found sooner
@@ -151,6 +152,7 @@ class ChainDiscovery:
         """Search from each side that is not done for one round; yield the motions tried."""
         for each in self._list_turns():
             before = self.simulated
+            each.search.is_hard = not each.search.chains and each.spent > HARD
             for _ in TURNS:
                 each.search.advance()
             each.spent += self.simulated - before

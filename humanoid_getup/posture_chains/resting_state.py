@@ -118,8 +118,8 @@ class RestingState:
 
     def list_arrivals(self, worlds: int) -> Array:
         """List where robots are in that many disturbed worlds, (K, nq)."""
-        known = self.arrivals
-        return np.repeat(self.qpos[None], worlds, axis=0) if known is None else known
+        known = self.qpos[None] if self.arrivals is None else self.arrivals
+        return known[np.arange(worlds) % len(known)]
 
     @property
     def path(self) -> list[RestingState]:

@@ -12,6 +12,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.posture_chains.arrivals import Arrivals
 from humanoid_getup.posture_chains.chain_search import (
     NEAR_STAND,
     SLOW_PAIRS,
@@ -117,6 +118,26 @@ def test_moves_are_checked_from_where_those_before_have_led(
         ends, (end,) = tools.player.repeat_last([replace(moved, before=moved, move=stay)], 3)
         assert ends.are_like([state]).tolist() == [are_like]
         assert np.array_equal(end.list_arrivals(2), ends.qpos[0, 1:])
+
+
+def test_moves_of_a_hard_search_are_checked_in_fewer_worlds(
+    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
+    own, counts = tools.copy(np.random.default_rng(0)), list[int]()
+    own.settings = replace(SMALL, worlds=5)
+    search, check = ChainSearch(own, lying), MovePlayer.check
+
+    def count(self: MovePlayer, *args: object, worlds: int = 0) -> Arrivals:
+        counts.append(int(args[-1]) if len(args) == 3 else worlds)
+        return check(self, *args[:2], counts[-1])  # type: ignore[arg-type]
+
+    monkeypatch.setattr(MovePlayer, "check", count)
+    for search.is_hard in (False, True, False):
+        search.turn = 0
+        search.advance()
+    assert counts == [5, 3, 5]
+    known = {len(state.list_arrivals(4)) for state in search.archive}
+    assert known == {4}
 
 
 def test_near_a_stand_a_turn_of_moves_is_slow(

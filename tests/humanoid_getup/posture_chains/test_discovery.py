@@ -131,6 +131,21 @@ def test_a_chain_waits_for_better_ones_a_share_of_the_time_but_not_for_ever(
 
 
 @pytest.mark.parametrize(
+    ("spent", "has_chain", "is_hard"),
+    [(9_000.0, False, False), (11_000.0, False, True), (11_000.0, True, False)],
+)
+def test_a_side_without_a_chain_for_long_is_hard(
+    begin: Begin, spent: float, has_chain: bool, is_hard: bool
+):
+    discovery = begin("supine_sit_up_fast")
+    side = discovery.sides[0]
+    chain = PostureChain(start=side.search.start.qpos, held=side.search.start.target, moves=())
+    side.spent, side.search.chains = spent, [chain] * has_chain
+    run(discovery, 1)
+    assert side.search.is_hard == is_hard
+
+
+@pytest.mark.parametrize(
     ("searched", "made", "improves"),
     [(5_000.0, 0.0, False), (25_000.0, 24_000.0, True), (25_000.0, 26_000.0, False)],
 )

@@ -147,8 +147,11 @@ def test_it_stands_for_three_seconds_and_turns_its_waist(toddlerbot: Robot):
     assert state.joint_pos[yaw] == pytest.approx(0.3, abs=0.03)
 
 
-def test_its_stored_motion_ends_in_a_held_stand(toddlerbot: Robot):
-    motion = Motion.load(toddlerbot.folder / "motions" / "squat_to_stand.npz")
+@pytest.mark.parametrize(
+    "name", ["squat_to_stand", "supine_found_1", "prone_found_1", "left_found_1"]
+)
+def test_its_stored_motions_end_in_a_held_stand(toddlerbot: Robot, name: str):
+    motion = Motion.load(toddlerbot.folder / "motions" / f"{name}.npz")
     world, length = World(toddlerbot), motion.duration + SWAY_TIME + HOLD_TIME
     targets = motion.sample(np.arange(0.0, length, toddlerbot.control_period))
     start = place(toddlerbot, world.model, motion.posture(0))

@@ -68,6 +68,6 @@ def test_a_motion_that_cannot_be_read_is_a_fault(copy: Path):
 
 
 def test_a_robot_of_the_package_is_called_by_its_name():
-    motions, _ = check_readiness(load_robot("toddlerbot"))  # it has none from lying
-    assert motions.level == "warning"
-    assert motions.remedy == "getup motions discover --robot toddlerbot"
+    motions, policies = check_readiness(load_robot("toddlerbot"))
+    assert motions.level == "ok"
+    assert policies.remedy == "getup train toddlerbot --recipe quick --out out/quick"

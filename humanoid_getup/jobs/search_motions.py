@@ -234,9 +234,11 @@ class MotionSearch:
             )
         known = [name for side in self._sides for name in self._list_known(side, keys)]
         if known:
+            rest = [side for side in self._sides if not self._list_known(side, keys)]
+            others = f", or search the others with --sides {','.join(rest)}" if rest else ""
             raise BadInputError(
                 f"motions of an earlier search are there: {', '.join(known)}; remove them from "
-                f"{self._robot.folder / MOTION_FOLDER} and {KEYFRAMES} first"
+                f"{self._robot.folder / MOTION_FOLDER} and {KEYFRAMES} first{others}"
             )
 
     def _list_keys(self) -> list[str]:

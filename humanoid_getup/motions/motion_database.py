@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.motions.motion import STANDING, Motion
+from humanoid_getup.motions.motion import FOUND, STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import Retargeting, adapt
 from robots import Posture, Robot
 from robots.robot import ROBOTS_FOLDER
 
 MOTION_FOLDER = "motions"
+SEARCHED = ("supine", "prone", "left")  # sides from which motions are found; the others mirror them
 SAME_TARGET = 0.001  # rad; a motion whose targets are closer to their mirror image is symmetric
 
 
@@ -98,7 +99,11 @@ def load_database(robot: Robot) -> MotionDatabase:
 
 def suggest_motions(robot: Robot) -> str:
     """Suggest a command for a robot that has no motion from a side."""
-    return f"getup motions discover {name_robot(robot)}"
+    folder = robot.folder / MOTION_FOLDER
+    left = [side for side in SEARCHED if not any(folder.glob(f"{side}_{FOUND}_*.npz"))]
+    is_begun = 0 < len(left) < len(SEARCHED)
+    sides = f" --sides {','.join(left)}" if is_begun else ""
+    return f"getup motions discover {name_robot(robot)}{sides}"
 
 
 def name_robot(robot: Robot) -> str:

@@ -18,10 +18,11 @@ from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
 from humanoid_getup.progress.ledger import check_recipe
 from humanoid_getup.simulation.world import World
+from robots.quaternion import Array
 from robots.storage.arrays import load_arrays, to_numbers, to_text
 from robots.storage.validation import shown
 
-VERSION = 7
+VERSION = 8
 """Changes when files of earlier searches cannot be continued."""
 STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
 MOVES = ("knots", "knot_count", "duration", "kind")
@@ -67,15 +68,16 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
     """Describe what a search must have in common with a file to go on from it."""
+    limit = settings.limit.value
     return {
         "version": VERSION,
         "robot.toml or model": hashlib.sha256(world.content).hexdigest(),
         "robot": world.robot.name,
         "seed": seed,
-        "sides": [*sides],
+        "choice of sides": ", ".join(sides),
         "batch": settings.batch,
         "worlds": settings.worlds,
-        "torque_limit": settings.limit.value,
+        "torque limit": "none" if limit is None else f"{limit:g} N·m",
     }
 
 
@@ -245,6 +247,8 @@ class _Reader:
             states = [self._states[k] for k in row if k != NOTHING]
             if not states:
                 raise ValueError("members holds an archive without states")
+            if np.any(drawn[: len(states)] < 0):
+                raise ValueError("draws says of a state that it was drawn fewer than 0 times")
             archive.restore(states, drawn[: len(states)].tolist())
         ups.stance = next(iter(ups)).root
         risen = self._read_numbers("risen", (sides, None), count)
@@ -281,14 +285,23 @@ class _Reader:
             fallen=fallen,
         )
 
+    def _check_angles(self, key: str, angles: Array) -> None:
+        """Refuse targets beyond the joints' ranges [rad], (K, n)."""
+        robot = self._discovery.tools.world.robot
+        beyond = np.maximum(robot.lower - angles, angles - robot.upper)
+        if np.any(beyond > UNIT):
+            wrong = angles.flat[int(beyond.argmax())]
+            raise ValueError(f"{key} holds {wrong:g} rad, expected angles in the joints' ranges")
+
     def _read_moves(self) -> list[PostureMove]:
         arrays = self._arrays
         n = self._discovery.tools.world.robot.n
         knots = to_numbers(arrays["knots"], "knots", (None, n))
         count = self._read_numbers("knot_count", (None,), np.inf)
         duration, ends = to_numbers(arrays["duration"], "duration", count.shape), np.cumsum(count)
-        if np.any(count < 1) or np.any(duration < 0.0):
-            raise ValueError("a move has no knots, or takes less than no time")
+        if np.any(count < 1) or np.any(duration <= 0.0):
+            raise ValueError("a move has no knots, or takes no time")
+        self._check_angles("knots", knots)
         if len(ends) and ends[-1] != len(knots):
             raise ValueError(f"knots has {len(knots)} rows, expected {ends[-1]}")
         parts = np.split(knots, ends[:-1]) if len(ends) else []
@@ -304,12 +317,15 @@ class _Reader:
         others = self._discovery.tools.settings.worlds - 1
         arrivals = to_numbers(arrays["arrivals"], "arrivals", (len(qpos), others, world.model.nq))
         target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
+        self._check_angles("target", target)
         root = world.robot.layout(world.model).root_orientation
         for key, positions in (("qpos", qpos), ("arrivals", arrivals)):
             if np.any(np.abs(np.linalg.norm(positions[..., root], axis=-1) - 1.0) > UNIT):
                 raise ValueError(f"{key} holds a quaternion of another length than 1")
         known = self._discovery.tools.ways_up.stance
         progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
+        if np.any(progress > 1.0 + UNIT):
+            raise ValueError(f"progress holds {progress.max():g}, expected at most 1")
         place = to_numbers(arrays["place"], "place", (len(qpos), len(known.place)))
         cell = to_numbers(arrays["cell"], "cell", (len(qpos), len(known.cell))).astype(int)
         depth = self._read_numbers("depth", (len(qpos),), np.inf)

@@ -94,7 +94,8 @@ class DiscoverRequest(RobotOption):
     most: Count = 2
     """Motions from each side, of different ways up."""
     budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
-    """Simulated time for a search [s]; default: 300,000 s."""
+    """Simulated time for a search [s], after which the round that has begun is finished; default:
+    300,000 s."""
     torque_limit: TorqueLimitValue = None
     resume: bool = False
     """Go on with the search that ended or was interrupted, for another budget."""

@@ -15,7 +15,7 @@ from humanoid_getup.jobs.discover_motions import discover
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.motions.motion_database import find_motion, load_database
+from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
@@ -99,6 +99,14 @@ def test_motions_of_an_earlier_search_are_never_replaced(bare: Path, getup: Getu
     code, _, err = getup("--most", "1")
     assert code == 2
     assert "motions of an earlier search are there: supine_found_1, prone_found_1" in err
+    (bare / "motions" / "prone_found_1.npz").unlink()
+    hidden = (bare / "keyframes.toml").read_text("utf-8").replace("prone_found_1", "push")
+    (bare / "keyframes.toml").write_text(hidden, "utf-8")
+    assert "or search the others with --sides prone" in getup("--most", "1")[2]
+    assert suggest_motions(load_robot(bare)).endswith("--sides prone")
+    (bare / "motions" / "prone_found_1.npz").write_bytes(
+        before[bare / "motions" / "prone_found_1.npz"]
+    )
     assert "--resume" not in err
     assert {file: file.read_bytes() for file in (bare / "motions").iterdir()} == before
 

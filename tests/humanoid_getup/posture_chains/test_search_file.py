@@ -97,7 +97,7 @@ def test_a_search_goes_on_where_another_state_has_replaced_the_stance(world: Wor
     [
         ("", ("supine",), 4, r"another seed \(3, now 4\), expected the same \(give"),
         ("legs=1.1", ("supine",), 3, "another robot.toml or model, expected the same"),
-        ("", ("prone",), 3, r"another sides \(\['supine'\], now \['prone'\]\)"),
+        ("", ("prone",), 3, r"another choice of sides \(supine, now prone\)"),
     ],
 )
 def test_a_file_of_another_search_is_refused(
@@ -136,9 +136,15 @@ def test_a_file_with_a_wrong_number_is_refused_in_one_line(
         "links": [(circle, "state 0 leads to one after it"), (far, "10000"), (negative, "-4")],
         "members": [(none, "without states")],
         "qpos": [(turned, "quaternion")],
-        "duration": [(early - 9.0, "less than no time"), (early * np.nan, "nan")],
+        "duration": [(early - 9.0, "takes no time"), (early * np.nan, "nan")],
+        "target": [(sound["target"] + 99.0, "in the joints' ranges")],
+        "knots": [(sound["knots"] - 99.0, "in the joints' ranges")],
+        "progress": [(sound["progress"] + 1.0, "at most 1")],
         "cell": [(sound["cell"] + np.nan, "nan")],
-        "draws": [(sound["draws"] + 0.5, "whole number")],
+        "draws": [
+            (sound["draws"] + 0.5, "whole number"),
+            (np.full_like(sound["draws"], -1), "fewer than 0 times"),
+        ],
         "place": [(sound["place"][:, :2], "shape")],
         "chains": [(np.array([[-1, 0, 0, 0]]), "not there")],
         "rng": [(rewrite(rng, ["state", "state"], -1), "out of bounds"), ("[" * 5000, "recursion")],
@@ -154,7 +160,7 @@ def test_a_file_with_a_wrong_number_is_refused_in_one_line(
             with pytest.raises(ValueError, match=message) as error:
                 restore(file, restored)
             refused.append(str(error.value))
-    assert len(refused) == 15
+    assert len(refused) == 19
     assert all("\n" not in line and line.startswith(str(file)) for line in refused)
 
 

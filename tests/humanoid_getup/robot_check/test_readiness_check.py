@@ -70,4 +70,4 @@ def test_a_motion_that_cannot_be_read_is_a_fault(copy: Path):
 def test_a_robot_of_the_package_is_called_by_its_name():
     motions, policies = check_readiness(load_robot("toddlerbot"))
     assert motions.level == "ok"
-    assert policies.remedy == "getup train toddlerbot --recipe quick --out out/quick"
+    assert policies.remedy == "getup train --robot toddlerbot --recipe quick --out out/quick"

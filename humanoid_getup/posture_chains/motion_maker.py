@@ -32,7 +32,7 @@ SHARES = (*sorted(LIMIT_SHARES), 0.85)
 KEPT_SHARE = 0.9  # of the rollouts in which a motion is judged, that must stand
 WORTH = 0.3  # share from which a rise is slowed down and improved
 SLOWER = (1.2, 1.5)  # factors on all times of a rise that does not stand often enough
-LONG = 9.0  # s for OP3, from which it is not
+LONG = 6.0  # s for OP3, from which it is not
 JUDGED = 6  # of the ever shorter versions of a chain, at most
 
 

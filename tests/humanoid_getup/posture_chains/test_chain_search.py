@@ -127,9 +127,11 @@ def test_moves_of_a_hard_search_are_checked_in_fewer_worlds(
     own.settings = replace(SMALL, worlds=5)
     search, check = ChainSearch(own, lying), MovePlayer.check
 
-    def count(self: MovePlayer, *args: object, worlds: int = 0) -> Arrivals:
-        counts.append(int(args[-1]) if len(args) == 3 else worlds)
-        return check(self, *args[:2], counts[-1])  # type: ignore[arg-type]
+    def count(
+        self: MovePlayer, states: list[RestingState], moves: list[PostureMove], worlds: int
+    ) -> Arrivals:
+        counts.append(worlds)
+        return check(self, states, moves, worlds)
 
     monkeypatch.setattr(MovePlayer, "check", count)
     for search.is_hard in (False, True, False):

@@ -18,10 +18,10 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.keyframes_writer import append_keyframes, replace_keyframes
 from humanoid_getup.motions.motion import FOUND, Motion
-from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.motions.motion_database import MOTION_FOLDER, list_found, list_sides
 from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.posture_chains.chain_search import ChainTools, SearchSettings
-from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch, list_sides
+from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.lifting import check_lifting
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.posture_chains.search_file import (
@@ -248,11 +248,11 @@ class MotionSearch:
             known = load_keyframes(path, self._robot) if path.exists() else []
         return [each.name for each in known]
 
-    def _list_known(self, side: str, keys: list[str]) -> list[str]:
+    def _list_known(self, side: LyingSide, keys: list[str]) -> list[str]:
         """List motions and keys of an earlier search from a side."""
         begin = f"{side}_{FOUND}_"
-        files = (self._robot.folder / MOTION_FOLDER).glob(f"{begin}[0-9]*.npz")
-        return sorted({file.stem for file in files} | {n for n in keys if n.startswith(begin)})
+        found = list_found(self._robot, side)
+        return sorted({*found} | {name for name in keys if name.startswith(begin)})
 
     def _preflight(self, motion: Motion) -> str:
         """Return why the preflight refuses a motion; "" if it does not."""

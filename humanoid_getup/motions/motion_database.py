@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.motion import FOUND, STANDING, Motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import Retargeting, adapt
@@ -14,7 +15,8 @@ from robots import Posture, Robot
 from robots.robot import ROBOTS_FOLDER
 
 MOTION_FOLDER = "motions"
-SEARCHED = ("supine", "prone", "left")  # sides from which motions are found; the others mirror them
+FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left", "right")
+"""Sides from which motions are found."""
 SAME_TARGET = 0.001  # rad; a motion whose targets are closer to their mirror image is symmetric
 
 
@@ -99,11 +101,25 @@ def load_database(robot: Robot) -> MotionDatabase:
 
 def suggest_motions(robot: Robot) -> str:
     """Suggest a command for a robot that has no motion from a side."""
-    folder = robot.folder / MOTION_FOLDER
-    left = [side for side in SEARCHED if not any(folder.glob(f"{side}_{FOUND}_*.npz"))]
-    is_begun = 0 < len(left) < len(SEARCHED)
-    sides = f" --sides {','.join(left)}" if is_begun else ""
-    return f"getup motions discover {name_robot(robot)}{sides}"
+    sides = list_sides(robot)
+    missing = [side for side in sides if not list_found(robot, side)]
+    option = f" --sides {','.join(missing)}" if 0 < len(missing) < len(sides) else ""
+    return f"getup motions discover {name_robot(robot)}{option}"
+
+
+def list_sides(robot: Robot) -> tuple[LyingSide, ...]:
+    """List the sides from which motions of a robot are searched.
+
+    Those from the right mirror those from the left, unless a limp joint has a partner that is not.
+    """
+    is_symmetric = np.array_equal(robot.strength, robot.strength[robot.mirror_index])
+    return FOUND_SIDES[:-1] if is_symmetric else FOUND_SIDES
+
+
+def list_found(robot: Robot, side: LyingSide) -> list[str]:
+    """List the names of stored motions that a search has found from a side."""
+    files = (robot.folder / MOTION_FOLDER).glob(f"{side}_{FOUND}_[0-9]*.npz")
+    return sorted(file.stem for file in files)
 
 
 def name_robot(robot: Robot) -> str:

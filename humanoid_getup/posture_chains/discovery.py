@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import lay_on_side
 from humanoid_getup.motions.motion import FOUND, Motion
+from humanoid_getup.motions.motion_database import list_sides
 from humanoid_getup.posture_chains.chain_search import (
     TURNS,
     ChainSearch,
@@ -24,10 +25,7 @@ from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import are_same, sample_way
 from humanoid_getup.simulation.world import World
-from robots import Robot
 
-FOUND_SIDES: tuple[LyingSide, ...] = ("supine", "prone", "left", "right")
-"""Sides from which rises are searched."""
 SYMMETRIC = ("supine", "prone")  # sides from which a mirrored motion rises as well
 FURTHER_SHARE = 1.0  # of the time until a side's first motion, for further ones
 LATE, EXTRA_TURNS = 30_000.0, 3  # s simulated without a chain, and turns of the side ahead then
@@ -41,15 +39,6 @@ LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
 Accept = Callable[[Motion], str]
 """Returns why a motion cannot be kept; "" if it can."""
-
-
-def list_sides(robot: Robot) -> tuple[LyingSide, ...]:
-    """List the sides from which rises of a robot are searched.
-
-    Those from the right mirror those from the left, unless a limp joint has a partner that is not.
-    """
-    is_symmetric = np.array_equal(robot.strength, robot.strength[robot.mirror_index])
-    return FOUND_SIDES[:-1] if is_symmetric else FOUND_SIDES
 
 
 @dataclass(eq=False)

@@ -14,7 +14,7 @@ from drivers.state import HardwareError
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.posture_chains.discovery import list_sides
+from humanoid_getup.motions.motion_database import list_sides
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.kinematics import place

@@ -109,8 +109,8 @@ def test_thinner_keyframes_are_taken_if_no_more_robots_fall(
     monkeypatch.setattr(shortening, "REST_SHARES", (0.6,))
     monkeypatch.setattr(shortening, "PACES", (1.0,))
 
-    def topple(self: Shortener, candidates: list[Keyframes], *args: object) -> np.ndarray:
-        cost = judge(self, candidates, *args)  # type: ignore[arg-type]
+    def topple(self: Shortener, candidates: list[Keyframes]) -> np.ndarray:
+        cost = judge(self, candidates)
         for row, each in enumerate(candidates):
             if not stands and len(each.keys) < len(dense.keys):
                 cost[row, 3] = 40.0

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.motions.motion_database import MOTION_FOLDER, suggest_motions
 from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.robot_check.readiness_check import LYING, check_readiness
 from robots import Robot, load_robot
@@ -70,4 +70,5 @@ def test_a_motion_that_cannot_be_read_is_a_fault(copy: Path):
 def test_a_robot_of_the_package_is_called_by_its_name():
     motions, policies = check_readiness(load_robot("toddlerbot"))
     assert motions.level == "ok"
+    assert suggest_motions(load_robot("toddlerbot")) == "getup motions discover --robot toddlerbot"
     assert policies.remedy == "getup train --robot toddlerbot --recipe quick --out out/quick"

@@ -41,7 +41,7 @@ class Candidate:
     slowdown: Slowdown | None = None
     """How it slows down for servos that lag behind; ``None``: not at all."""
     assistance: float = 1.0
-    """Factor on the virtual actuator's torques; 0 is plain tracking."""
+    """Share of the filter's virtual actuator; 0 is plain tracking."""
     before: Array | None = None
     """Targets to send first [rad], (T, n): those of an earlier rollout, at whose end the path
     begins."""

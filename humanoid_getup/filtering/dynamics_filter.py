@@ -20,6 +20,7 @@ from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
+from humanoid_getup.filtering.yielding import Yielding
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.simulation.world import World
@@ -71,8 +72,11 @@ class DynamicsFilter:
         *,
         torque_limit: TorqueLimit = FULL_TORQUE,
         prefer: PreferenceName = "time",
+        assistance: float = 1.0,
         threads: int = 0,
     ) -> None:
+        """Prepare for a world; ``assistance`` is a factor on the virtual actuator's torques."""
+        self.assistance = assistance
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.preference = Preference.of(prefer)
         self.count = 0
@@ -96,7 +100,9 @@ class DynamicsFilter:
         """Track every candidate from the start posture, at rest."""
         world = self.world
         references = [self._refer(c) for c in candidates]
-        tracker = _Tracker(world, self._limbs, start, references, candidates)
+        yielding = Yielding(world.robot, self.torque_limit, len(candidates))
+        assistance = self.assistance * np.array([c.assistance for c in candidates])
+        tracker = _Tracker(world, self._limbs, start, references, candidates, assistance, yielding)
         record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 
@@ -342,6 +348,8 @@ class _Tracker:
         start: Posture,
         references: list[Reference],
         candidates: list[Candidate],
+        assistance: Array,
+        yielding: Yielding,
     ) -> None:
         robot = world.robot
         self._limbs, self._robot, self._ground = limbs, robot, world.scene.ground
@@ -357,7 +365,7 @@ class _Tracker:
         self._reference = np.concatenate([target, com, velocity], axis=2)
         self._joined = np.array([r.joined for r in references])
         self._begins = np.array([r.begins for r in references])
-        self._assistance = np.array([c.assistance for c in candidates])[:, None]
+        self._assistance, self._yielding = assistance[:, None], yielding
         slowdown = [c.slowdown or NO_SLOWDOWN for c in candidates]
         self._tolerance, self._band, self._slowest = np.array(
             [(p.tolerance, p.band, p.slowest) for p in slowdown]
@@ -386,6 +394,8 @@ class _Tracker:
         planned = self._at_phase()
         torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
         target = planned[:, :-6] + self._robot.compute_lead(torque)
+        if state.step > 0:
+            target = self._yielding.soften(target, self._last, state.joint_pos)
         self._last = self._robot.limit_target(target, self._last)
         return self._last
 

@@ -98,7 +98,11 @@ class PlannedRise:
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.database = load_database(world.robot) if database is None else database
         self.filter = DynamicsFilter(
-            world, torque_limit=self.torque_limit, prefer=prefer, threads=options.threads
+            world,
+            torque_limit=self.torque_limit,
+            prefer=prefer,
+            assistance=options.assistance,
+            threads=options.threads,
         )
         self._tools = SearchTools(
             world=world,
@@ -108,7 +112,6 @@ class PlannedRise:
             finder=MotionFinder(
                 world, self.torque_limit, self.database.rising, threads=options.threads
             ),
-            assistance=options.assistance,
             budget=search_budget,
         )
 

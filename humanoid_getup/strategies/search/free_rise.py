@@ -26,11 +26,13 @@ OTHER_SLOWDOWNS = (
     Slowdown(tolerance=0.15, band=0.15, slowest=0.4),
 )
 FIRST_CONNECTIONS, MORE_CONNECTIONS = 3, 3
+MOST_CONNECTIONS, MOST_ENTRIES = 12, 3  # where none of these stands: entries of each motion
 # Where motions were not made for the scene, more of them are tried.
 MORE_IN_SCENES, SECOND_ON_LEVEL, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 2, 6, 6
 CRAWL_FROM = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
 CRAWLING = 4.0  # of the search budget, simulated in coarse steps to find a crawl
 REFITS = 3
+NEARLY_ALL = 0.9  # of a check: what stands there is not worth second tries
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
 FINDING = 20.0  # of the search budget, simulated in coarse steps to find a motion
@@ -104,10 +106,14 @@ class FreeRise:
             further = approach.candidates(start, connections[FIRST_CONNECTIONS:], rng)
             if self._is_level:
                 slow = [replace(c, slowdown=SLOWDOWN) for c in first + further]
-                search.try_all(further + slow, self._finalists)
+                search.try_all(further + slow + _drop_assistance(first + further), self._finalists)
             else:
                 search.try_all(first + further, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
+        if first and self._is_level and search.found.rollout is None:
+            connections = self._tools.database.select(start, MOST_CONNECTIONS, MOST_ENTRIES)
+            wider = approach.candidates(start, connections, rng)
+            search.try_all(wider + _drop_assistance(wider), self._finalists)
         if not search.is_done:
             search.vary()
         return bool(further)
@@ -120,17 +126,17 @@ class FreeRise:
         rng: np.random.Generator,
     ) -> None:
         """Try stronger slowdown, and then from the ends of the rollouts, until one is robust."""
-        if search.is_done:
+        if search.stands_in(NEARLY_ALL):
             return
         if search.tried:
             search.try_all([replace(c, slowdown=s) for s in OTHER_SLOWDOWNS for c in first])
         continuation = Continuation(self._tools.world, places)
         for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
-            if search.is_done:
+            if search.stands_in(NEARLY_ALL):
                 return
             candidates = self._go_on(search, continuation, rng)
             if self._is_level:
-                search.try_all(candidates)
+                search.try_all(candidates + _drop_assistance(candidates))
             else:
                 search.try_all(candidates, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
@@ -162,3 +168,8 @@ class FreeRise:
             return None
         places = StandingPlaces(world, start.position)
         return places if places.exist else None
+
+
+def _drop_assistance(candidates: list[Candidate]) -> list[Candidate]:
+    """List candidates that are tracked without the virtual actuator."""
+    return [replace(candidate, assistance=0.0) for candidate in candidates]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +33,6 @@ class SearchTools:
     approach: Approach
     filter: DynamicsFilter
     finder: MotionFinder
-    assistance: float
-    """Share of the virtual actuator's torques."""
     budget: float
     """Simulated time in which a search may vary a rollout's targets [s]."""
 
@@ -108,7 +106,11 @@ class RiseSearch:
     @property
     def is_done(self) -> bool:
         """Return whether there is a rise that stands under enough disturbances."""
-        return self._best is not None and self._robust >= self._filter.enough
+        return self.stands_in(self._filter.enough)
+
+    def stands_in(self, share: float) -> bool:
+        """Tell whether there is a rise that stands in a share of its disturbed rollouts."""
+        return self._best is not None and self._robust >= share
 
     @property
     def found(self) -> FoundRise:
@@ -126,7 +128,6 @@ class RiseSearch:
     def roll_out(self, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Roll candidates out, as a round."""
         self._rounds += 1
-        candidates = [replace(c, assistance=self._tools.assistance) for c in candidates]
         self.tried = self._filter.roll_out(self._start, candidates)
         highest = max(self.tried, key=lambda one: one.peak_neck)
         if highest.peak_neck > self._highest:

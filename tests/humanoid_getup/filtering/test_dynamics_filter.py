@@ -110,14 +110,16 @@ def test_assistance_changes_the_targets_and_only_a_little(rollouts):
     assert 0.001 < difference.max() < 0.8
 
 
-def test_half_of_the_assistance_is_half_of_it(fall, rollouts):
+@pytest.mark.parametrize(("of_filter", "of_candidate"), [(1.0, 0.5), (0.5, 1.0), (2.0, 0.25)])
+def test_half_of_the_assistance_is_half_of_it(world, fall, rollouts, of_filter, of_candidate):
     """In the first cycle, in which all robots are in the same state."""
-    dynamics_filter, candidates, results = rollouts
-    halves = [replace(candidates[0], assistance=share) for share in (0.5, 0.0)]
-    half, _ = dynamics_filter.roll_out(fall, halves)
+    _, candidates, results = rollouts
+    halves = [replace(candidates[0], assistance=share) for share in (of_candidate, 0.0)]
+    half, none = DynamicsFilter(world, assistance=of_filter).roll_out(fall, halves)
     full, plain = results[0].target[0], results[1].target[0]
     assert np.abs(full - plain).max() > 1e-4
     np.testing.assert_allclose(half.target[0] - plain, 0.5 * (full - plain), atol=1e-9)
+    np.testing.assert_array_equal(none.target[0], plain)
 
 
 def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):

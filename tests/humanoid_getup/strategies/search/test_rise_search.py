@@ -49,7 +49,6 @@ class Filter:
         return SimpleNamespace(is_demanding=self.is_demanding, improvement=0.5)
 
     def roll_out(self, _start, candidates) -> list[Rolled]:
-        assert all(candidate.assistance == 0.7 for candidate in candidates)
         return self.rolled
 
     def separate(self, _start, rollout: Rolled, budget: float) -> Rolled:
@@ -82,7 +81,6 @@ def search_with(dynamics: Filter) -> RiseSearch:
         approach=None,
         filter=dynamics,
         finder=None,
-        assistance=0.7,
         budget=100.0,
     )
     search = RiseSearch(tools, None, np.random.default_rng(0), lambda one: one.lost)

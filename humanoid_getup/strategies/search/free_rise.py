@@ -43,8 +43,9 @@ class FreeRise:
 
     First the nearest connecting postures of a few motions are tried, and the cheapest rise that
     stands is taken. If none stands, or none is good enough, further motions and slower paths
-    follow, on uneven ground with better fitted legs; then new paths from the ends of the rollouts;
-    then, on level ground, a motion that is found in physics from this start.
+    follow, on flat ground also without the virtual actuator and to more entries of each motion, on
+    uneven ground with better fitted legs; then new paths from the ends of the rollouts; then, on
+    flat ground, a motion that is found in physics from this start.
     A rise that stands is improved by a search if the preference requires it. If limbs are so
     interlocked that no path leaves the start, the robot is moved straight, and limbs may yield. A
     robot without room to stand crawls first: the rise has to be planned again after that.
@@ -106,14 +107,15 @@ class FreeRise:
             further = approach.candidates(start, connections[FIRST_CONNECTIONS:], rng)
             if self._is_level:
                 slow = [replace(c, slowdown=SLOWDOWN) for c in first + further]
-                search.try_all(further + slow + _drop_assistance(first + further), self._finalists)
+                plain = self._drop_assistance(first + further)
+                search.try_all(further + slow + plain, self._finalists)
             else:
                 search.try_all(first + further, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
-        if first and self._is_level and search.found.rollout is None:
+        if first and self._is_flat and search.found.rollout is None:
             connections = self._tools.database.select(start, MOST_CONNECTIONS, MOST_ENTRIES)
             wider = approach.candidates(start, connections, rng)
-            search.try_all(wider + _drop_assistance(wider), self._finalists)
+            search.try_all(wider + self._drop_assistance(wider), self._finalists)
         if not search.is_done:
             search.vary()
         return bool(further)
@@ -136,13 +138,13 @@ class FreeRise:
                 return
             candidates = self._go_on(search, continuation, rng)
             if self._is_level:
-                search.try_all(candidates + _drop_assistance(candidates))
+                search.try_all(candidates + self._drop_assistance(candidates))
             else:
                 search.try_all(candidates, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
 
     def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
-        """Find a motion in physics where no stored one leads to a stand on level ground."""
+        """Find a motion in physics where no stored one leads to a stand on flat ground."""
         if not self._is_flat or search.found.rollout is not None:
             return
         found = self._tools.finder.find(start, FINDING * self._tools.budget, rng)
@@ -161,6 +163,13 @@ class FreeRise:
             candidates += planned or approach.move_straight(end.posture, near, end.target)
         return candidates
 
+    def _drop_assistance(self, candidates: list[Candidate]) -> list[Candidate]:
+        """List candidates without the virtual actuator, on flat ground.
+
+        A motion of a weak robot may stand as it is, and fall where its center of mass is pushed.
+        """
+        return [replace(c, assistance=0.0) for c in candidates] if self._is_flat else []
+
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find the places with room to stand; ``None`` without obstacles."""
         world = self._tools.world
@@ -168,8 +177,3 @@ class FreeRise:
             return None
         places = StandingPlaces(world, start.position)
         return places if places.exist else None
-
-
-def _drop_assistance(candidates: list[Candidate]) -> list[Candidate]:
-    """List candidates that are tracked without the virtual actuator."""
-    return [replace(candidate, assistance=0.0) for candidate in candidates]

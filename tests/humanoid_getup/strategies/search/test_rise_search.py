@@ -48,7 +48,7 @@ class Filter:
     def preference(self) -> SimpleNamespace:
         return SimpleNamespace(is_demanding=self.is_demanding, improvement=0.5)
 
-    def roll_out(self, _start, candidates) -> list[Rolled]:
+    def roll_out(self, _start, _candidates) -> list[Rolled]:
         return self.rolled
 
     def separate(self, _start, rollout: Rolled, budget: float) -> Rolled:

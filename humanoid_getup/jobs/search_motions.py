@@ -104,7 +104,9 @@ class MotionSearch:
             most=request.most,
             settings=settings,
             accept=self._preflight,
+            announce=self._show_making,
         )
+        self._begun = 0.0
         if arrays is not None:
             with refusing():
                 restore_search(self.file(robot), arrays, self._discovery, self._load)
@@ -137,15 +139,14 @@ class MotionSearch:
 
     def run(self) -> None:
         """Search until enough is found or the budget is spent; store what is found."""
-        begun = self._discovery.simulated
-        budget = self._request.budget or BUDGET
+        self._begun = self._discovery.simulated
         try:
-            while not self._discovery.is_done and self._discovery.simulated - begun < budget:
+            while not self._discovery.is_done and self._spent < self._budget:
                 for each, made in self._discovery.advance():
                     self._keep(each, made)
                 self._state = self._describe()
                 self._save(SAVED_EVERY)
-                self._show(self._discovery.simulated - begun, budget)
+                self._show(", ".join(map(_describe_side, self.sides)))
             for each, made in self._discovery.conclude():
                 self._keep(each, made)
                 self._state = self._describe()
@@ -154,10 +155,20 @@ class MotionSearch:
             raise
         self._end()
 
-    def _show(self, simulated: float, budget: float) -> None:
-        note = ", ".join(map(_describe_side, self.sides))
-        done = min(simulated, budget)
-        self._monitor.show(Progress(phase="search", done=done, total=budget, note=note))
+    @property
+    def _budget(self) -> float:
+        return self._request.budget or BUDGET
+
+    @property
+    def _spent(self) -> float:
+        return self._discovery.simulated - self._begun
+
+    def _show(self, note: str) -> None:
+        done = min(self._spent, self._budget)
+        self._monitor.show(Progress(phase="search", done=done, total=self._budget, note=note))
+
+    def _show_making(self, each: SideSearch) -> None:
+        self._show(f"{each.side}: making a motion of a chain")
 
     def _keep(self, each: SideSearch, made: MadeMotion) -> None:
         """Store a motion and its keys; tell what was found."""

@@ -39,6 +39,8 @@ LEAST_FURTHER = 2000.0  # s simulated, for further ones
 
 Accept = Callable[[Motion], str]
 """Returns why a motion cannot be kept; "" if it can."""
+Announce = Callable[["SideSearch"], None]
+"""Is called with a side before a motion of its chain is made, which may take minutes."""
 
 
 @dataclass(eq=False)
@@ -96,6 +98,7 @@ class ChainDiscovery:
         most: int = 2,
         settings: SearchSettings | None = None,
         accept: Accept = lambda _: "",
+        announce: Announce = lambda _: None,
     ) -> None:
         """Prepare to find up to ``most`` motions from each side, by default all, of other ways."""
         sides = list_sides(world.robot) if sides is None else sides
@@ -116,7 +119,8 @@ class ChainDiscovery:
             weakest=self.least_share,
             threads=settings.threads,
         )
-        self._world, self._most, self._accept = world, most, accept
+        self._world, self._most = world, most
+        self._accept, self._announce = accept, announce
         starts = [lay_on_side(world, side, self.tools.rng) for side in sides]
         self.sides = [
             SideSearch(side, ChainSearch(self.tools, start))
@@ -176,6 +180,7 @@ class ChainDiscovery:
 
     def _try(self, each: SideSearch, chain: PostureChain, *, improves: bool) -> MadeMotion:
         """Make a motion of a chain; keep it if it can be, as a way up for the other sides."""
+        self._announce(each)
         name = f"{each.side}_{FOUND}_{len(each.kept) + 1}"
         chain, rest = each.search.shorten(chain), self.tools.player.rest
         made = self.maker.make(chain, rest, name=name, start_class=each.side, improves=improves)

@@ -42,9 +42,10 @@ class MadeMotion:
 
     keyframes: Keyframes
     share: float
-    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls.
-
-    Where it is below what is kept, it may be that of the first ones alone."""
+    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls."""
+    stood: int = 0
+    judged: int = 0
+    """Rollouts that stood, of how many: of the first ones alone, where so many of these fell."""
     motion: Motion | None = None
     """None where it is not kept."""
     failure: str = ""
@@ -133,7 +134,7 @@ class MotionMaker:
         if not found.share:
             return found.refuse("it falls undisturbed")
         return found.refuse(
-            f"stands in {found.share:.1%} of disturbed worlds, expected {KEPT_SHARE:.0%}"
+            f"stands in {found.stood} of {found.judged} disturbed worlds, expected {KEPT_SHARE:.0%}"
         )
 
     def _slow_down(self, found: MadeMotion, optimizer: TrajectoryOptimizer) -> MadeMotion:
@@ -150,7 +151,10 @@ class MotionMaker:
         """Judge keyframes with the time that the servos need."""
         keyframes = keyframes.stretch(self._world.robot)
         stood = optimizer.judge(keyframes, self._seed, least=KEPT_SHARE)[1]
-        return MadeMotion(keyframes=keyframes, share=compute_share(stood, UNDISTURBED))
+        share = compute_share(stood, UNDISTURBED)
+        return MadeMotion(
+            keyframes=keyframes, share=share, stood=int(stood.sum()), judged=len(stood)
+        )
 
     def _record(self, found: MadeMotion, start: Array) -> MadeMotion:
         """Record a sound version as a motion."""

@@ -96,6 +96,18 @@ def test_mirror_images_are_one_way(begin: Begin):
     assert discovery.is_done  # two of one way: there is no other in sight
 
 
+def test_before_a_motion_is_made_it_is_announced(begin: Begin):
+    announced = list[tuple[LyingSide, int]]()
+    discovery = begin(
+        "supine_sit_up_fast",
+        "supine_roll_over",
+        most=2,
+        announce=lambda each: announced.append((each.side, len(each.kept))),
+    )
+    run(discovery, 2)
+    assert announced == [("supine", 0), ("supine", 1)]
+
+
 def test_what_is_not_accepted_is_not_kept(begin: Begin):
     discovery = begin("supine_sit_up_fast", "supine_sit_up_fast", accept=lambda _: "too hot")
     assert run(discovery, 2) == ["too hot"] * 2

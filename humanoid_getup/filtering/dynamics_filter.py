@@ -374,6 +374,7 @@ class _Tracker:
         self._phase = np.zeros(len(references))
         self._anchor = np.zeros(len(references), dtype=int)
         self._last = np.tile(start.joint_pos, (len(references), 1))
+        self._eased = np.zeros_like(self._last)
         self._last_com: Array | None = None
         self._shift = np.zeros((len(references), 3))
         self.moving = np.zeros(len(references), dtype=int)
@@ -395,7 +396,10 @@ class _Tracker:
         torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
         target = planned[:, :-6] + self._robot.compute_lead(torque)
         if state.step > 0:
-            target = self._yielding.soften(target, self._last, state.joint_pos)
+            eased = self._yielding.ease(target, self._last, state.joint_pos)
+            tracks = (self._phase >= self._begins) & (self.moving == 0)
+            self._eased = np.where(tracks[:, None], eased, self._eased)
+        target = target + self._eased
         self._last = self._robot.limit_target(target, self._last)
         return self._last
 

@@ -96,6 +96,7 @@ class MotionSearch:
             settings = SearchSettings(limit=TorqueLimit(request.torque_limit).on(robot))
         self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
         arrays = self._read() if request.resume else None
+        self._begun = 0.0
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
@@ -106,7 +107,6 @@ class MotionSearch:
             accept=self._preflight,
             announce=self._show_making,
         )
-        self._begun = 0.0
         if arrays is not None:
             with refusing():
                 restore_search(self.file(robot), arrays, self._discovery, self._load)

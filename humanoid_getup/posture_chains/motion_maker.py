@@ -42,7 +42,9 @@ class MadeMotion:
 
     keyframes: Keyframes
     share: float
-    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls."""
+    """Of the rollouts of `TrajectoryOptimizer.judge` that stand; 0 if an undisturbed one falls.
+
+    Where it is below what is kept, it may be that of the first ones alone."""
     stood: int = 0
     judged: int = 0
     """Rollouts that stood, of how many: of the first ones alone, where so many of these fell."""
@@ -134,7 +136,7 @@ class MotionMaker:
         if not found.share:
             return found.refuse("it falls undisturbed")
         return found.refuse(
-            f"stands in {found.stood} of {found.judged} disturbed worlds, expected {KEPT_SHARE:.0%}"
+            f"stands in {found.stood} of {found.judged} rollouts, expected {KEPT_SHARE:.0%}"
         )
 
     def _slow_down(self, found: MadeMotion, optimizer: TrajectoryOptimizer) -> MadeMotion:

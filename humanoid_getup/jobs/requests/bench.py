@@ -111,7 +111,7 @@ class BenchRise(PreferenceOptions, FallsOptions):
     filtering: bool = True
     """Filter the path through physics; otherwise play it unfiltered."""
     assistance: Annotated[float, between(0.0, 1.0)] = 1.0
-    """Factor on the virtual actuator's torques in the filter; 0 is plain tracking."""
+    """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -128,13 +128,13 @@ class FreeRise:
         rng: np.random.Generator,
     ) -> None:
         """Try stronger slowdown, and then from the ends of the rollouts, until one is robust."""
-        if search.stands_in(NEARLY_ALL):
+        if self._is_enough(search):
             return
         if search.tried:
             search.try_all([replace(c, slowdown=s) for s in OTHER_SLOWDOWNS for c in first])
         continuation = Continuation(self._tools.world, places)
         for _ in range(SECOND_TRIES if places is None else TRIES_AMONG_OBSTACLES):
-            if search.stands_in(NEARLY_ALL):
+            if self._is_enough(search):
                 return
             candidates = self._go_on(search, continuation, rng)
             if self._is_level:
@@ -142,6 +142,11 @@ class FreeRise:
             else:
                 search.try_all(candidates, MORE_FINALISTS)
                 search.refit(REFITS, MORE_FINALISTS)
+
+    def _is_enough(self, search: RiseSearch) -> bool:
+        """Tell whether a rise is good enough to leave out second tries."""
+        is_demanding = self._tools.filter.preference.is_demanding
+        return search.is_done or (not is_demanding and search.stands_in(NEARLY_ALL))
 
     def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
         """Find a motion in physics where no stored one leads to a stand on flat ground."""
@@ -168,7 +173,9 @@ class FreeRise:
 
         A motion of a weak robot may stand as it is, and fall where its center of mass is pushed.
         """
-        return [replace(c, assistance=0.0) for c in candidates] if self._is_flat else []
+        if not self._is_flat or self._tools.filter.assistance == 0.0:
+            return []
+        return [replace(c, assistance=0.0) for c in candidates]
 
     def _find_standing_places(self, start: Posture) -> StandingPlaces | None:
         """Find the places with room to stand; ``None`` without obstacles."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
 from humanoid_getup.experiments.starts.falls import sample_falls
@@ -20,49 +23,63 @@ BEYOND = 1.3  # of its torque, which the pressing servo is asked for
 KNEE = 13
 
 
-def press(robot, limit=FULL_TORQUE, cycles=None):
-    """Send one servo a target out of its reach for some cycles, and return what it is sent last."""
+def press(robot, limit=FULL_TORQUE, cycles=None, share=BEYOND):
+    """Send one servo of the first of two robots a target out of its reach for some cycles.
+
+    Return what was sent last, and what was asked, (2, n).
+    """
     cycles = round(LONG_SATURATION / robot.control_period) if cycles is None else cycles
-    yielding, rest = Yielding(robot, limit, 1), np.zeros((1, robot.n))
-    torque = np.zeros(robot.n)
-    torque[KNEE] = BEYOND * robot.max_torque[KNEE]
-    target = sent = robot.compute_lead(torque)[None]
+    yielding, stance = Yielding(robot, limit, 2), np.tile(robot.standing.joint_pos, (2, 1))
+    torque = np.zeros((2, robot.n))
+    torque[0, KNEE] = share * robot.max_torque[KNEE]
+    target = sent = stance + robot.compute_lead(torque)
     for _ in range(cycles):
-        sent = yielding.soften(target, sent, rest)
-    return yielding, target, sent
+        sent = target + yielding.ease(target, sent, stance)
+    return yielding, stance, target, sent
 
 
-def test_a_servo_that_presses_yields_before_it_trips_and_the_others_keep_their_targets(op3):
-    _, target, sent = press(op3)
-    np.testing.assert_allclose(sent[0, KNEE], PRESSING / BEYOND * target[0, KNEE])
+@pytest.mark.parametrize("name", ["op3", "toddlerbot"])
+def test_a_servo_that_presses_yields_before_it_trips_and_nothing_else_changes(name):
+    robot = load_robot(name)
+    _, stance, target, sent = press(robot)
+    lead = (target - stance)[0, KNEE]
+    np.testing.assert_allclose((sent - stance)[0, KNEE], PRESSING / BEYOND * lead)
     np.testing.assert_array_equal(np.delete(sent, KNEE), np.delete(target, KNEE))
 
 
 def test_for_a_while_it_may_press_with_all_its_torque(op3):
-    _, target, sent = press(op3, cycles=round(0.5 * LONG_SATURATION / op3.control_period))
+    _, _, target, sent = press(op3, cycles=round(0.5 * LONG_SATURATION / op3.control_period))
     np.testing.assert_array_equal(sent, target)
 
 
 def test_it_follows_its_targets_again_once_they_are_within_its_reach(op3):
-    yielding, target, sent = press(op3)
-    near = 0.5 * PRESSING / BEYOND * target
-    rest = np.zeros_like(target)
-    np.testing.assert_array_equal(yielding.soften(near, sent, rest), near)
-    np.testing.assert_array_equal(yielding.soften(target, near, rest), target)
+    yielding, stance, target, sent = press(op3)
+    near = stance + 0.5 * PRESSING / BEYOND * (target - stance)
+    np.testing.assert_array_equal(yielding.ease(near, sent, stance), np.zeros_like(near))
+    np.testing.assert_array_equal(yielding.ease(target, near, stance), np.zeros_like(near))
 
 
 @pytest.mark.parametrize("limit", [TorqueLimit(2.0, "pwm"), TorqueLimit(3.0, "current")])
 def test_below_its_stall_torque_a_servo_does_not_trip_and_does_not_yield(op3, limit):
-    _, target, sent = press(op3, limit)
+    _, _, target, sent = press(op3, limit)
     np.testing.assert_array_equal(sent, target)
 
 
-def test_motors_that_never_trip_do_not_yield():
-    _, target, sent = press(load_robot("human"))
+@pytest.mark.parametrize("name", ["human", "wolfgang"])
+def test_servos_that_cannot_saturate_do_not_yield(name):
+    """The human's motors never trip; Wolfgang's supply has more voltage than its servos need."""
+    _, _, target, sent = press(load_robot(name))
     np.testing.assert_array_equal(sent, target)
 
 
-def test_an_arm_that_is_caught_under_the_body_does_not_trip_its_servos():
+@pytest.mark.parametrize(("by", "yields"), [("pwm", False), ("current", True)])
+def test_a_weak_supply_saturates_sooner_where_the_gain_does_not_shrink_with_it(op3, by, yields):
+    weak = replace(op3, supply_voltage=0.9 * op3.supply_voltage)
+    _, _, target, sent = press(weak, TorqueLimit(by=by), share=0.95)
+    assert np.array_equal(sent, target) is not yields
+
+
+def test_an_arm_that_is_caught_under_the_body_does_not_trip_its_servos(monkeypatch):
     """ToddlerBot on its front: without yielding, an elbow or a shoulder presses for too long."""
     robot = load_robot("toddlerbot")
     world = World(robot)
@@ -76,6 +93,12 @@ def test_an_arm_that_is_caught_under_the_body_does_not_trip_its_servos():
         )
         for c in near
     ]
-    rolled = DynamicsFilter(world).roll_out(fall, candidates)
-    assert rolled
-    assert not any(one.outcome.overloaded for one in rolled)
+    dynamics = DynamicsFilter(world)
+    rolled = dynamics.roll_out(fall, candidates)
+    assert not any(one.outcome.overloaded for one in nonempty(rolled))
+    for one in rolled:  # what is played by others holds its last targets
+        hold = one.target[one.moving :]
+        np.testing.assert_allclose(hold, np.tile(hold[-1], (len(hold), 1)), atol=1e-12)
+    monkeypatch.setattr(Yielding, "ease", lambda _, target, *__: 0.0 * target)
+    pressing = dynamics.roll_out(fall, candidates)
+    assert any(one.outcome.overloaded for one in pressing)

@@ -36,7 +36,7 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         self.turn += 1
 
     def make_discovery(
-        *names: str, most: int = 1, side: LyingSide = "supine", **fields: Callable[[Motion], str]
+        *names: str, most: int = 1, side: LyingSide = "supine", **fields: Callable
     ) -> ChainDiscovery:
         motions = iter([find_motion(world.robot, name) for name in names])
         keyframes = load_keyframes(world.robot.folder / "keyframes.toml", world.robot)[0]

@@ -36,7 +36,12 @@ class Filter:
     rounds: list[list[Candidate]] = field(default_factory=list)
     searches: int = 0
 
-    preference = SimpleNamespace(is_demanding=False, improvement=0.5)
+    assistance: float = 1.0
+    is_demanding: bool = False
+
+    @property
+    def preference(self):
+        return SimpleNamespace(is_demanding=self.is_demanding, improvement=0.5)
 
     def roll_out(self, _start, candidates):
         self.rounds.append(candidates)
@@ -100,9 +105,9 @@ def start(database):
 def search(world, database, start):
     """Search from a prone posture, with a filter of given answers."""
 
-    def search(stands, share=1.0, finder=None):
+    def search(stands, share=1.0, finder=None, **fields):
         lying = place(world.robot, world.model, start)
-        dynamics = Filter(stands, lying, share)
+        dynamics = Filter(stands, lying, share, **fields)
         tools = SearchTools(
             world=world,
             database=database,
@@ -141,6 +146,8 @@ def test_where_nothing_stands_more_entries_of_each_motion_are_tried_and_then_one
         (c.connection.motion.name, c.connection.frame) for c in dynamics.rounds[2] if c.assistance
     ]
     assert len(entries) == len(set(entries)) == MOST_CONNECTIONS
+    for tried in (dynamics.rounds[1], dynamics.rounds[2]):
+        assert any(c.assistance == 0.0 for c in tried)
     names = [name for name, _ in entries]
     assert max(map(names.count, names)) == MOST_ENTRIES
 
@@ -153,3 +160,15 @@ def test_a_rise_that_stands_in_nearly_all_worlds_gets_no_second_tries(
     assert found.robust == share
     assert dynamics.searches == 1
     assert (len(dynamics.rounds) > 2) is has_second_tries
+
+
+def test_a_rise_that_must_be_more_than_successful_gets_second_tries_all_the_same(search):
+    dynamics, _ = search(lambda _: True, 15 / 16, is_demanding=True)
+    assert len(dynamics.rounds) > 2
+
+
+def test_without_any_assistance_no_candidate_is_tried_twice(search):
+    finder = SimpleNamespace(find=lambda *_: [])
+    dynamics, _ = search(lambda _: False, finder=finder, assistance=0.0)
+    assert len(dynamics.rounds[1]) == MORE_CONNECTIONS + FIRST_CONNECTIONS + MORE_CONNECTIONS
+    assert len(dynamics.rounds[2]) == MOST_CONNECTIONS

@@ -9,7 +9,6 @@ import pytest
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions import build
 from humanoid_getup.motions.keyframes_file import load_keyframes
-from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.motions.optimization import LIMIT_SHARES
 from humanoid_getup.posture_chains.chain_search import ChainSearch, SearchSettings

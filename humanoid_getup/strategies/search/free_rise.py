@@ -32,7 +32,7 @@ MORE_IN_SCENES, SECOND_ON_LEVEL, SECOND_ON_UNEVEN, MORE_FINALISTS = 19, 2, 6, 6
 CRAWL_FROM = 0.3  # leg lengths from a place to stand, from which a robot crawls before it rises
 CRAWLING = 4.0  # of the search budget, simulated in coarse steps to find a crawl
 REFITS = 3
-NEARLY_ALL = 0.9  # of a check: what stands there is not worth second tries
+NEARLY_ALL = 0.9  # of a check on flat ground: what stands there gets no second tries
 SECOND_TRIES = 2  # rounds that continue from the ends of failed rollouts
 TRIES_AMONG_OBSTACLES = 4
 FINDING = 20.0  # of the search budget, simulated in coarse steps to find a motion
@@ -145,8 +145,8 @@ class FreeRise:
 
     def _is_enough(self, search: RiseSearch) -> bool:
         """Tell whether a rise is good enough to leave out second tries."""
-        is_demanding = self._tools.filter.preference.is_demanding
-        return search.is_done or (not is_demanding and search.stands_in(NEARLY_ALL))
+        settles = self._is_flat and not self._tools.filter.preference.is_demanding
+        return search.is_done or (settles and search.stands_in(NEARLY_ALL))
 
     def _try_found(self, search: RiseSearch, start: Posture, rng: np.random.Generator) -> None:
         """Find a motion in physics where no stored one leads to a stand on flat ground."""

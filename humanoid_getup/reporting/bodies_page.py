@@ -94,6 +94,9 @@ def _write_cases(result: BodyBench, kind: str, title: str) -> Iterator[str]:
     yield write_table(("body", "method", *classes), _list_classes(cases, classes, end=False))
     yield "Head up at the end, by class:"
     yield write_table(("body", "method", *classes), _list_classes(cases, classes, end=True))
+    if rows := [(case.body, case.method, text) for case in cases for text in case.failures]:
+        yield "Held no stand, by number of the start:"
+        yield write_table(("body", "method", "start, and why"), rows)
 
 
 def _list_classes(

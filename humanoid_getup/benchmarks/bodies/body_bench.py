@@ -136,6 +136,8 @@ class BodyCase(BodySummary, frozen=True, kw_only=True):
     method: str
     starts: str
     classes: dict[str, BodySummary]
+    failures: list[str]
+    """Number of the start, from 1, its class, and why no stand was held from there."""
 
 
 class BodyBench(CaseBench[BodyCase], frozen=True, kw_only=True):
@@ -215,4 +217,9 @@ def _summarize(result: BodyRises, body: str, method: str, kind: str) -> BodyCase
         method=method,
         starts=kind,
         classes={name: BodySummary.over(rises) for name, rises in by_class.items()},
+        failures=[
+            f"{number}, {rise.bench_class}: {rise.reason}"
+            for number, rise in enumerate(result.rises, 1)
+            if not rise.stood
+        ],
     )

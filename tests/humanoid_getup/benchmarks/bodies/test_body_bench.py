@@ -20,6 +20,7 @@ from humanoid_getup.jobs.measure_bodies import measure_bodies
 from humanoid_getup.jobs.requests.bench import BenchBodies
 from robots.storage.encoding import as_kept
 
+NO_PLAN = "no path to any connecting posture: the robot has no motions"
 CASES = ("small: plan, their starts", "small: plan, falls")
 
 
@@ -46,7 +47,11 @@ def test_a_body_without_motions_is_counted_with_honest_zeros(result):
         assert (case.n, case.stood, case.head_in_time, case.head_at_end) == (n, 0, 0, 0)
         assert sum(one.n for one in case.classes.values()) == n
         assert case.head_at_end_interval_95[0] == 0.0
-    assert list(result.cases[CASES[1]].classes) == ["supine", "prone", "left", "right"]
+    sides = ["supine", "prone", "left", "right"]
+    assert list(result.cases[CASES[1]].classes) == sides
+    assert result.cases[CASES[1]].failures == [
+        f"{number}, {side}: {NO_PLAN}" for number, side in enumerate(sides, 1)
+    ]
     assert result.notes[0].startswith("Without motions, and so without a plan that stands: small.")
     assert "getup motions discover" in result.notes[0]
     assert result.notes[1] == "Without a policy, and so with nothing learned: small."
@@ -57,6 +62,7 @@ def test_the_page_has_their_figures_apart_from_ours(result, out, repository):
     ours, theirs = page.split("## What their makers report")
     assert "| small | plan | 0 of 2 (0% to 66%) | 0 of 2 (0% to 66%) | 0 of 2 (0% to 66%) |" in ours
     assert "specialists" not in ours
+    assert f"| small | plan | 2, prone: {NO_PLAN} |" in ours
     assert "| small | 0.50 (0.25 to 0.75) | 0.10 (0.10 to 0.10) |" in theirs
     assert "commit 2d64e11" in theirs
     assert f"--robots {repository.robots} --n 1 --starts 2 --seed 0 --search-budget 600" in theirs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import quaternion
 from robots.passive_joints import couple_passive_joints, rest_passive_joints
@@ -164,6 +165,15 @@ def mirror_positions(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Array:
     mirrored[..., layout.qpos] = robot.mirror_joints(qpos[..., layout.qpos])
     couple_passive_joints(model, robot.passive_joints, mirrored)
     return mirrored
+
+
+def find_carriers(robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Find which of a robot's joints carry each body of a compiled world, (nbody, n)."""
+    moved = [int(model.jnt_bodyid[model.joint(name).id]) for name in robot.joint_names]
+    carries = np.arange(model.nbody)[:, np.newaxis] == np.array(moved)
+    for body in range(1, model.nbody):  # parents come first
+        carries[body] |= carries[model.body_parentid[body]]
+    return carries
 
 
 def center_of_mass(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,13 +19,17 @@ from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit, quaternion
+from robots.body.overlap import overlaps_at
 from robots.ground import GROUND_FRICTION
-from robots.kinematics import lowest_point
+from robots.kinematics import find_carriers, lowest_point
 from robots.quaternion import Array
 from robots.robot import Layout
 from robots.servo import PWM
 
 ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
+JOINT_SHARES = np.array([1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0])
+"""Of a joint's offset, tried in this order where it puts limbs into each other."""
+PRESSED_IN = 0.001  # m that limbs may reach deeper into each other than in the given start
 MOST_DELAY = 0.04  # s, of targets or measurements
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
@@ -170,7 +175,11 @@ class Disturbance:
         return p
 
     def _draw_starts(self, world: World, start: Array, n: int, rng: np.random.Generator) -> Array:
-        """Draw MuJoCo positions at the start, (n, nq), of which the first is the given one."""
+        """Draw MuJoCo positions at the start, (n, nq), of which the first is the given one.
+
+        Offsets that would put limbs into each other, where no robot can be, are reversed or made
+        smaller, in the joints between these limbs.
+        """
         robot, layout = world.robot, world.robot.layout(world.model)
         starts = np.tile(start, (n, 1))
         if self.joints == 0.0 and self.turn == 0.0:
@@ -178,8 +187,8 @@ class Disturbance:
         offset = draw(self.joints, rng, n, robot.n)
         axis = draw(RandomAxis(1.0), rng, n, 3)
         turn = quaternion.from_axis_angle(axis, draw(self.turn, rng, n))
-        offset[0], turn[0] = 0.0, quaternion.IDENTITY
-        starts[:, layout.qpos] = np.clip(starts[:, layout.qpos] + offset, robot.lower, robot.upper)
+        turn[0] = quaternion.IDENTITY
+        _turn_joints(world, starts[1:], offset[1:])
         root = starts[:, layout.root_orientation]  # a view
         root[:] = quaternion.multiply(turn, root)
         _rest_as(world, start, starts[1:])
@@ -193,6 +202,27 @@ USUAL = Disturbance(
     supply=Uniform(11.0 / 12.0, 12.6 / 12.0),
 )
 """Disturbances that a motion has to withstand."""
+
+
+def _turn_joints(world: World, starts: Array, offsets: Array) -> None:
+    """Add as much of offsets (N, n) to the joints of starts (N, nq) as limbs permit, in place.
+
+    Where bodies would reach into each other, the joints between them are turned less.
+    """
+    robot, model, data = world.robot, world.model, mujoco.MjData(world.model)
+    joints, carries = robot.layout(model).qpos, find_carriers(robot, model)
+    for start, offset in zip(starts, offsets, strict=True):
+        before, tried = start[joints].copy(), np.zeros(robot.n, dtype=int)
+        most = overlaps_at(model, start, data) + PRESSED_IN
+        while True:
+            wished = before + JOINT_SHARES[tried] * offset
+            start[joints] = np.clip(wished, robot.lower, robot.upper)
+            ones, others = np.nonzero(overlaps_at(model, start, data) > most)
+            colliding = np.any(carries[ones] ^ carries[others], axis=0)
+            colliding &= tried < len(JOINT_SHARES) - 1
+            if not colliding.any():
+                break
+            tried += colliding
 
 
 def _rest_as(world: World, start: Array, others: Array) -> None:

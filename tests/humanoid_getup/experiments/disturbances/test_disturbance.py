@@ -17,6 +17,7 @@ from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturban
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.scenes.obstacle import Obstacle
 from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
@@ -149,6 +150,28 @@ def test_offsets_move_every_joint_within_its_range(lying: tuple[World, Array]):
     assert np.all(starts[:, layout.qpos] >= robot.lower)
     for row in starts:  # as deep in the ground as the one that came to rest
         assert lowest_point(world.model, row) == pytest.approx(lowest_point(world.model, start))
+
+
+def test_no_offset_puts_limbs_into_each_other(world: World):
+    """Joints between limbs that would collide turn back or less; others turn as is drawn."""
+    layout, robot, clearance = world.robot.layout(world.model), world.robot, Clearance(world)
+    start = place(robot, world.model, robot.standing)
+    moved = sample_starts(world, start, COUNT, joints=Normal(0.1))
+    drawn = draw(Normal(0.1), np.random.default_rng(5), COUNT, robot.n)
+    wished = np.tile(start, (COUNT, 1))
+    wished[1:, layout.qpos] = np.clip(start[layout.qpos] + drawn[1:], robot.lower, robot.upper)
+    most = clearance.measure_self_overlap(start) + 0.001
+    collides = np.array([clearance.measure_self_overlap(row) for row in wished]) > most
+    assert 0.05 < collides.mean() < 0.5
+    assert max(clearance.measure_self_overlap(row) for row in moved) <= most
+    joints, wished = moved[:, layout.qpos], wished[:, layout.qpos]
+    np.testing.assert_array_equal(joints[~collides], wished[~collides])
+    changed = joints[collides] != wished[collides]
+    assert changed.any(axis=1).all()
+    assert changed.mean() < 0.6
+    shares = (joints[collides] - start[layout.qpos])[changed] / drawn[collides][changed]
+    assert np.all(np.abs(shares) < 1.0 + 1e-9)
+    assert np.mean(np.isclose(shares, -1.0)) > 0.3
 
 
 def box_over(start: Array, bottom: float, x: float = 0.0) -> Obstacle:

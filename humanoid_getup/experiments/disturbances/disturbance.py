@@ -19,7 +19,7 @@ from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit, quaternion
-from robots.body.overlap import overlaps_at
+from robots.body.overlap import DEEP, overlaps_at
 from robots.ground import GROUND_FRICTION
 from robots.kinematics import find_carriers, lowest_point
 from robots.quaternion import Array
@@ -29,7 +29,6 @@ from robots.servo import PWM
 ROOM_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a disturbance, tried in this order
 JOINT_SHARES = np.array([1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0])
 """Of a joint's offset, tried in this order where it puts limbs into each other."""
-PRESSED_IN = 0.001  # m that limbs may reach deeper into each other than in the given start
 MOST_DELAY = 0.04  # s, of targets or measurements
 MOST_RAISED = 0.04  # m by which a disturbance may raise or lower a robot
 
@@ -207,13 +206,14 @@ USUAL = Disturbance(
 def _turn_joints(world: World, starts: Array, offsets: Array) -> None:
     """Add as much of offsets (N, n) to the joints of starts (N, nq) as limbs permit, in place.
 
-    Where bodies would reach into each other, the joints between them are turned less.
+    Where bodies would reach deeper into each other than in the start, the joints between them are
+    turned the other way, or less.
     """
     robot, model, data = world.robot, world.model, mujoco.MjData(world.model)
     joints, carries = robot.layout(model).qpos, find_carriers(robot, model)
     for start, offset in zip(starts, offsets, strict=True):
         before, tried = start[joints].copy(), np.zeros(robot.n, dtype=int)
-        most = overlaps_at(model, start, data) + PRESSED_IN
+        most = overlaps_at(model, start, data) + DEEP
         while True:
             wished = before + JOINT_SHARES[tried] * offset
             start[joints] = np.clip(wished, robot.lower, robot.upper)

@@ -9,7 +9,7 @@ SECTIONS = {
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "prior"),
     "robot": ("robots", "scan", "doctor", "calibrate", "bus"),
-    "look": ("replay", "bench"),
+    "look": ("studio", "replay", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
 
@@ -179,6 +179,9 @@ COMMANDS = {
         "requests.motions.PreflightRequest",
         "preflight.preflight",
         json=True,
+    ),
+    "studio": TableEntry(
+        "Pose, plan and look in the browser.", "requests.studio.StudioRequest", "studio.studio"
     ),
     "replay": TableEntry(
         "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"

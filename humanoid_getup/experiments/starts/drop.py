@@ -54,17 +54,23 @@ class Drops:
         Returns:
             Final MuJoCo positions (N, nq), and which robots settled, (N,).
         """
-        sim, world = self._sim, self.world
-        robot, model, hold = world.robot, world.model, _count_sample_steps(sim)
-        drops = DropSampler(world, regions or world.scene.starts or (ANYWHERE,))
-        qpos = np.array([drops.sample(rng) for _ in sim.everyone])
+        drops = DropSampler(self.world, regions or self.world.scene.starts or (ANYWHERE,))
+        qpos = np.array([drops.sample(rng) for _ in self._sim.everyone])
+        return self.settle(qpos, settled_speed, longest)
+
+    def settle(
+        self, qpos: Array, settled_speed: float, longest: float = LONGEST_FALL
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Let robots settle from MuJoCo positions (N, nq) at rest; return as `drop` does."""
+        sim, world, qpos = self._sim, self.world, qpos.copy()
+        hold = _count_sample_steps(sim)
         sim.set_parameters(sim.everyone, DomainParameters.nominal(world, sim.n, torque_limit=0.0))
         sim.place(sim.everyone, qpos)
-        sample_time = hold * model.opt.timestep
+        sample_time = hold * world.model.opt.timestep
         window = round(SETTLED_TIME / sample_time)
         moving, time, duration = sim.everyone, 0.0, FIRST_CHECK
         while time < longest - 1e-9 and len(moving):
-            targets = np.zeros((len(moving), round(duration / sample_time), robot.n))
+            targets = np.zeros((len(moving), round(duration / sample_time), world.robot.n))
             went = sim.advance(targets, hold, ("qpos",), moving)["qpos"]
             time, duration = time + duration, NEXT_CHECK
             qpos[moving] = went[:, -1]

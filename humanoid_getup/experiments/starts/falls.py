@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.experiments.starts.drop import Drops, FallError
+from humanoid_getup.experiments.starts.drop import (
+    DROP_HEIGHT,
+    LONGEST_FALL,
+    Drops,
+    FallError,
+)
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
@@ -79,6 +84,22 @@ def sample_fall(world: World, start_class: str = "supine", seed: int = 0) -> Fal
         raise ValueError(f"start class is '{start_class}', expected {', '.join(CLASSES)}")
     expect_seed(seed)
     return sample_falls(world, {start_class: 1}, np.random.default_rng(seed))[0]
+
+
+def drop_from(world: World, posture: Posture) -> Fall:
+    """Drop a limp robot from a posture, a little above what is under it; return how it lies.
+
+    Raises:
+        FallError: if it does not come to rest.
+    """
+    raised = Clearance(world).rest_where(place(world.robot, world.model, posture), DROP_HEIGHT)
+    qpos, settled = Drops(world, 1).settle(raised[np.newaxis], SETTLED_SPEED)
+    if not settled[0]:
+        raise FallError(
+            f"robot '{world.robot.name}' still moves {LONGEST_FALL:g} s after it was dropped"
+        )
+    rest = read_posture(world.robot, world.model, qpos[0])
+    return Fall(posture=rest, start_class=classify(rest.orientation) or UNCLASSED)
 
 
 def sample_fall_set(

@@ -1,0 +1,27 @@
+"""`getup studio`: the page in the browser."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from humanoid_getup.cli.shared.console import phase
+from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.jobs.errors import needing
+from humanoid_getup.jobs.requests.studio import StudioRequest
+
+
+def studio(command: StudioRequest) -> int:
+    """Serve the page until interrupted; return the exit code."""
+    with needing("studio"), phase("opening the studio"):
+        from humanoid_getup.studio.studio import Studio
+
+        opened = Studio(command)
+    with opened:
+        print(opened.address, flush=True)
+        print("getup: open this address in a browser; Ctrl-C ends the studio", file=sys.stderr)
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            return DID_IT
+    return DID_IT

@@ -1,0 +1,1 @@
+"""The studio: a page in the browser on which rises are posed, planned, bent and examined."""

@@ -1,0 +1,47 @@
+"""Folders: the only places in which the page reads and writes files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from humanoid_getup.jobs.errors import BadInputError
+
+MOST_FILES = 200
+"""Number of files of a kind that the page lists."""
+
+
+class Folders:
+    """Folders that were named when the studio was started."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        """Prepare; relative names of files are below the first folder."""
+        self._roots = tuple(folder.resolve() for folder in folders)
+
+    def resolve(self, name: str) -> Path:
+        """Return the path of a file by its name, relative to the first folder or absolute.
+
+        Raises:
+            BadInputError: if it is outside all folders, links followed.
+        """
+        if not name.strip():
+            raise BadInputError("the file has no name, expected one")
+        try:
+            path = (self._roots[0] / name.strip()).resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise BadInputError(f"file {name!r}: {error}") from error
+        if not any(path.is_relative_to(root) for root in self._roots):
+            listed = ", ".join(map(str, self._roots))
+            raise BadInputError(f"file {path}: expected a file in {listed} (see --folder)")
+        return path
+
+    def list_files(self, suffix: str) -> list[str]:
+        """List the files with a suffix, newest first, by names that `resolve` takes."""
+        found = [path for root in self._roots for path in root.rglob(f"*{suffix}")]
+        files = sorted(filter(Path.is_file, found), key=lambda path: -path.stat().st_mtime)
+        return list(dict.fromkeys(map(self.name, files[:MOST_FILES])))
+
+    def name(self, path: Path) -> str:
+        """Return the name of a file within the folders."""
+        first = self._roots[0]
+        return str(path.relative_to(first) if path.is_relative_to(first) else path)

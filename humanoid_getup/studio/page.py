@@ -1,0 +1,117 @@
+"""Page: what all tabs of the studio share."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
+from humanoid_getup.progress.callback import Progress
+from humanoid_getup.studio.folders import Folders
+from humanoid_getup.studio.timeline import Timeline
+from robots import Posture
+from robots.kinematics import place
+
+if TYPE_CHECKING:
+    import viser
+
+    from humanoid_getup.jobs.requests.studio import StudioRequest
+    from humanoid_getup.simulation.world import World
+
+Result = TypeVar("Result")
+
+
+class Page:
+    """Robot, scene, timeline, folders and status line; and the posture from which a rise starts.
+
+    All browsers see one state. Callbacks of the page run one at a time.
+    """
+
+    def __init__(
+        self, request: StudioRequest, server: viser.ViserServer, world: World, timeline: Timeline
+    ) -> None:
+        """Prepare; the robot stands."""
+        self.request, self.server, self.world, self.timeline = request, server, world, timeline
+        self.gui = server.gui
+        self.folders = Folders(request.folder)
+        self.start: Posture = world.robot.standing
+        """Posture from which a rise starts."""
+        self.when_posed: list[Callable[[Posture], None]] = []
+        """Called after the start has changed."""
+        self._lock = threading.RLock()
+        self._status = server.gui.add_markdown("Ready.")
+        self._jobs: set[BackgroundJob[Any]] = set()
+
+    def pose(self, posture: Posture) -> None:
+        """Make a posture the start, and show it."""
+        self.start = posture
+        self.timeline.pose(place(self.world.robot, self.world.model, posture))
+        for update in self.when_posed:
+            update(posture)
+
+    def say(self, text: str) -> None:
+        """Show a line on the page."""
+        self._status.content = text
+
+    def refuse(self, problem: str) -> None:
+        """Show a problem on the page, and in its corner."""
+        self.say(f"⚠ {problem}")
+        for client in self.server.get_clients().values():
+            client.add_notification("Not done", problem, color="red", auto_close_seconds=8.0)
+
+    def answer(self, work: Callable[[], None]) -> Callable[[object], None]:
+        """Make the callback of an element, which waits for others and shows bad input."""
+
+        def run(_: object) -> None:
+            with self._lock:
+                try:
+                    with refusing():
+                        work()
+                except BadInputError as error:
+                    self.refuse(str(error))
+
+        return run
+
+    def run(
+        self,
+        work: Callable[..., Result],
+        request: object,
+        ended: Callable[[Result], None],
+        report: Callable[[Progress], None] | None = None,
+    ) -> BackgroundJob[Result]:
+        """Run a job in the background; its end is answered as a callback.
+
+        Args:
+            work: Function of a module of `humanoid_getup.jobs`.
+            request: Its request.
+            ended: Called with its result; a job that failed or was cancelled is told on the page.
+            report: Called with each progress; by default it is shown on the page.
+        """
+
+        def conclude(end: JobEnd[Result]) -> None:
+            self._jobs.discard(job)
+            if end.cancelled:
+                self.say("Cancelled.")
+            elif end.result is None:
+                self.refuse(end.problem)
+            else:
+                result = end.result
+                self.answer(lambda: ended(result))(None)
+
+        job = BackgroundJob(work, request, report=report or self._show_progress, ended=conclude)
+        self._jobs.add(job)
+        return job
+
+    def cancel_jobs(self) -> None:
+        """Cancel all jobs that run."""
+        for job in list(self._jobs):
+            job.cancel()
+
+    def _show_progress(self, progress: Progress) -> None:
+        if progress.message:
+            return self.say(progress.message)
+        share = f" {progress.done:g} of {progress.total:g}" if progress.total else ""
+        note = f", {progress.note}" if progress.note else ""
+        return self.say(f"{progress.phase}{share}{note} …")

@@ -1,0 +1,85 @@
+"""Plot panel: the curves of a take over time, with a line at the time that is shown."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from humanoid_getup.studio.take import Plot, Take
+from robots.quaternion import Array
+
+if TYPE_CHECKING:
+    import viser
+    from viser import uplot
+
+HEIGHT = 150  # pixels
+MOST_POINTS = 500  # of a curve
+COLORS = ("#2f6fde", "#d9822b", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#7f7f7f")
+LINE, LIMIT = "#222222", "#d62728"
+
+
+class PlotPanel:
+    """Draws the plots of a take in a folder of the page."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add an empty folder where the caller is adding elements."""
+        self._gui, self._folder = gui, gui.add_folder("Plots")
+        self._plots: list[_DrawnPlot] = []
+
+    def show(self, take: Take) -> None:
+        """Replace the plots by those of a take."""
+        for plot in self._plots:
+            plot.chart.remove()
+        with self._folder:
+            self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
+
+    def mark(self, time: float) -> None:
+        """Draw the line at a time of the take [s]."""
+        for plot in self._plots:
+            plot.mark(time)
+
+
+class _DrawnPlot:
+    """A chart, whose samples are thinned out, and its line."""
+
+    def __init__(self, gui: viser.GuiApi, take: Take, plot: Plot) -> None:
+        kept = np.unique(np.linspace(0, len(take.time) - 1, MOST_POINTS).round().astype(int))
+        self._time = take.time[kept]
+        self._curves = {name: values[kept] for name, values in plot.curves.items()}
+        if plot.limit is not None:
+            self._curves["limit"] = np.full(len(kept), plot.limit)
+        values = np.concatenate(list(self._curves.values()))
+        known = values[np.isfinite(values)]
+        self._range = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+        self.chart = gui.add_uplot(
+            self._place(float(take.time[0])),
+            ({"label": "s"}, *self._style()),
+            title=plot.title,
+            scales={"x": {"time": False}},
+            height=HEIGHT,
+        )
+
+    def mark(self, time: float) -> None:
+        """Move the line to a time [s]."""
+        self.chart.data = self._place(time)
+
+    def _style(self) -> list[uplot.Series]:
+        colors: dict[str, str] = dict(zip(self._curves, cycle(COLORS), strict=False))
+        colors |= {"limit": LIMIT} if "limit" in self._curves else {}
+        colors["now"] = LINE
+        return [{"label": name, "stroke": color, "width": 1.5} for name, color in colors.items()]
+
+    def _place(self, time: float) -> tuple[Array, ...]:
+        """Return times and curves with two samples more, between which the line is drawn."""
+        at = int(np.searchsorted(self._time, time))
+        line = np.full(len(self._time), np.nan)
+        return (
+            np.insert(self._time, at, [time, time]),
+            *(
+                np.insert(values, at, [np.interp(time, self._time, values)] * 2)
+                for values in self._curves.values()
+            ),
+            np.insert(line, at, self._range),
+        )

@@ -1,0 +1,117 @@
+"""Stage: the robot, its ghost and the scene in 3-D, and what is drawn around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from mjviser import ViserMujocoScene
+from scipy.spatial import ConvexHull, QhullError
+
+from humanoid_getup.studio.stage_model import build_model
+from robots.quaternion import Array
+
+if TYPE_CHECKING:
+    import viser
+
+    from humanoid_getup.simulation.world import World
+
+AWAY = -50.0  # m under the ground, where a ghost is not seen
+ABOVE = 0.002  # m over its contacts at which the balance is drawn
+COM_RADIUS = 0.02  # of the standing neck height
+BALANCED, FALLING = (40, 160, 70), (220, 50, 40)
+"""Color of a center of mass over the support polygon, and beside it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """What is shown on the stage, in the positions and velocities of its world."""
+
+    qpos: Array
+    """MuJoCo positions of the robot, (nq,)."""
+    ghost: Array | None = None
+    """The same of the ghost; None without one."""
+    velocity: Array | None = None
+    """MuJoCo velocities of the robot, (nv,); None at rest."""
+    joint_torque: Array | None = None
+    """Torques at the joints [N·m], (n,), which the contact forces balance."""
+
+
+class Stage:
+    """Shows MuJoCo positions of a world, with contacts and the center of mass over its support.
+
+    Calls from several threads have to take turns.
+    """
+
+    def __init__(self, server: viser.ViserServer, world: World) -> None:
+        """Draw the scene, with the robot where its model puts it and without a ghost."""
+        self.world = world
+        self.shows_balance = True
+        self._model = build_model(world)
+        self._data = mujoco.MjData(self._model)
+        self._away = world.model.qpos0.copy()
+        self._away[world.robot.layout(world.model).root_qpos + 2] = AWAY
+        self.view = ViserMujocoScene(server, self._model, num_envs=1)
+        """The scene of mjviser, with its own controls."""
+        self.view.camera_tracking_enabled = False
+        self.view.show_contact_points = self.view.show_contact_forces = True
+        self._com = server.scene.add_icosphere(
+            "/balance/com", COM_RADIUS * world.robot.standing_neck_height, color=BALANCED
+        )
+        self._support = server.scene.add_line_segments(
+            "/balance/support",
+            np.zeros((1, 2, 3)),
+            BALANCED,
+            thickness=3.0,
+            thickness_units="screen",
+        )
+
+    def show(self, picture: Picture) -> None:
+        """Show the robot, and its ghost if there is one."""
+        data, ghost = self._data, self._away if picture.ghost is None else picture.ghost
+        data.qpos[:] = np.concatenate([picture.qpos, ghost])
+        data.qvel[:] = data.qfrc_applied[:] = 0.0
+        if picture.velocity is not None:
+            data.qvel[: self.world.model.nv] = picture.velocity
+        if picture.joint_torque is not None:
+            dof = self.world.robot.layout(self._model).dof
+            data.qfrc_applied[dof] = picture.joint_torque
+        mujoco.mj_forward(self._model, data)
+        self._draw_balance()
+        self.view.update_from_mjdata(data)
+
+    def _draw_balance(self) -> None:
+        """Draw the center of mass on the ground, and the hull of the contacts with the world."""
+        com = self._data.subtree_com[self.world.robot.layout(self._model).torso]
+        points = self._find_supports()
+        hull = find_hull(points[:, :2])
+        height = float(points[:, 2].max(initial=0.0)) + ABOVE
+        self._com.visible = self.shows_balance
+        self._support.visible = self.shows_balance and hull is not None
+        self._com.position = np.array([*com[:2], height])
+        self._com.color = BALANCED if hull is not None and contains(hull, com[:2]) else FALLING
+        if hull is not None:
+            corners = np.column_stack([hull, np.full(len(hull), height)])
+            self._support.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+    def _find_supports(self) -> Array:
+        """Return the contact points of the robot with the world [m], (m, 3)."""
+        contact = self._data.contact
+        root = self._model.body_weldid[self._model.geom_bodyid[contact.geom]]  # (ncon, 2)
+        return contact.pos[np.any(root == 0, axis=1)]
+
+
+def find_hull(points: Array) -> Array | None:
+    """Find the corners of the hull of points (m, 2), in order; None if they span no area."""
+    try:
+        return points[ConvexHull(points).vertices] if len(points) > 2 else None
+    except QhullError:
+        return None
+
+
+def contains(hull: Array, point: Array) -> bool:
+    """Return whether a point lies within a hull, whose corners (m, 2) go around to the left."""
+    edge, to_point = np.roll(hull, -1, axis=0) - hull, point - hull
+    return bool(np.all(edge[:, 0] * to_point[:, 1] - edge[:, 1] * to_point[:, 0] >= 0.0))

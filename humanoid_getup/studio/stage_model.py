@@ -1,0 +1,54 @@
+"""Model of the stage: a world with a second, translucent robot that touches nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import mujoco
+
+if TYPE_CHECKING:
+    from humanoid_getup.simulation.world import World
+
+GHOST = "ghost/"
+"""Prefix of the ghost's names."""
+GHOST_COLOR = (0.35, 0.55, 0.95, 0.35)
+
+
+def build_model(world: World) -> mujoco.MjModel:
+    """Compile the world of a robot with its ghost.
+
+    The positions of the ghost follow those of the robot, in the same order: (2 * nq,).
+    """
+    spec = world.scene.build(world.robot)
+    _remove_sensors(spec)
+    frame = spec.worldbody.add_frame()
+    frame.attach_body(_make_ghost(world).body(world.robot.torso), GHOST, "")
+    model = spec.compile()
+    expected = [*_list_joints(world.model), *(GHOST + name for name in _list_joints(world.model))]
+    if _list_joints(model) != expected:
+        raise RuntimeError(f"joints of the stage are {_list_joints(model)}, expected {expected}")
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    return model
+
+
+def _make_ghost(world: World) -> mujoco.MjSpec:
+    ghost = world.robot.read_model()
+    _remove_sensors(ghost)
+    for element in [*ghost.actuators, *ghost.equalities, *ghost.tendons, *ghost.sites]:
+        ghost.delete(element)
+    for element in [*ghost.pairs, *ghost.excludes, *ghost.lights, *ghost.cameras]:
+        ghost.delete(element)
+    for geom in ghost.geoms:
+        geom.contype = geom.conaffinity = 0
+        geom.material = ""
+        geom.rgba = GHOST_COLOR if geom.rgba[3] > 0.0 else (0.0, 0.0, 0.0, 0.0)
+    return ghost
+
+
+def _remove_sensors(spec: mujoco.MjSpec) -> None:
+    for sensor in spec.sensors:
+        spec.delete(sensor)
+
+
+def _list_joints(model: mujoco.MjModel) -> list[str]:
+    return [model.joint(number).name for number in range(model.njnt)]

@@ -1,0 +1,96 @@
+"""Studio: serves the page until it is stopped."""
+
+from __future__ import annotations
+
+import io
+import socket
+from collections.abc import Callable
+from contextlib import closing, redirect_stdout
+
+import viser
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.page_guard import TOKEN, PageGuard
+from humanoid_getup.studio.pose_tab import PoseTab
+from humanoid_getup.studio.stage import Stage
+from humanoid_getup.studio.timeline import Timeline
+
+CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
+LEFT_OPEN = 5.0  # s after which jobs of a page that was closed end; a reload is quicker
+
+
+class Studio:
+    """A page that is served; a context manager that ends everything it began."""
+
+    def __init__(self, request: StudioRequest) -> None:
+        """Load the robot, and serve the page.
+
+        Raises:
+            BadInputError: if robot or scene cannot be used, or the port is taken.
+        """
+        StudioRequest.accept(request)
+        world = load_world(request)
+        port = find_port(request.host, request.port)
+        self._guard = PageGuard.for_address(request.host, port)
+        self._host, self._port = request.host, port
+        with self._guard.protecting(), redirect_stdout(io.StringIO()):
+            self.server = viser.ViserServer(host=request.host, port=port, label="getup studio")
+        self._aim_camera(world.robot.standing_neck_height)
+        self.server.gui.configure_theme(show_share_button=False, control_width="large")
+        self.timeline = Timeline(self.server, Stage(self.server, world))
+        self.page = Page(request, self.server, world, self.timeline)
+        tabs = self.server.gui.add_tab_group()
+        for name, tab in TABS.items():
+            with tabs.add_tab(name):
+                tab(self.page)
+        self.server.gui.main_panel.dock_right()
+
+    @property
+    def address(self) -> str:
+        """Return the address to open in a browser."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
+        return f"http://{host}:{self._port}/{token}"
+
+    def close(self) -> None:
+        """Cancel all jobs, and stop to serve."""
+        self.page.cancel_jobs()
+        self.timeline.close()
+        with redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def __enter__(self) -> Studio:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _aim_camera(self, height: float) -> None:
+        camera = self.server.initial_camera
+        camera.position = (CAMERA[0] * height, CAMERA[1] * height, CAMERA[2] * height)
+        camera.look_at = (0.0, 0.0, 0.3 * height)
+
+
+TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab}
+
+
+def find_port(host: str, port: int) -> int:
+    """Return a port that is free at an address; 0 stands for any.
+
+    Raises:
+        BadInputError: if it is taken, or there is no such address.
+    """
+    try:
+        family = socket.getaddrinfo(host, port)[0][0]
+        with closing(socket.socket(family)) as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            trial.bind((host, port))
+            return int(trial.getsockname()[1])
+    except OSError as error:
+        raise BadInputError(
+            f"the page cannot be served at {host}, port {port}: {error.strerror or error}; "
+            "expected a free port, see --port"
+        ) from error

@@ -1,0 +1,215 @@
+"""Timeline: plays a take on the stage, or holds it at the time that is scrubbed to."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from humanoid_getup.studio.plot_panel import PlotPanel
+from humanoid_getup.studio.stage import Picture, Stage
+from humanoid_getup.studio.take import Take
+from robots.quaternion import Array
+
+if TYPE_CHECKING:
+    import viser
+
+    from humanoid_getup.simulation.world import World
+
+FRAME = 1.0 / 60.0  # s between two pictures while a take plays
+MARK_EVERY = 0.1  # s between two positions of the line in the plots
+SPEEDS = {"1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
+STEP = 0.001  # s, of the slider
+WIDTH = 340  # pixels
+
+
+class Timeline:
+    """Panel beside the scene; it alone draws on the stage, in a thread of its own.
+
+    Whatever is requested last is shown next: requests between two pictures are skipped.
+    """
+
+    def __init__(self, server: viser.ViserServer, stage: Stage) -> None:
+        """Add the panel, and begin to draw."""
+        self._stage = stage
+        self._changed = threading.Condition()
+        self._take: Take | None = None
+        self._velocity = np.zeros((0, stage.world.model.nv))
+        self._pose: Picture | None = None
+        self._at = 0.0  # s since the beginning of the take
+        self._clock = self._marked = 0.0  # s, of the last picture and the last line in the plots
+        self._wanted = self._playing = self._ended = False
+        self.pictures = 0
+        """Number of pictures that were drawn."""
+        self._add_controls(server.gui)
+        self._thread = threading.Thread(target=self._draw, name="timeline", daemon=True)
+        self._thread.start()
+
+    @property
+    def take(self) -> Take | None:
+        """Return the take that can be scrubbed."""
+        return self._take
+
+    @property
+    def picture(self) -> Picture | None:
+        """Return what is shown, or is to be shown next."""
+        with self._changed:
+            return self._pose or self._sample()
+
+    def load(self, take: Take, *, play: bool = True) -> None:
+        """Show a take from its beginning."""
+        with self._changed:
+            self._take, self._velocity = take, differentiate(self._stage.world, take)
+            self._describe(take)
+            self._seek(0.0)
+            self._start() if play else self._stop()
+
+    def pose(self, qpos: Array, ghost: Array | None = None) -> None:
+        """Show a posture at rest, MuJoCo positions (nq,); the take stays on the timeline."""
+        with self._changed:
+            self._pose = Picture(qpos=qpos, ghost=ghost)
+            self._stop()
+            self._want()
+
+    def scrub(self, seconds: float) -> None:
+        """Stop, and show the sample at a time from the beginning of the take [s]."""
+        with self._changed:
+            self._stop()
+            self._seek(seconds)
+
+    def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait up to a time [s] until a condition holds after a picture; return whether it does."""
+        with self._changed:
+            return self._changed.wait_for(condition, timeout)
+
+    def close(self) -> None:
+        """Stop drawing."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    # Controls ---------------------------------------------------------------------------------
+
+    def _add_controls(self, gui: viser.GuiApi) -> None:
+        panel = gui.add_panel()
+        with panel.add_tab("Timeline"):
+            self._title = gui.add_markdown("Nothing on the timeline yet.")
+            self._slider = gui.add_slider("Time [s]", 0.0, STEP, STEP, 0.0, disabled=True)
+            self._button = gui.add_button("Play", disabled=True)
+            self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+            self._facts = gui.add_markdown("")
+            self._plots = PlotPanel(gui)
+        panel.dock_left()
+        panel.set_width(WIDTH)
+        self._button.on_click(lambda _: self._toggle())
+        self._slider.on_update(self._slide)
+
+    def _slide(self, event: viser.GuiEvent) -> None:
+        if event.client_id is not None:  # moved by a person, not by the playback
+            self.scrub(self._slider.value)
+
+    def _toggle(self) -> None:
+        with self._changed:
+            if self._playing:
+                self._stop()
+            elif self._take is not None:
+                self._seek(0.0 if self._at >= self._take.duration else self._at)
+                self._start()
+
+    def _describe(self, take: Take) -> None:
+        """Show name, facts, marks and plots of a take."""
+        self._title.content = f"**{take.name}**"
+        self._slider.max, self._slider.disabled = max(take.duration, STEP), False
+        self._button.disabled = False
+        begin = float(take.time[0])
+        marks = [f"{mark.time - begin:.2f} s: {mark.text}" for mark in take.marks]
+        self._facts.content = "\n\n".join([*take.facts, *marks])
+        self._plots.show(take)
+
+    # State, under the lock --------------------------------------------------------------------
+
+    def _start(self) -> None:
+        self._playing, self._clock = True, time.perf_counter()
+        self._button.label = "Pause"
+        self._want()
+
+    def _stop(self) -> None:
+        self._playing = False
+        self._button.label = "Play"
+
+    def _seek(self, seconds: float) -> None:
+        self._at, self._pose = seconds, None
+        self._want()
+
+    def _want(self) -> None:
+        self._wanted = True
+        self._changed.notify_all()
+
+    def _sample(self) -> Picture | None:
+        """Return the sample of the take at the present time."""
+        if (take := self._take) is None:
+            return None
+        row = take.find(self._at)
+        return Picture(
+            qpos=take.qpos[row],
+            ghost=None if take.ghost is None else take.ghost[row],
+            velocity=self._velocity[row],
+            joint_torque=None if take.joint_torque is None else take.joint_torque[row],
+        )
+
+    def _advance(self) -> None:
+        """Advance the time of a take that plays; stop at its end."""
+        take, now = self._take, time.perf_counter()
+        if take is None or not self._playing:
+            return
+        self._at += (now - self._clock) * SPEEDS[self._speed.value]
+        self._clock = now
+        if self._at >= take.duration:
+            self._at = take.duration
+            self._stop()
+
+    # Drawing ----------------------------------------------------------------------------------
+
+    def _draw(self) -> None:
+        """Draw until the end: while a take plays at a steady rate, else what is requested."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._wanted or self._playing or self._ended)
+                if self._ended:
+                    return
+                self._wanted = False
+                self._advance()
+                picture, playing = self._pose or self._sample(), self._playing
+            if picture is not None:
+                self._stage.show(picture)
+            self._show_time()
+            with self._changed:
+                self.pictures += 1
+                self._changed.notify_all()
+            if playing:
+                time.sleep(FRAME)
+
+    def _show_time(self) -> None:
+        """Move the slider, and the line in the plots, to the time that is shown."""
+        take, now = self._take, time.perf_counter()
+        if take is None or self._pose is not None:
+            return
+        self._slider.value = min(self._at, self._slider.max)
+        if not self._playing or now - self._marked >= MARK_EVERY:
+            self._marked = now
+            self._plots.mark(float(take.time[0]) + self._at)
+
+
+def differentiate(world: World, take: Take) -> Array:
+    """Compute the MuJoCo velocities of a take, (T, nv), from each sample and the one before it."""
+    velocity = np.zeros((len(take.time), world.model.nv))
+    for row, step in enumerate(np.diff(take.time), start=1):
+        if step > 0.0:
+            before, after = take.qpos[row - 1], take.qpos[row]
+            mujoco.mj_differentiatePos(world.model, velocity[row], step, before, after)
+    return velocity

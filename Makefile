@@ -11,7 +11,7 @@ TORCH ?= torch==2.13.0
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rise check test test-times test-train test-slow wheel-test docs docs-serve fuzz mutants clean
+.PHONY: help setup rise check test test-times test-train test-studio test-slow wheel-test docs docs-serve fuzz mutants clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
@@ -32,6 +32,11 @@ $(VENV)/train: $(VENV)/dev
 	$(BIN)/pip install -q -e ".[train]" "$(TORCH)"
 	touch $@
 
+$(VENV)/studio: $(VENV)/dev
+	$(BIN)/pip install -q -e ".[studio,studio-test]"
+	command -v chromium > /dev/null || { apt-get -q update && apt-get -qy install chromium; } > /dev/null
+	touch $@
+
 $(VENV)/docs: $(VENV)/core
 	$(BIN)/pip install -q -e ".[docs]"
 	touch $@
@@ -48,13 +53,16 @@ check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/lint-imports
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
-	$(PYTEST) -m "not slow and not train and not realtime"
+	$(PYTEST) -m "not slow and not train and not realtime and not studio"
 
 test-times: setup  ## Run the same tests in one process; list the largest processor times.
-	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime"
+	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime and not studio"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
 	$(PYTEST) -m "train and not slow"
+
+test-studio: $(VENV)/studio  ## Install the studio and Chromium; run the tests of the page.
+	$(BIN)/pytest -m "studio and not slow"
 
 test-slow: $(VENV)/train  ## Run the slow tests, those of learning included.
 	$(PYTEST) -m slow

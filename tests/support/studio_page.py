@@ -1,0 +1,83 @@
+"""The studio's page in a headless Chromium, driven as a person drives it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
+
+PATIENCE = 60_000.0  # ms; a wait ends with its event, this only bounds a failure
+WINDOW = {"width": 1400, "height": 900}
+# Chromium draws in software where there is no GPU; a sandbox needs rights that containers lack.
+OPTIONS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+def find_chromium() -> str | None:
+    """Find the browser of the system."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+
+
+class StudioPage:
+    """One browser window with the studio."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        page.set_default_timeout(PATIENCE)
+
+    def open_tab(self, name: str) -> None:
+        self.page.get_by_role("tab", name=name).click()
+
+    def click(self, label: str) -> None:
+        self.page.get_by_role("button", name=label, exact=True).click()
+
+    def choose(self, label: str, option: str) -> None:
+        self.find_input(label).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def type(self, label: str, text: str) -> None:
+        field = self.find_input(label)
+        field.fill(text)
+        field.press("Enter")
+
+    def find_input(self, label: str) -> Locator:
+        """Find the visible input beside a label."""
+        row = self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]")
+        return row.locator("input:visible").last
+
+    def see(self, text: str) -> None:
+        """Wait until a text is visible."""
+        self.page.get_by_text(text).first.wait_for()
+
+    def take_picture(self, file: Path) -> None:
+        self.page.screenshot(path=str(file))
+
+
+@contextmanager
+def open_window(browser: Browser, address: str) -> Iterator[StudioPage]:
+    """Open the studio in a window of its own; wait until its elements are there."""
+    page = browser.new_page(viewport=WINDOW)  # pyright: ignore[reportArgumentType]
+    try:
+        page.goto(address)
+        shown = StudioPage(page)
+        shown.see("Timeline")
+        yield shown
+    finally:
+        page.close()
+
+
+@contextmanager
+def open_studio(browser: Browser, **options: Any) -> Iterator[tuple[Any, StudioPage]]:
+    """Serve a studio at a free port, and open it in a window."""
+    from humanoid_getup.jobs.requests.studio import StudioRequest
+    from humanoid_getup.studio.studio import Studio
+
+    with (
+        Studio(StudioRequest(port=0, **options)) as studio,
+        open_window(browser, studio.address) as window,
+    ):
+        yield studio, window

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
 
-MOST_FILES = 200
-"""Number of files of a kind that the page lists."""
+MOST_FILES, MOST_VISITED = 200, 10_000
+"""Number of files of a kind that the page lists, and of files that it looks at for them."""
 
 
 class Folders:
@@ -36,12 +38,27 @@ class Folders:
         return path
 
     def list_files(self, suffix: str) -> list[str]:
-        """List the files with a suffix, newest first, by names that `resolve` takes."""
-        found = [path for root in self._roots for path in root.rglob(f"*{suffix}")]
-        files = sorted(filter(Path.is_file, found), key=lambda path: -path.stat().st_mtime)
+        """List the files with a suffix, newest first, by names that `resolve` takes.
+
+        Hidden folders, and all that comes after some ten thousand files, are left out.
+        """
+        found = islice((path for root in self._roots for path in _walk(root)), MOST_VISITED)
+        files = [path for path in found if path.suffix == suffix and self._holds(path)]
+        files.sort(key=lambda path: -path.stat().st_mtime)
         return list(dict.fromkeys(map(self.name, files[:MOST_FILES])))
+
+    def _holds(self, path: Path) -> bool:
+        """Return whether a path leads to a file within the folders."""
+        target = path.resolve()
+        return target.is_file() and any(target.is_relative_to(root) for root in self._roots)
 
     def name(self, path: Path) -> str:
         """Return the name of a file within the folders."""
         first = self._roots[0]
         return str(path.relative_to(first) if path.is_relative_to(first) else path)
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    for folder, below, files in os.walk(root):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        yield from (Path(folder, name) for name in files)

@@ -42,7 +42,7 @@ class Page:
         """Called after the start has changed."""
         self._lock = threading.RLock()
         self._status = server.gui.add_markdown("Ready.")
-        self._jobs: set[BackgroundJob[Any]] = set()
+        self._jobs: list[BackgroundJob[Any]] = []
 
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
@@ -91,7 +91,6 @@ class Page:
         """
 
         def conclude(end: JobEnd[Result]) -> None:
-            self._jobs.discard(job)
             if end.cancelled:
                 self.say("Cancelled.")
             elif end.result is None:
@@ -101,13 +100,14 @@ class Page:
                 self.answer(lambda: ended(result))(None)
 
         job = BackgroundJob(work, request, report=report or self._show_progress, ended=conclude)
-        self._jobs.add(job)
+        self._jobs = [job, *(each for each in self._jobs if each.is_running)]
         return job
 
-    def cancel_jobs(self) -> None:
-        """Cancel all jobs that run."""
-        for job in list(self._jobs):
+    def rest(self) -> None:
+        """Cancel all jobs that run, and stop to play."""
+        for job in self._jobs:
             job.cancel()
+        self.timeline.pause()
 
     def _show_progress(self, progress: Progress) -> None:
         if progress.message:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import socket
+import threading
 from collections.abc import Callable
 from contextlib import closing, redirect_stdout
 
@@ -19,7 +20,7 @@ from humanoid_getup.studio.stage import Stage
 from humanoid_getup.studio.timeline import Timeline
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
-LEFT_OPEN = 5.0  # s after which jobs of a page that was closed end; a reload is quicker
+LEFT_OPEN = 5.0  # s after which a closed page leaves nothing running; a reload is quicker
 
 
 class Studio:
@@ -47,6 +48,9 @@ class Studio:
             with tabs.add_tab(name):
                 tab(self.page)
         self.server.gui.main_panel.dock_right()
+        self._leaving: threading.Timer | None = None
+        self.server.on_client_connect(lambda _: self._stay())
+        self.server.on_client_disconnect(lambda _: self._leave())
 
     @property
     def address(self) -> str:
@@ -57,7 +61,8 @@ class Studio:
 
     def close(self) -> None:
         """Cancel all jobs, and stop to serve."""
-        self.page.cancel_jobs()
+        self._stay()
+        self.page.rest()
         self.timeline.close()
         with redirect_stdout(io.StringIO()):
             self.server.stop()
@@ -67,6 +72,19 @@ class Studio:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _stay(self) -> None:
+        """Keep jobs running: a page is open."""
+        if self._leaving is not None:
+            self._leaving.cancel()
+
+    def _leave(self) -> None:
+        """End all jobs soon, unless another page is open or this one is opened again."""
+        self._stay()
+        if not self.server.get_clients():
+            self._leaving = threading.Timer(LEFT_OPEN, self.page.rest)
+            self._leaving.daemon = True
+            self._leaving.start()
 
     def _aim_camera(self, height: float) -> None:
         camera = self.server.initial_camera

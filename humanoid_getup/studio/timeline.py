@@ -75,6 +75,11 @@ class Timeline:
             self._stop()
             self._want()
 
+    def pause(self) -> None:
+        """Stop to play."""
+        with self._changed:
+            self._stop()
+
     def scrub(self, seconds: float) -> None:
         """Stop, and show the sample at a time from the beginning of the take [s]."""
         with self._changed:

@@ -1,0 +1,71 @@
+import os
+import signal
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+
+PATIENCE = 60.0  # s; a wait ends with its event
+
+
+def double(request: int, report: Callable[[Progress], None], cancel: Callable[[], bool]) -> int:
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("doubling")
+    monitor.tell("easy")
+    return 2 * request
+
+
+def fail(request: str, *_: object) -> None:
+    raise ValueError(request)
+
+
+def die(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def obey(_: object, report: Callable[[Progress], None], cancel: Callable[[], bool]) -> None:
+    report(Progress(phase="begun"))
+    while not cancel():
+        threading.Event().wait(0.01)
+    raise CancelledError("cancelled")
+
+
+def ignore(_: object, report: Callable[[Progress], None], *__: object) -> None:
+    report(Progress(phase=str(os.getpid())))
+    threading.Event().wait()
+
+
+def test_a_job_reports_its_progress_and_its_result():
+    seen, ends = list[Progress](), list[JobEnd[int]]()
+    job = BackgroundJob(double, 21, report=seen.append, ended=ends.append)
+    assert job.wait(PATIENCE) == JobEnd(result=42)
+    assert seen == [Progress(phase="doubling"), Progress(message="easy")]
+    assert ends == [JobEnd(result=42)]
+    assert not job.is_running
+
+
+@pytest.mark.parametrize(("work", "problem"), [(fail, "no such robot"), (die, "process ended")])
+def test_a_job_that_fails_or_is_killed_says_so(work: Callable[..., None], problem: str):
+    end = BackgroundJob(work, "no such robot").wait(PATIENCE)
+    assert end is not None
+    assert problem in end.problem
+
+
+@pytest.mark.parametrize("work", [obey, ignore])
+def test_a_cancelled_job_ends_even_if_it_does_not_listen(work: Callable[..., None]):
+    begun, phases = threading.Event(), list[str]()
+
+    def note(progress: Progress) -> None:
+        phases.append(progress.phase)
+        begun.set()
+
+    job = BackgroundJob(work, None, report=note)
+    assert begun.wait(PATIENCE)
+    job.cancel()
+    assert job.wait(PATIENCE) == JobEnd(cancelled=True)
+    if work is ignore:
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(phases[0]), 0)

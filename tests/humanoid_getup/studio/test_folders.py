@@ -1,0 +1,43 @@
+from pathlib import Path
+
+import pytest
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.studio.folders import Folders
+
+
+def test_names_are_relative_to_the_first_folder(tmp_path: Path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    (first / "a.json").touch()
+    (second / "b.json").touch()
+    (second / "c.txt").touch()
+    folders = Folders([first, second])
+    assert folders.resolve("a.json") == first / "a.json"
+    assert folders.resolve(f"{second}/new.json") == second / "new.json"
+    assert sorted(folders.list_files(".json")) == [str(second / "b.json"), "a.json"]
+    assert [folders.resolve(name).is_file() for name in folders.list_files(".json")] == [True] * 2
+
+
+@pytest.mark.parametrize("name", ["../x.json", "a/../../x.json", "/etc/passwd", "out/x", "nul\0"])
+def test_files_outside_are_refused(tmp_path: Path, name: str):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "out").symlink_to(tmp_path)
+    with pytest.raises(BadInputError, match=r"file "):
+        Folders([inside]).resolve(name)
+
+
+@pytest.mark.parametrize("name", ["", "  "])
+def test_a_file_without_a_name_is_refused(tmp_path: Path, name: str):
+    with pytest.raises(BadInputError, match="no name"):
+        Folders([tmp_path]).resolve(name)
+
+
+def test_links_that_lead_outside_are_not_listed(tmp_path: Path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (tmp_path / "secret.json").touch()
+    (inside / "link.json").symlink_to(tmp_path / "secret.json")
+    assert Folders([inside]).list_files(".json") == []

@@ -1,0 +1,80 @@
+from http import HTTPStatus
+
+import pytest
+
+pytest.importorskip("websockets", reason="needs the studio extra")
+
+from websockets.datastructures import Headers
+from websockets.http11 import Request
+
+from humanoid_getup.studio.page_guard import PageGuard, is_loopback
+
+OPEN = PageGuard.for_address("127.0.0.1", 8090)
+CLOSED = PageGuard.for_address("0.0.0.0", 8090)
+HERE = {"Host": "localhost:8090"}
+THERE = {"Host": "robot.example:8090"}
+
+
+def ask(guard: PageGuard, path: str = "/", **headers: str) -> tuple[int, Headers] | None:
+    response = guard.refuse(Request(path, Headers(headers)))
+    return None if response is None else (response.status_code, response.headers)
+
+
+@pytest.mark.parametrize("host", ["localhost:8090", "127.0.0.1:8090", "[::1]:8090"])
+def test_a_browser_of_this_machine_is_let_through(host: str):
+    assert ask(OPEN, Host=host) is None
+    assert ask(OPEN, Host=host, Origin=f"http://{host}") is None
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        HERE | {"Origin": "http://elsewhere.example"},
+        HERE | {"Origin": "http://localhost:3000"},
+        HERE | {"Origin": "null"},
+        {"Host": "elsewhere.example:8090"},  # a name of another site that leads to this machine
+        {},
+    ],
+)
+def test_pages_of_other_sites_are_refused(headers: dict[str, str]):
+    refused = ask(OPEN, **headers)
+    assert refused is not None
+    assert refused[0] == HTTPStatus.FORBIDDEN
+
+
+def test_another_address_is_opened_once_with_its_token_and_then_by_cookie():
+    assert CLOSED.token is not None
+    given = ask(CLOSED, f"/?token={CLOSED.token}", **THERE)
+    assert given is not None
+    assert (given[0], given[1]["Location"]) == (HTTPStatus.FOUND, "/")
+    cookie = given[1]["Set-Cookie"].split(";")[0]
+    assert ask(CLOSED, Cookie=cookie, **THERE) is None
+    assert ask(CLOSED, Cookie=f"other=1; {cookie}", **THERE) is None
+
+
+@pytest.mark.parametrize("path", ["/", "/?token=", "/?token=guess", "/index.html?token=x"])
+@pytest.mark.parametrize("cookie", ["", "studio_token_8090=", "studio_token_8090=guess", "=;;="])
+def test_another_address_without_its_token_is_refused(path: str, cookie: str):
+    refused = ask(CLOSED, path, Cookie=cookie, **THERE)
+    assert refused is not None
+    assert refused[0] == HTTPStatus.FORBIDDEN
+
+
+def test_tokens_differ():
+    assert CLOSED.token != PageGuard.for_address("0.0.0.0", 8090).token
+
+
+@pytest.mark.parametrize(
+    ("host", "expected"),
+    [
+        *((host, True) for host in ("127.0.0.1", "127.8.8.8", "::1", "localhost")),
+        *((host, False) for host in ("0.0.0.0", "192.168.1.4", "robot.example", "::")),
+    ],
+)
+def test_loopback_addresses_are_known(host: str, expected: bool):
+    assert is_loopback(host) is expected
+
+
+def test_a_server_that_would_start_without_its_guard_is_an_error():
+    with pytest.raises(RuntimeError, match="without its guard"), OPEN.protecting():
+        pass

@@ -14,8 +14,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.cli.options.shared import BackendOptions
 from humanoid_getup.jobs.inputs import name_ports
+from humanoid_getup.jobs.requests.backend import BackendOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 

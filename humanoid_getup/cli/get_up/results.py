@@ -15,15 +15,24 @@ from rich.markup import escape
 from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.get_up.recording import FLIGHT
-from humanoid_getup.cli.options.rise import Hold, Sit
-from humanoid_getup.cli.options.shared import MoveOptions, RunOptions
 from humanoid_getup.cli.shared.console import console_for
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import ARTEFACTS, REPORT, STRIP, STYLE, TORQUE, write_json
+from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.requests.rise import (
+    ARTEFACTS,
+    REPORT,
+    STRIP,
+    STYLE,
+    TORQUE,
+    GetUpOptions,
+    HoldRequest,
+    MoveOptions,
+    SitRequest,
+)
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import (
@@ -56,7 +65,7 @@ def naming_hand_over(after: AfterStand | None) -> Iterator[None]:
 def write_results(
     result: RiseResult,
     world: World,
-    options: RunOptions,
+    options: GetUpOptions,
     start: str,
     settings: RiseSettings,
     motion: Motion | None = None,
@@ -92,7 +101,7 @@ def write_results(
 
 
 def _make_head(
-    world: World, options: RunOptions | Sit | Hold, start: str | UnsetType = UNSET
+    world: World, options: GetUpOptions | SitRequest | HoldRequest, start: str | UnsetType = UNSET
 ) -> ReportHead:
     return ReportHead(
         robot=world.robot.name,
@@ -103,11 +112,11 @@ def _make_head(
         backend=options.backend,
         torque_limit_nm=options.torque_limit,
         limit_by=options.limit_by or world.robot.limit_by,
-        then=options.ending if isinstance(options, RunOptions) else options.then,
+        then=options.ending if isinstance(options, GetUpOptions) else options.then,
     )
 
 
-def write_stand_results(result: AfterStand, world: World, options: Sit | Hold) -> int:
+def write_stand_results(result: AfterStand, world: World, options: SitRequest | HoldRequest) -> int:
     """Write and print how a stand was kept and ended; return the exit code."""
     report = StandReport(**vars(_make_head(world, options)), **vars(result.figures()))
     if options.out is not None:
@@ -144,7 +153,7 @@ def _measure_keys(result: RiseResult, world: World) -> list[KeyFigures]:
     ]
 
 
-def _draw(result: RiseResult, world: World, options: RunOptions, folder: Path) -> str | None:
+def _draw(result: RiseResult, world: World, options: GetUpOptions, folder: Path) -> str | None:
     """Write the motion and the pictures; return why there is no film strip."""
     if not result.has_imu:
         return NO_ORIENTATION

@@ -11,8 +11,6 @@ import numpy as np
 
 from humanoid_getup.cli.get_up.results import naming_hand_over, write_results
 from humanoid_getup.cli.get_up.session import run_session
-from humanoid_getup.cli.options.rise import Play, Rise, RunPolicy
-from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session
@@ -25,6 +23,7 @@ from humanoid_getup.jobs.inputs import (
 )
 from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
 from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest, RiseRequest, RunRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
@@ -37,7 +36,7 @@ from humanoid_getup.strategies.stored_motion import StoredMotion
 from humanoid_getup.strategies.track_record import POLICY
 
 
-def rise(command: Rise) -> int:
+def rise(command: RiseRequest) -> int:
     """Rise by plan, by policy, or by the better of both; return the exit code."""
     return _get_up(
         command,
@@ -51,7 +50,7 @@ def rise(command: Rise) -> int:
     )
 
 
-def run_policy(command: RunPolicy) -> int:
+def run_policy(command: RunRequest) -> int:
     """Rise once by a policy; return the exit code."""
     command = name_robot(command, command.policy)
     world = load_world(command)
@@ -64,7 +63,7 @@ def run_policy(command: RunPolicy) -> int:
     return _get_up(command, strategy, settings=RiseSettings(method=POLICY))
 
 
-def play(command: Play) -> int:
+def play(command: PlayRequest) -> int:
     """Rise once by one motion; return the exit code."""
     world = load_world(command)
     motion = find_motion(world.robot, command.motion)
@@ -86,7 +85,7 @@ def play(command: Play) -> int:
     )
 
 
-def _select_strategy(command: Rise, world: World) -> Strategy:
+def _select_strategy(command: RiseRequest, world: World) -> Strategy:
     """Load the strategy of the method, before any robot is touched."""
     request = StrategyRequest(
         method=command.method,
@@ -102,7 +101,7 @@ def _select_strategy(command: Rise, world: World) -> Strategy:
         return choose_strategy(world, request, partial(_use_cache, command))
 
 
-def _use_cache(command: Rise, planner: PlannedRise) -> Strategy:
+def _use_cache(command: RiseRequest, planner: PlannedRise) -> Strategy:
     """Add the plan cache of a command to a planner; rises through key postures have none.
 
     A planner without a motion from the side on which the robot is to lie is warned of.
@@ -128,7 +127,7 @@ def _warn(problem: str) -> None:
 
 
 def _get_up(
-    command: RunOptions,
+    command: GetUpOptions,
     strategy: Strategy,
     motion: Motion | None = None,
     *,

@@ -12,12 +12,12 @@ import numpy as np
 from humanoid_getup.cli.backends import open_backend
 from humanoid_getup.cli.get_up.recording import make_log, recording
 from humanoid_getup.cli.get_up.session_hooks import Result, SessionHooks
-from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall, find_rest
 from humanoid_getup.jobs.inputs import find_start
+from humanoid_getup.jobs.requests.rise import GetUpOptions
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
@@ -28,7 +28,7 @@ OWN_START = "the motion's own"
 
 
 def run_session(
-    command: RunOptions,
+    command: GetUpOptions,
     strategy: Strategy,
     prepare: Callable[[Session, np.random.Generator], Callable[[], Result]],
     finish: Callable[[Result, str], int],
@@ -78,7 +78,7 @@ def run_session(
         return finish(result, origin)
 
 
-def _locate(command: RunOptions, options: SessionOptions) -> SessionOptions:
+def _locate(command: GetUpOptions, options: SessionOptions) -> SessionOptions:
     """Add the locator of a session for a real robot; a simulated one needs none."""
     if command.at is None:
         return options
@@ -88,7 +88,7 @@ def _locate(command: RunOptions, options: SessionOptions) -> SessionOptions:
 
 
 def _choose_start(
-    command: RunOptions, world: World, motion: Motion | None, rng: np.random.Generator
+    command: GetUpOptions, world: World, motion: Motion | None, rng: np.random.Generator
 ) -> Fall | None:
     """Find where a simulated robot starts; ``None`` for a real one, which starts as it lies."""
     if command.origin is not None:

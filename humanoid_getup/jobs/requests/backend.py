@@ -39,3 +39,8 @@ class BackendOptions(SceneOptions):
     def is_real(self) -> bool:
         """Return whether the robot may be a real one."""
         return bool(self.port)
+
+    @property
+    def is_realtime(self) -> bool:
+        """Return whether cycles keep the deadlines of the wall clock."""
+        return self.realtime or self.is_real

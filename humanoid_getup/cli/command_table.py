@@ -28,18 +28,32 @@ class TableEntry(NamedTuple):
 
 COMMANDS = {
     "rise": TableEntry(
-        "Get up from a fall by a planned motion or a policy.", "options.rise.Rise", "rise.rise"
+        "Get up from a fall by a planned motion or a policy.",
+        "requests.rise.RiseRequest",
+        "rise.rise",
+        json=True,
     ),
     "play": TableEntry(
-        "Play a rising motion and judge how it ends.", "options.rise.Play", "rise.play"
+        "Play a rising motion and judge how it ends.",
+        "requests.rise.PlayRequest",
+        "rise.play",
+        json=True,
     ),
     "run": TableEntry(
-        "Run a policy once and judge how it ends.", "options.rise.RunPolicy", "rise.run_policy"
+        "Run a policy once and judge how it ends.",
+        "requests.rise.RunRequest",
+        "rise.run_policy",
+        json=True,
     ),
     "plan": TableEntry("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
-    "sit": TableEntry("Sit and lie down from a stand.", "options.rise.Sit", "stand.sit"),
+    "sit": TableEntry(
+        "Sit and lie down from a stand.", "requests.rise.SitRequest", "stand.sit", json=True
+    ),
     "hold": TableEntry(
-        "Hold a robot in its stand until a key is pressed.", "options.rise.Hold", "stand.hold"
+        "Hold a robot in its stand until a key is pressed.",
+        "requests.rise.HoldRequest",
+        "stand.hold",
+        json=True,
     ),
     "prior": TableEntry(
         "Make the pose prior of styled policies.",

@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict
 
 from drivers import Ending, RunReport
-from humanoid_getup.execution.after_stand import AfterFigures, AfterStand
+from humanoid_getup.execution.after_stand import AfterFigures, AfterStand, HandOver
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
@@ -198,6 +198,11 @@ class RiseResult:
     def after(self) -> AfterStand | None:
         """Return what followed the stand, if the robot stood."""
         return self.attempts[-1].after if self.attempts else None
+
+    @property
+    def hand_over(self) -> HandOver | None:
+        """Return the state in which the robot was handed over, if it was."""
+        return self.after and self.after.hand_over
 
     @property
     def times_played(self) -> int:

@@ -49,6 +49,10 @@ class ProgressMonitor:
         if self._cancel():
             raise CancelledError("cancelled")
 
+    def commit(self) -> None:
+        """Ignore cancellation from now on: what was done cannot be undone."""
+        self._cancel = lambda: False
+
     def show(self, progress: Progress) -> None:
         """Report progress, and raise `CancelledError` if the work is canceled."""
         self._report(progress)

@@ -3,20 +3,24 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from stored_plans import lie_at_start
 
 from drivers import Twin
-from humanoid_getup.cli.get_up.results import write_results
+from humanoid_getup.cli.get_up.results import show_rise
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.options.rise import Play
+from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.starts.falls import classify
+from humanoid_getup.jobs.get_up.results import finish_rise
+from humanoid_getup.jobs.get_up.session import PlayedSession
+from humanoid_getup.jobs.requests.rise import PlayRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
@@ -146,8 +150,9 @@ def test_a_fault_of_the_hardware_has_its_own_exit_code(
     played: RiseResult, world: World, tmp_path: Path, by_fault: bool, code: int
 ):
     ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
-    options = Play(motion=MOTION, json=str(tmp_path / "figures.json"))
-    assert write_results(ended, world, options, "here", RiseSettings()) == code
+    options: Any = with_json(PlayRequest)(motion=MOTION, json=str(tmp_path / "figures.json"))
+    done = finish_rise(PlayedSession(rise=ended, start=None), world, options, RiseSettings())
+    assert show_rise(done, options) == code
 
 
 @pytest.fixture(scope="module")

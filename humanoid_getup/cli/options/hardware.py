@@ -8,7 +8,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.options.shared import PORT_EXAMPLE, JsonOption, Ports
+from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
 from humanoid_getup.jobs.requests.files import READ
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
 from humanoid_getup.jobs.requests.values import between

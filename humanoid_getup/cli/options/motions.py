@@ -8,11 +8,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import BackendOptions, CacheFolder, JsonOption
+from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.jobs.requests.backend import BackendOptions
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.motions import NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
+    CacheFolder,
     MotionName,
     RobotOption,
 )

@@ -9,10 +9,6 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.files import STANDARD_OUTPUT
 from humanoid_getup.jobs.requests.shared import JobRequest
 
-REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
-STYLE = "style.png"
-ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
-
 
 def find_json_target(command: JobRequest | None) -> str | None:
     """Return the file of a command's JSON, "-" for standard output, ``None`` for none."""

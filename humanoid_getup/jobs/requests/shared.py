@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import arg
@@ -21,6 +22,10 @@ from humanoid_getup.jobs.requests.values import (
 
 MOST_SEED = 2**63 - 1  # that files keep exactly
 MOST_JOBS = 256
+CacheFolder = Annotated[
+    Path | None,
+    arg(metavar="DIR", help="Folder of the plan cache; default: in the user's cache folder."),
+]
 Count = Annotated[int, at_least(1)]
 Jobs = Annotated[int, at_least(1, at_most=MOST_JOBS)]
 Keys = Annotated[

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.cli.get_up import rise
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.get_up import rise
 from robots import Robot
 
 
@@ -18,9 +19,13 @@ def test_a_side_without_motion_is_warned_of_at_the_beginning(
     shutil.copytree(op3.folder, mini, ignore=shutil.ignore_patterns("policies", "motions"))
     (mini / "motions").mkdir()
     shutil.copy(op3.folder / "motions" / "prone_push_up_fast.npz", mini / "motions")
-    monkeypatch.setattr(rise, "_get_up", lambda *_, **__: 0)
+
+    def end(*_: object, **__: object) -> None:
+        raise BadInputError("that is all")
+
+    monkeypatch.setattr(rise, "run_session", end)
     code, _, error = run("rise", "--from", side, "--robot", str(mini), "--no-plan-cache")
     warning = (
         f"getup: 'op3' has no motion from {side}; next: getup motions discover --robot {mini}\n"
     )
-    assert (code, error) == (0, warning if side == "supine" else "")
+    assert (code, error) == (2, (warning if side == "supine" else "") + "getup: that is all\n")

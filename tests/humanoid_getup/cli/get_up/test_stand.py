@@ -14,9 +14,8 @@ from drivers import Command, FaultKind, SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.get_up.operator_key import OperatorKey
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.options.rise import Play
-from humanoid_getup.cli.options.shared import RunOptions
 from humanoid_getup.execution.phase import Phase, PhaseChange
+from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest
 from robots import Robot
 
 SQUAT = "squat_to_stand"
@@ -75,13 +74,13 @@ def test_without_a_terminal_or_the_clock_of_the_wall_nothing_waits_for_a_key(rea
 @pytest.mark.parametrize(
     ("options", "ending"),
     [
-        (RunOptions(), "limp"),
-        (RunOptions(backend="virtual"), "hold"),
-        (RunOptions(backend="dynamixel", port=("/dev/ttyUSB0",)), "hold"),
-        (Play(motion=SQUAT, backend="virtual", then="limp"), "limp"),
+        (GetUpOptions(), "limp"),
+        (GetUpOptions(backend="virtual"), "hold"),
+        (GetUpOptions(backend="dynamixel", port=("/dev/ttyUSB0",)), "hold"),
+        (PlayRequest(motion=SQUAT, backend="virtual", then="limp"), "limp"),
     ],
 )
-def test_a_robot_on_servos_is_held_by_default(options: RunOptions, ending: str):
+def test_a_robot_on_servos_is_held_by_default(options: GetUpOptions, ending: str):
     assert options.ending == ending
 
 

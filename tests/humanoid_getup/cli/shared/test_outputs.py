@@ -14,16 +14,16 @@ from rich.console import Console
 from rich.text import Text
 from run_getup import Run
 
-from humanoid_getup.cli.get_up.results import draw_run
-from humanoid_getup.cli.options.rise import Play, RunPolicy
-from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.cli.options.shared import JsonOption, with_json
 from humanoid_getup.cli.shared import console as console_module
 from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table, showing
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.get_up.results import draw_run
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.jobs.requests.learning import ExportRequest
+from humanoid_getup.jobs.requests.rise import PlayRequest, RunRequest
 from humanoid_getup.progress.callback import Progress
 from humanoid_getup.reporting import film_strip, plots
 from robots import Robot
@@ -84,14 +84,15 @@ def test_pictures_for_which_there_is_no_room_do_not_take_the_report_with_them(
     monkeypatch.setattr(film_strip, "save_run", fail)
     world: Any = SimpleNamespace(robot=SimpleNamespace(control_period=0.008), model=None)
     outcome: Any = SimpleNamespace(qpos=np.zeros((3, 7)))
-    reason = draw_run(outcome, world, Play(motion="any"), tmp_path, "title")
+    reason = draw_run(outcome, world, PlayRequest(motion="any"), tmp_path, "title")
     assert reason == "strip.png: File too large"
 
 
 @pytest.mark.parametrize("robot", ["", "op3"])
 def test_a_policy_of_a_robot_is_no_output_but_of_what_makes_it(op3: Robot, robot: str):
     file = op3.folder / "policies" / "robust.onnx"
-    run = RunPolicy(policy="robust", robot=robot, origin="supine", json=str(file))
+    asked = {"policy": "robust", "robot": robot, "origin": "supine", "json": str(file)}
+    run = with_json(RunRequest)(**asked)
     (problem,) = run.find_problems()
     assert problem.startswith("--json: ")
     assert problem.endswith("robust.onnx is a file of the robot, expected another file")

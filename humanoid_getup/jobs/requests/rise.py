@@ -1,29 +1,110 @@
-"""Options of `getup rise`, `run`, `play`, `sit` and `hold`."""
+"""Requests to get a robot up, or to hold it: `rise`, `run`, `play`, `sit` and `hold`."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import CacheFolder, MoveOptions, RunOptions, StyleOption
 from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.requests.files import ROBOT
+from humanoid_getup.jobs.requests.backend import BackendOptions
+from humanoid_getup.jobs.requests.files import READ, ROBOT, Written
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
+    NO_ORIGIN,
     BodyOption,
+    CacheFolder,
     Count,
     Keys,
     MotionName,
+    Origin,
     PolicyName,
     PreferenceOptions,
+    TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import between
 
+REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
+STYLE = "style.png"
+ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
+A_REAL_ROBOT = "a real robot has the body that it has"
+StyleOption = Annotated[
+    str | None,
+    READ,
+    arg(
+        metavar="STYLE|planned",
+        help="Style that a policy with style curves follows: a name, see `getup style list`, a "
+        "style file, or planned for the curves of a planned motion; default: of the styles that "
+        "begin nearest to the robot, the one that turns it least.",
+    ),
+]
+
 
 @dataclass(frozen=True, kw_only=True)
-class Rise(BodyOption, PreferenceOptions, RunOptions):
+class MoveOptions(TorqueOptions, BackendOptions):
+    """Options of every command that moves a robot."""
+
+    out: Annotated[Path | None, Written(ARTEFACTS), arg(metavar="DIR")] = None
+    """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
+    of a policy with style curves, style.png."""
+
+    def find_problems(self) -> list[str]:
+        """Report a wrong torque limit or body as well."""
+        problems = super().find_problems()
+        if self.backend != "twin" and self.limit_by == "ideal":
+            problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
+        if self.backend == "dynamixel" and isinstance(self, BodyOption):
+            problems += self.refuse_body(A_REAL_ROBOT)
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class GetUpOptions(MoveOptions):
+    """Options of every command that gets a robot up."""
+
+    then: Literal["hold", "sit", "limp", "hand-over"] | None = None
+    """After a judged stand: hold it until a key is pressed, then sit and lie down (in simulated
+    time or without a terminal: at once); sit and lie down at once; torque off where it stands; or
+    leave torque on for another program. Default: hold; of the twin, limp."""
+    balance: bool = True
+    """Feed the torso's attitude back to the ankles while the robot rises and stands."""
+    at: Annotated[tuple[float, float, float] | None, arg(metavar="X,Y,DEG")] = None
+    """Where in its scene a real robot lies: its torso [m], and the direction in which its head
+    points, from +x [deg]."""
+    origin: Origin = None
+    needs_origin: ClassVar[bool] = True
+    """Whether a simulated robot has no start of its own."""
+
+    def find_problems(self) -> list[str]:
+        """Report a wrong start as well."""
+        problems = super().find_problems()
+        if self.at is not None and not all(math.isfinite(value) for value in self.at):
+            problems.append(f"--at is {self.at}, expected three finite numbers")
+        if self.at is not None and not self.is_real:
+            problems.append("--at is given, expected a real robot: a simulated one knows its place")
+        if self.is_real and self.at is None and self.scene != "flat":
+            problems.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
+        if self.is_real and self.origin is not None:
+            problems.append(
+                f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
+                "lies"
+            )
+        is_simulated = self.backend != "dynamixel"
+        if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
+            problems.append(NO_ORIGIN)
+        return problems
+
+    @property
+    def ending(self) -> Literal["hold", "sit", "limp", "hand-over"]:
+        """What follows a judged stand."""
+        return self.then or ("limp" if self.backend == "twin" else "hold")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
     """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
 
     attempts: Count = 3
@@ -76,7 +157,7 @@ class Rise(BodyOption, PreferenceOptions, RunOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunPolicy(RunOptions):
+class RunRequest(GetUpOptions):
     """Run a trained policy once, supervised, and judge how it ends."""
 
     policy: Positional[PolicyName]
@@ -88,7 +169,7 @@ class RunPolicy(RunOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play(BodyOption, RunOptions):
+class PlayRequest(BodyOption, GetUpOptions):
     """Play a rising motion and judge how it ends."""
 
     motion: Positional[MotionName]
@@ -120,7 +201,7 @@ class Play(BodyOption, RunOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sit(BodyOption, MoveOptions):
+class SitRequest(BodyOption, MoveOptions):
     """Sit and lie down from a stand, then torque off.
 
     A simulated robot starts standing; a real one is held by a person until it moves.
@@ -131,7 +212,7 @@ class Sit(BodyOption, MoveOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold(BodyOption, MoveOptions):
+class HoldRequest(BodyOption, MoveOptions):
     """Hold a robot in its stand, supervised, until a key is pressed.
 
     A simulated robot starts standing; a real one is held by a person until it has torque. In

@@ -1,16 +1,15 @@
-"""The flight log of a command that moves a robot."""
+"""The flight log of a job that moves a robot."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from drivers import Cycle
 from drivers.flight_log.writer import FlightLog, make_room
-from humanoid_getup.cli.options.shared import MoveOptions
 from humanoid_getup.execution.phase import PhaseChange
+from humanoid_getup.jobs.requests.rise import MoveOptions
 from robots import Posture, Robot
 
 FLIGHT = "flight.mcap"
@@ -50,28 +49,28 @@ class FlightRecorder:
 
 
 def make_log(
-    command: MoveOptions, robot: Robot, start: Posture | None = None, **about: Any
+    request: MoveOptions, robot: Robot, start: Posture | None = None, **about: Any
 ) -> FlightLog | None:
-    """Make the flight log of a command; ``None`` for a command without a folder.
+    """Make the flight log of a request; ``None`` for one without a folder.
 
     ``start`` is the posture of a simulated robot at rest; the facts of ``about`` are stored in the
     log.
     """
-    if command.out is None:
+    if request.out is None:
         return None
     about |= {
         "body": str(robot.body),
-        "seed": command.seed,
-        "scene": command.scene,
-        "backend": command.backend,
-        "limit_by": command.limit_by or robot.limit_by,
+        "seed": request.seed,
+        "scene": request.scene,
+        "backend": request.backend,
+        "limit_by": request.limit_by or robot.limit_by,
     }
-    return FlightLog(command.out / FLIGHT, robot, about=about, start=start)
+    return FlightLog(request.out / FLIGHT, robot, about=about, start=start)
 
 
 @contextmanager
-def recording(log: FlightLog | None) -> Iterator[FlightRecorder]:
-    """Record while the block lasts; ``None`` for no log.
+def recording(log: FlightLog | None, tell: Callable[[str], None]) -> Iterator[FlightRecorder]:
+    """Record while the block lasts, and tell of an incomplete log; ``None`` for no log.
 
     An earlier log of that name is renamed even if nothing is recorded.
     """
@@ -80,4 +79,4 @@ def recording(log: FlightLog | None) -> Iterator[FlightRecorder]:
     if log is not None and not log.cycles:
         make_room(log.path)  # of an earlier run: it is not of this one
     if log is not None and log.fault:
-        print(f"getup: the flight log is incomplete: {log.fault}", file=sys.stderr)
+        tell(f"the flight log is incomplete: {log.fault}")

@@ -1,4 +1,4 @@
-"""Hooks of a session: each phase reaches the terminal, the flight log and the operator's key."""
+"""Hooks of a session: each phase reaches progress, the flight log and the operator's key."""
 
 import os
 import pty
@@ -11,12 +11,16 @@ from drivers import Command, SafetyGuard, Twin
 from drivers.control_loop import Ending, run
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.cli.backends import BackendChoice
-from humanoid_getup.cli.get_up.recording import recording
-from humanoid_getup.cli.get_up.session_hooks import SessionHooks
+from humanoid_getup.cli.get_up.operator_key import OperatorKey
+from humanoid_getup.execution.after_stand import AfterStand, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.get_up.operator import NoOperator
+from humanoid_getup.jobs.get_up.recording import recording
+from humanoid_getup.jobs.get_up.session_hooks import SessionHooks
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from robots import Robot
 
 
@@ -41,34 +45,39 @@ class Patience:
         return self._is_released()
 
 
-def test_a_phase_reaches_terminal_log_and_key(op3: Robot, tmp_path: Path):
+def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
     master, slave = pty.openpty()
-    path, shown, guard = tmp_path / "flight.mcap", [], SafetyGuard(Twin(op3))
+    path, shown, guard = tmp_path / "flight.mcap", list[Progress](), SafetyGuard(Twin(op3))
     choice = BackendChoice(backend=guard, realtime=True)
-    with recording(FlightLog(path, op3)) as recorder:
-        hooks = SessionHooks(choice, recorder, shown.append, terminal=slave)
+    monitor, key = ProgressMonitor(shown.append), OperatorKey(realtime=True, terminal=slave)
+    with recording(FlightLog(path, op3), monitor.tell) as recorder:
+        hooks = SessionHooks(choice, recorder, monitor, key)
         options = hooks.join(SessionOptions())
 
-        def hold():
+        def hold() -> AfterStand:
             options.on_phase(PhaseChange(Phase.HOLDING, 1, "until a key is pressed"))
             assert not options.is_released()
             patience = Patience(op3, master, options.is_released)
-            return run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
+            report = run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
+            return AfterStand(hold=Step(run=report))
 
-        report = hooks.work(guard, lambda: hold)
+        held = hooks.work(guard, lambda: hold).hold
     os.close(master)
     os.close(slave)
-    assert report.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
-    assert shown == [Phase.HOLDING.value]
+    assert held is not None
+    assert held.run.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
+    assert shown == [Progress(phase=Phase.HOLDING.value)]
     assert [event.kind for event in FlightRecord.load(path, op3).events] == ["holding"]
 
 
 def test_work_that_is_refused_is_bad_input(op3: Robot):
-    guard = SafetyGuard(Twin(op3))
+    guard, monitor = SafetyGuard(Twin(op3)), ProgressMonitor()
 
     def refuse():
         raise ValueError("no such motion")
 
-    with recording(None) as recorder, pytest.raises(BadInputError, match="no such motion"):
-        hooks = SessionHooks(BackendChoice(backend=guard, realtime=False), recorder, print)
+    refused = pytest.raises(BadInputError, match="no such motion")
+    with recording(None, monitor.tell) as recorder, refused:
+        choice = BackendChoice(backend=guard, realtime=False)
+        hooks = SessionHooks(choice, recorder, monitor, NoOperator())
         hooks.work(guard, refuse)

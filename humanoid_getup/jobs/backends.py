@@ -1,4 +1,4 @@
-"""Backends: the robot that a command moves, simulated, behind a virtual bus, or real."""
+"""Backends: the robot that a job moves, simulated, behind a virtual bus, or real."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
-from humanoid_getup.cli.options.shared import BackendOptions
 from humanoid_getup.jobs.inputs import name_ports
+from humanoid_getup.jobs.requests.backend import BackendOptions
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 
@@ -35,27 +35,27 @@ class BackendChoice:
 
 @contextmanager
 def open_backend(
-    command: BackendOptions, world: World, torque_limit: TorqueLimit, *, without_imu: bool = False
+    request: BackendOptions, world: World, torque_limit: TorqueLimit, *, without_imu: bool = False
 ) -> Iterator[BackendChoice]:
-    """Open the backend of a command, ready to connect; remove what was created at the end.
+    """Open the backend of a request, ready to connect; remove what was created at the end.
 
     ``without_imu`` is True for a robot that has none.
     """
-    robot, realtime, limit_by = world.robot, command.realtime, torque_limit.mode
-    if command.backend == "twin":
+    robot, realtime, limit_by = world.robot, request.is_realtime, torque_limit.mode
+    if request.backend == "twin":
         twin = Twin(world, without_imu=without_imu)
         yield BackendChoice(backend=twin, realtime=realtime, place=twin.place)
         return
-    if command.port:  # a robot, or a virtual bus of another process
-        ports = name_ports(robot, command.port)
+    if request.port:  # a robot, or a virtual bus of another process
+        ports = name_ports(robot, request.port)
         driver = DynamixelBackend(robot, ports, limit_by=limit_by, without_imu=without_imu)
         with driver:  # a problem of the port or of servos is reported before anything is planned
             pass
-        yield BackendChoice(backend=driver, realtime=True)
+        yield BackendChoice(backend=driver, realtime=realtime)
         return
     virtual = VirtualRobot(Simulation(world))
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
-    rng = np.random.default_rng(command.seed)
+    rng = np.random.default_rng(request.seed)
     with VirtualPorts(virtual, time_mode=time_mode, options=PortOptions(rng=rng)) as served:
         driver = DynamixelBackend(
             robot,

@@ -1,0 +1,231 @@
+"""The results of a rise or of a stand: a report, and files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from msgspec import UNSET, UnsetType, structs
+
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.starts.falls import Fall
+from humanoid_getup.jobs.get_up.recording import FLIGHT
+from humanoid_getup.jobs.get_up.session import PlayedSession
+from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.requests.rise import (
+    ARTEFACTS,
+    REPORT,
+    STRIP,
+    STYLE,
+    TORQUE,
+    GetUpOptions,
+    HoldRequest,
+    MoveOptions,
+    SitRequest,
+)
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.reporting import film_strip, plots, style_plot
+from humanoid_getup.reporting.report import (
+    ReportHead,
+    RiseReport,
+    RiseSettings,
+    StandReport,
+    make_report,
+)
+from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.key_record import KeyFigures, find_passes
+from robots.storage.encoding import to_json
+from robots.storage.files import describe, write_atomically
+
+OWN_START, WHERE_IT_LAY = "the motion's own", "where the robot lay"
+NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
+
+
+@contextmanager
+def naming_hand_over(result: RiseResult | AfterStand) -> Iterator[None]:
+    """Report that a robot was handed over under torque even if its results cannot be written."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if result.hand_over is None:
+            raise
+        raise KeyboardInterrupt(str(result.hand_over)) from None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedWork:
+    """What a job that moved a robot leaves behind."""
+
+    world: World
+    start: Fall | None
+    """Where a simulated robot was placed; None for a real one."""
+    files: tuple[Path, ...]
+    """Files that were written into the folder of the request."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedRise(FinishedWork):
+    """A rise that ended, whether or not the robot stands."""
+
+    rise: RiseResult
+    report: RiseReport
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedStand(FinishedWork):
+    """A stand that was kept and ended."""
+
+    stand: AfterStand
+    report: StandReport
+
+
+def finish_rise(
+    played: PlayedSession,
+    world: World,
+    request: GetUpOptions,
+    settings: RiseSettings,
+    motion: Motion | None = None,
+) -> FinishedRise:
+    """Report a rise, and write its files."""
+    result, start = played.rise, played.start
+    origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
+    with naming_hand_over(result):
+        report = make_report(result, _make_head(world, request, origin), settings, motion)
+        report = replace(report, keys=_measure_keys(result, world))
+        if request.out is not None:
+            with staging(request.out, ARTEFACTS) as folder:
+                report = replace(report, strip_reason=_draw(result, world, request, folder))
+                _draw_style(report, request.out / FLIGHT, folder / STYLE)
+                write_atomically(folder / REPORT, to_json(report))
+    files = _list_files(request.out)
+    return FinishedRise(rise=result, report=report, world=world, start=start, files=files)
+
+
+def finish_stand(
+    result: AfterStand, world: World, request: SitRequest | HoldRequest, start: Fall | None
+) -> FinishedStand:
+    """Report how a stand was kept and ended, and write the files."""
+    with naming_hand_over(result):
+        report = StandReport(**vars(_make_head(world, request)), **vars(result.figures()))
+        if request.out is not None:
+            with staging(request.out, ARTEFACTS) as folder:
+                reason = _draw_way_down(result, world, request, folder)
+                report = replace(report, strip_reason=reason)
+                write_atomically(folder / REPORT, to_json(report))
+    files = _list_files(request.out)
+    return FinishedStand(stand=result, report=report, world=world, start=start, files=files)
+
+
+def _list_files(folder: Path | None) -> tuple[Path, ...]:
+    """List the files of a run in its folder; those of earlier runs were removed or renamed."""
+    if folder is None:
+        return ()
+    return tuple(folder / name for name in (*ARTEFACTS, FLIGHT) if (folder / name).exists())
+
+
+def _make_head(
+    world: World,
+    request: GetUpOptions | SitRequest | HoldRequest,
+    start: str | UnsetType = UNSET,
+) -> ReportHead:
+    return ReportHead(
+        robot=world.robot.name,
+        body=str(world.robot.body),
+        seed=request.seed,
+        start=start,
+        scene=request.scene,
+        backend=request.backend,
+        torque_limit_nm=request.torque_limit,
+        limit_by=request.limit_by or world.robot.limit_by,
+        then=request.ending if isinstance(request, GetUpOptions) else request.then,
+    )
+
+
+def _measure_keys(result: RiseResult, world: World) -> list[KeyFigures]:
+    """Return the figures of the key postures; kept ones have their error as played."""
+    outcome, kept = result.outcome, [key for key in result.plan.keys if key.figures.kept]
+    played = dict[int, float]()
+    if outcome is not None and kept:
+        passes = find_passes(world, outcome.qpos, [key.posture for key in kept])
+        played = {id(key): one.largest for key, one in zip(kept, passes, strict=True)}
+    return [
+        structs.replace(key.figures, played_joint_error_rad=played.get(id(key)))
+        for key in result.plan.keys
+    ]
+
+
+def _draw(result: RiseResult, world: World, request: GetUpOptions, folder: Path) -> str | None:
+    """Write the motion and the pictures; return why there is no film strip."""
+    if not result.has_imu:
+        return NO_ORIENTATION
+    if result.outcome is None:
+        return "nothing was played"
+    robot, outcome, plan = world.robot, result.outcome, result.plan
+    plan.save(folder)
+    end = float(outcome.stand.start_time) + film_strip.AFTERMATH if result.stood else math.inf
+    again = result.attempts[-1].start_class if len(result.attempts) > 1 else None
+    lay = again or result.start_class
+    side = "-side" if lay in ("left", "right") else ""
+    where = "" if world.scene.name == FLAT_SCENE.name else f", {world.scene.name}"
+    attempt = f", attempt {len(result.attempts)}" if len(result.attempts) > 1 else ""
+    title = f"{robot.name}{where}, {lay}{side} start{attempt}: {plan.label}"
+    if result.moves:
+        moved = result.figures().moves_s
+        title += f", after {moved:.1f} s of moves"
+    moves = [move.outcome for move in result.moves]
+    return draw_run(outcome, world, request, folder, title, end, moves)
+
+
+def _draw_style(report: RiseReport, flight: Path, picture: Path) -> None:
+    """Draw how a style was followed, if one was and there is a flight log."""
+    if report.style is None or not flight.exists():
+        return
+    title = f"{report.robot}, {report.start_class}: style {report.style}"
+    try:
+        style_plot.save_flight(FlightRecord.load(flight), picture, title=title)
+    except (ValueError, OSError) as error:  # an incomplete log, a full disk
+        report.warnings.append(f"no {STYLE}: {describe(error)}")
+
+
+def _draw_way_down(
+    result: AfterStand, world: World, request: MoveOptions, folder: Path
+) -> str | None:
+    """Draw how a robot lay down; return why there is no film strip."""
+    outcome = result.way_down and result.way_down.outcome
+    if outcome is None:
+        return "the robot did not lie down"
+    return draw_run(outcome, world, request, folder, f"{world.robot.name}: sitting and lying down")
+
+
+def draw_run(
+    outcome: Outcome,
+    world: World,
+    request: MoveOptions,
+    folder: Path,
+    title: str,
+    end: float = math.inf,
+    moves: Sequence[Outcome] = (),
+) -> str | None:
+    """Draw torques, and a film strip up to a time [s] and of the last posture.
+
+    The film begins with the moves that led to the run. Return why there is no film strip.
+    """
+    robot, period = world.robot, world.robot.control_period
+    states = np.concatenate([*(move.qpos for move in moves), outcome.qpos])
+    shown = len(states) - len(outcome.qpos) + end / period
+    try:
+        plots.save_torque(robot, outcome, request.torque_limit, folder / TORQUE, title=title)
+        film_strip.save_run(robot, world.model, states, shown, folder / STRIP, title=title)
+    except film_strip.NoRendererError as error:
+        return str(error)
+    except OSError as error:  # a full disk, on which the small files may have room
+        return f"{Path(str(error.filename)).name}: {describe(error)}"
+    return None

@@ -1,0 +1,189 @@
+"""Jobs that get a robot up: by a plan or a policy, by one motion, or by one policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.session import Session
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.get_up.operator import NoOperator, Operator
+from humanoid_getup.jobs.get_up.results import FinishedRise, finish_rise
+from humanoid_getup.jobs.get_up.session import run_session
+from humanoid_getup.jobs.inputs import (
+    find_motion,
+    load_keys,
+    load_world,
+    make_torque_limit,
+)
+from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
+from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest, RiseRequest, RunRequest
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.reporting.report import RiseSettings
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.cache.cached_rise import CachedRise
+from humanoid_getup.strategies.choice import StrategyRequest, apply_style, choose_strategy
+from humanoid_getup.strategies.learned_rise import LearnedRise
+from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.stored_motion import StoredMotion
+from humanoid_getup.strategies.track_record import POLICY
+
+
+def rise(
+    request: RiseRequest,
+    report: Report | None = None,
+    cancel: Cancel | None = None,
+    *,
+    operator: Operator | None = None,
+) -> FinishedRise:
+    """Rise by plan, by policy, or by the better of both.
+
+    ``cancel`` is called at every phase and in every control cycle, but not while a rise is planned.
+    Without an operator, a robot that is held sits down as soon as its stand is judged.
+
+    Raises:
+        BadInputError: if the request cannot be done.
+        CancelledError: if ``cancel`` ended it; torque is off, and of the files there is at most
+            the flight log.
+        KeyboardInterrupt: if it was interrupted; torque is off, unless its text says that the
+            robot was handed over.
+    """
+    RiseRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("loading")
+    return _get_up(
+        request,
+        _select_strategy(request, load_world(request), monitor),
+        monitor,
+        operator,
+        max_attempts=request.attempts,
+        # Without the filter, the purpose is to see whether the raw path stands.
+        preflight=request.filtering,
+        settings=RiseSettings(
+            method=request.method, planning=request.planning, filtering=request.filtering
+        ),
+    )
+
+
+def run_policy(
+    request: RunRequest,
+    report: Report | None = None,
+    cancel: Cancel | None = None,
+    *,
+    operator: Operator | None = None,
+) -> FinishedRise:
+    """Rise once by a policy, as `rise` does, with the same errors."""
+    RunRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("loading")
+    request = name_robot(request, request.policy)
+    world = load_world(request)
+    policy = load_policy(world.robot, request.policy, request.torque_limit, request.longest)
+    name = Path(request.policy).stem
+    limit = make_torque_limit(request, world.robot)
+    learned = LearnedRise(world, policy, torque_limit=limit, name=name)
+    with refusing():
+        strategy = apply_style(learned, request.style)
+    return _get_up(request, strategy, monitor, operator, settings=RiseSettings(method=POLICY))
+
+
+def play_motion(
+    request: PlayRequest,
+    report: Report | None = None,
+    cancel: Cancel | None = None,
+    *,
+    operator: Operator | None = None,
+) -> FinishedRise:
+    """Rise once by one motion, as `rise` does, with the same errors."""
+    PlayRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("loading")
+    world = load_world(request)
+    motion = find_motion(world.robot, request.motion)
+    with refusing():
+        strategy = StoredMotion(world, motion, torque_limit=make_torque_limit(request, world.robot))
+    if request.without_imu and world.robot.imu_kind is not None:
+        raise BadInputError(
+            f"--without-imu is given, but robot '{world.robot.name}' has an IMU "
+            f"({world.robot.imu_kind}): expected a robot whose robot.toml has neither [imu] nor "
+            "[bus.board]"
+        )
+    return _get_up(
+        request,
+        strategy,
+        monitor,
+        operator,
+        motion,
+        preflight=request.preflight,
+        without_imu=request.without_imu,
+        settings=RiseSettings(),
+    )
+
+
+def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonitor) -> Strategy:
+    """Load the strategy of the method, before any robot is touched."""
+    wanted = StrategyRequest(
+        method=request.method,
+        torque_limit=make_torque_limit(request, world.robot),
+        prefer=request.prefer,
+        search_budget=request.search_budget,
+        keys=tuple(load_keys(world, request.key)),
+        options=PlannerOptions(planning=request.planning, filtering=request.filtering),
+        policy=request.policy,
+        style=request.style,
+    )
+    with refusing():
+        return choose_strategy(world, wanted, partial(_use_cache, request, monitor))
+
+
+def _use_cache(request: RiseRequest, monitor: ProgressMonitor, planner: PlannedRise) -> Strategy:
+    """Add the plan cache of a request to a planner; rises through key postures have none.
+
+    A planner without a motion from the side on which the robot is to lie is warned of.
+
+    Raises:
+        BadInputError: if the request names a folder that holds damaged entries. Those of the
+            user's own folder are ignored, with a message.
+    """
+    has_imu = planner.world.robot.imu_kind is not None  # without one, no rise begins
+    if has_imu and (gap := planner.describe_gap(request.origin)):
+        monitor.tell(gap)
+    if not (request.plan_cache and request.filtering) or request.key:
+        return planner
+    cache = open_plan_cache(request.cache_folder)
+    if request.cache_folder is not None:
+        with refusing():
+            refuse_damage(cache, planner.world.robot.name, request.cache_folder)
+    return CachedRise(planner, cache, report=monitor.tell)
+
+
+def _get_up(
+    request: GetUpOptions,
+    strategy: Strategy,
+    monitor: ProgressMonitor,
+    operator: Operator | None,
+    motion: Motion | None = None,
+    *,
+    max_attempts: int = 1,
+    settings: RiseSettings,
+    **options: Any,
+) -> FinishedRise:
+    """Get the robot of a request up, and write the result."""
+
+    def prepare(session: Session, rng: np.random.Generator) -> Callable[[], RiseResult]:
+        manager = AttemptManager(session, strategy, max_attempts=max_attempts)
+        return lambda: manager.get_up(rng)
+
+    operator = operator or NoOperator()
+    played = run_session(request, strategy, prepare, monitor, operator, motion=motion, **options)
+    monitor.begin("drawing")
+    return finish_rise(played, strategy.world, request, settings, motion)

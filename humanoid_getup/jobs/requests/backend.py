@@ -1,0 +1,46 @@
+"""Fields of requests that connect to a robot: simulated, behind a virtual bus, or real."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from humanoid_getup.jobs.requests.shared import SceneOptions
+
+Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
+PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackendOptions(SceneOptions):
+    """The robot to which a command connects, simulated or real."""
+
+    backend: Literal["twin", "virtual", "dynamixel"] = "twin"
+    """MuJoCo twin, virtual servos on a virtual bus, or a robot with Dynamixel servos."""
+    port: Ports = ()
+    """Serial port; for a robot with several, NAME=PATH of each. Without it, --backend virtual
+    serves a virtual robot of its own."""
+    realtime: bool = False
+    """Run a simulated robot in real time."""
+
+    def find_problems(self) -> list[str]:
+        """Report wrong ports as well."""
+        problems = super().find_problems()
+        if self.backend == "twin" and self.port:
+            ports = ", ".join(self.port)
+            problems.append(f"--port is {ports}, expected --backend virtual or dynamixel with it")
+        if self.backend == "dynamixel" and not self.port:
+            problems.append(f"--backend dynamixel requires --port, {PORT_EXAMPLE}")
+        return problems
+
+    @property
+    def is_real(self) -> bool:
+        """Return whether the robot may be a real one."""
+        return bool(self.port)
+
+    @property
+    def is_realtime(self) -> bool:
+        """Return whether cycles keep the deadlines of the wall clock."""
+        return self.realtime or self.is_real

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
@@ -30,9 +31,15 @@ class Page:
     """
 
     def __init__(
-        self, request: StudioRequest, server: viser.ViserServer, world: World, timeline: Timeline
+        self,
+        request: StudioRequest,
+        server: viser.ViserServer,
+        world: World,
+        timeline: Timeline,
+        scratch: Path,
     ) -> None:
-        """Prepare; the robot stands."""
+        """Prepare; the robot stands. ``scratch`` is an empty folder for files of jobs."""
+        self.scratch = scratch
         self.request, self.server, self.world, self.timeline = request, server, world, timeline
         self.gui = server.gui
         self.folders = Folders(request.folder)
@@ -42,7 +49,8 @@ class Page:
         """Called after the start has changed."""
         self._lock = threading.RLock()
         self._status = server.gui.add_markdown("Ready.")
-        self._jobs: list[BackgroundJob[Any]] = []
+        self.jobs: list[BackgroundJob[Any]] = []
+        """Those that were begun last, the last one first."""
 
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
@@ -79,7 +87,8 @@ class Page:
         work: Callable[..., Result],
         request: object,
         ended: Callable[[Result], None],
-        report: Callable[[Progress], None] | None = None,
+        *,
+        over: Callable[[], None] = lambda: None,
     ) -> BackgroundJob[Result]:
         """Run a job in the background; its end is answered as a callback.
 
@@ -87,10 +96,11 @@ class Page:
             work: Function of a module of `humanoid_getup.jobs`.
             request: Its request.
             ended: Called with its result; a job that failed or was cancelled is told on the page.
-            report: Called with each progress; by default it is shown on the page.
+            over: Called at the end of any job, however it ended.
         """
 
         def conclude(end: JobEnd[Result]) -> None:
+            self.answer(over)(None)
             if end.cancelled:
                 self.say("Cancelled.")
             elif end.result is None:
@@ -99,13 +109,13 @@ class Page:
                 result = end.result
                 self.answer(lambda: ended(result))(None)
 
-        job = BackgroundJob(work, request, report=report or self._show_progress, ended=conclude)
-        self._jobs = [job, *(each for each in self._jobs if each.is_running)]
+        job = BackgroundJob(work, request, report=self._show_progress, ended=conclude)
+        self.jobs = [job, *(each for each in self.jobs if each.is_running)]
         return job
 
     def rest(self) -> None:
         """Cancel all jobs that run, and stop to play."""
-        for job in self._jobs:
+        for job in self.jobs:
             job.cancel()
         self.timeline.pause()
 

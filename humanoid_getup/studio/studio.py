@@ -7,6 +7,8 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import closing, redirect_stdout
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import viser
 
@@ -15,6 +17,7 @@ from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
+from humanoid_getup.studio.plan_tab import PlanTab
 from humanoid_getup.studio.pose_tab import PoseTab
 from humanoid_getup.studio.stage import Stage
 from humanoid_getup.studio.timeline import Timeline
@@ -42,7 +45,8 @@ class Studio:
         self._aim_camera(world.robot.standing_neck_height)
         self.server.gui.configure_theme(show_share_button=False, control_width="large")
         self.timeline = Timeline(self.server, Stage(self.server, world))
-        self.page = Page(request, self.server, world, self.timeline)
+        self._scratch = TemporaryDirectory(prefix="getup-studio-")
+        self.page = Page(request, self.server, world, self.timeline, Path(self._scratch.name))
         tabs = self.server.gui.add_tab_group()
         for name, tab in TABS.items():
             with tabs.add_tab(name):
@@ -66,6 +70,7 @@ class Studio:
         self.timeline.close()
         with redirect_stdout(io.StringIO()):
             self.server.stop()
+        self._scratch.cleanup()
 
     def __enter__(self) -> Studio:
         return self
@@ -92,7 +97,7 @@ class Studio:
         camera.look_at = (0.0, 0.0, 0.3 * height)
 
 
-TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab}
+TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab, "Plan": PlanTab}
 
 
 def find_port(host: str, port: int) -> int:

@@ -38,11 +38,12 @@ class Timeline:
         self._stage = stage
         self._changed = threading.Condition()
         self._take: Take | None = None
+        self._described: Take | None = None
         self._velocity = np.zeros((0, stage.world.model.nv))
         self._pose: Picture | None = None
         self._at = 0.0  # s since the beginning of the take
         self._clock = self._marked = 0.0  # s, of the last picture and the last line in the plots
-        self._wanted = self._playing = self._ended = False
+        self._wanted = self._playing = self._is_dragged = self._ended = False
         self.pictures = 0
         """Number of pictures that were drawn."""
         self._add_controls(server.gui)
@@ -64,7 +65,6 @@ class Timeline:
         """Show a take from its beginning."""
         with self._changed:
             self._take, self._velocity = take, differentiate(self._stage.world, take)
-            self._describe(take)
             self._seek(0.0)
             self._start() if play else self._stop()
 
@@ -80,11 +80,15 @@ class Timeline:
         with self._changed:
             self._stop()
 
-    def scrub(self, seconds: float) -> None:
-        """Stop, and show the sample at a time from the beginning of the take [s]."""
+    def scrub(self, seconds: float, *, by_slider: bool = False) -> None:
+        """Stop, and show the sample at a time from the beginning of the take [s].
+
+        A slider that is being dragged is left alone: it is ahead of what is drawn.
+        """
         with self._changed:
             self._stop()
             self._seek(seconds)
+            self._is_dragged = by_slider
 
     def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait up to a time [s] until a condition holds after a picture; return whether it does."""
@@ -116,7 +120,7 @@ class Timeline:
 
     def _slide(self, event: viser.GuiEvent) -> None:
         if event.client_id is not None:  # moved by a person, not by the playback
-            self.scrub(self._slider.value)
+            self.scrub(self._slider.value, by_slider=True)
 
     def _toggle(self) -> None:
         with self._changed:
@@ -135,6 +139,7 @@ class Timeline:
         marks = [f"{mark.time - begin:.2f} s: {mark.text}" for mark in take.marks]
         self._facts.content = "\n\n".join([*take.facts, *marks])
         self._plots.show(take)
+        self._described = take
 
     # State, under the lock --------------------------------------------------------------------
 
@@ -148,7 +153,7 @@ class Timeline:
         self._button.label = "Play"
 
     def _seek(self, seconds: float) -> None:
-        self._at, self._pose = seconds, None
+        self._at, self._pose, self._is_dragged = seconds, None, False
         self._want()
 
     def _want(self) -> None:
@@ -190,21 +195,24 @@ class Timeline:
                 self._wanted = False
                 self._advance()
                 picture, playing = self._pose or self._sample(), self._playing
+                take = self._take
+            if take is not None and take is not self._described:
+                self._describe(take)
             if picture is not None:
                 self._stage.show(picture)
-            self._show_time()
+            if take is not None and self._pose is None:
+                self._show_time(take)
             with self._changed:
                 self.pictures += 1
                 self._changed.notify_all()
             if playing:
                 time.sleep(FRAME)
 
-    def _show_time(self) -> None:
+    def _show_time(self, take: Take) -> None:
         """Move the slider, and the line in the plots, to the time that is shown."""
-        take, now = self._take, time.perf_counter()
-        if take is None or self._pose is not None:
-            return
-        self._slider.value = min(self._at, self._slider.max)
+        now = time.perf_counter()
+        if not self._is_dragged:
+            self._slider.value = min(self._at, self._slider.max)
         if not self._playing or now - self._marked >= MARK_EVERY:
             self._marked = now
             self._plots.mark(float(take.time[0]) + self._at)

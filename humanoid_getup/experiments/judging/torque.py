@@ -41,11 +41,22 @@ def find_saturation(
     Torques [N·m] and speeds [rad/s] of the actuators are (..., n). A torque limit below the
     torque-speed line of the supply is not saturation.
     """
-    share = np.asarray(voltage)[..., None] / robot.nominal_voltage
-    stall = share * robot.max_torque
-    along = np.maximum(np.sign(torque) * velocity, 0.0)
-    line = np.maximum(stall - robot.torque_speed_slope * along, 0.0)
+    stall = _find_stall(robot, voltage)
+    line = find_available(robot, torque, velocity, voltage)
     return robot.trips & (np.abs(torque) >= np.maximum(SATURATED * line, 0.05 * stall))
+
+
+def find_available(robot: Robot, torque: Array, velocity: Array, voltage: Array | float) -> Array:
+    """Compute what servos can do in the direction of their torque [N·m], (..., n).
+
+    It is the torque-speed line of a supply [V], (...), at the actuators' speeds [rad/s], (..., n).
+    """
+    along = np.maximum(np.sign(torque) * velocity, 0.0)
+    return np.maximum(_find_stall(robot, voltage) - robot.torque_speed_slope * along, 0.0)
+
+
+def _find_stall(robot: Robot, voltage: Array | float) -> Array:
+    return np.asarray(voltage)[..., None] / robot.nominal_voltage * robot.max_torque
 
 
 def find_longest(flags: NDArray[np.bool_]) -> NDArray[np.int_]:

@@ -1,0 +1,210 @@
+"""Plan tab: rises are planned in the background, played on the twin, compared and saved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shutil import copytree
+from typing import TYPE_CHECKING, get_args
+
+from humanoid_getup.jobs.get_up.rise import rise
+from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.rise import RiseRequest
+from humanoid_getup.jobs.requests.shared import Prefer
+from humanoid_getup.studio.rise_take import make_rise_take
+from robots import Posture
+from robots.description.posture_file import format_posture
+from robots.kinematics import read_posture
+from robots.servo import LimitMode
+from robots.storage.files import write_atomically
+
+if TYPE_CHECKING:
+    from humanoid_getup.jobs.get_up.results import FinishedRise
+    from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.studio.page import Page
+    from humanoid_getup.studio.take import Take
+
+OWN, THE_PLAN, NOTHING = "the robot's own", "the plan", "nothing"
+APART = 1.0  # standing neck heights between two rises that are shown side by side
+MOST_KEPT = 12
+"""Number of rises that can be compared."""
+START, KEY = "start.json", "key_{}.json"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeptRise:
+    """A rise that was planned."""
+
+    take: Take
+    request: RiseRequest
+    """Its files are in the folder of this request."""
+
+
+class PlanTab:
+    """Elements that plan a rise from the posture of the page, and compare rises."""
+
+    def __init__(self, page: Page) -> None:
+        """Add the elements where the caller is adding them."""
+        self._page, gui, answer = page, page.gui, page.answer
+        self._keys: list[Posture] = []
+        self._kept: dict[str, KeptRise] = {}
+        self._job: BackgroundJob[FinishedRise] | None = None
+        self._count = 0
+        self._prefer = gui.add_dropdown("Prefer", get_args(Prefer))
+        self._limit = gui.add_number("Limit [N·m]", 0.0, min=0.0, step=0.1, hint="0 for none")
+        self._limit_by = gui.add_dropdown("Limit by", (OWN, *get_args(LimitMode)))
+        self._budget = gui.add_number("Budget [s]", RiseRequest.search_budget, min=1.0, step=1.0)
+        self._attempts = gui.add_slider("Attempts", 1, 5, 1, 1)
+        with gui.add_folder("Key postures"):
+            self._listed = gui.add_markdown("")
+            gui.add_button("Grab key").on_click(answer(self._grab))
+            gui.add_button("Remove last key").on_click(answer(self._drop_key))
+        self._plan = gui.add_button("Plan")
+        self._cancel = gui.add_button("Cancel", disabled=True)
+        with gui.add_folder("Rises"):
+            self._shown = gui.add_dropdown("Show", (NOTHING,))
+            self._ghost = gui.add_dropdown("Ghost", (THE_PLAN, NOTHING))
+            self._apart = gui.add_checkbox("Side by side", False)
+        with gui.add_folder("File"):
+            self._folder = gui.add_text("Folder", "rise")
+            gui.add_button("Save").on_click(answer(self._save))
+            gui.add_button("Copy as command").on_click(answer(self._write_command))
+            self._command = gui.add_markdown("")
+        self._plan.on_click(answer(self._begin))
+        self._cancel.on_click(answer(self._end))
+        for element in (self._shown, self._ghost, self._apart):
+            element.on_update(answer(self._show))
+        self._list_keys()
+
+    # Key postures -----------------------------------------------------------------------------
+
+    def _grab(self) -> None:
+        """Make a key posture of what is shown."""
+        page = self._page
+        if (picture := page.timeline.picture) is None:
+            raise ValueError("nothing is shown, expected a posture")
+        self._keys.append(read_posture(page.world.robot, page.world.model, picture.qpos))
+        self._list_keys()
+
+    def _drop_key(self) -> None:
+        self._keys = self._keys[:-1]
+        self._list_keys()
+
+    def _list_keys(self) -> None:
+        count = len(self._keys)
+        self._listed.content = f"{count} to rise through, in the order in which they were grabbed."
+
+    # Planning ---------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Plan from the posture of the page, play on the twin, and judge."""
+        if self._job is not None and self._job.is_running:
+            raise ValueError("a rise is being planned, expected its end, or Cancel first")
+        self._count += 1
+        folder = self._page.scratch / f"rise_{self._count}"
+        request = self._make_request(folder)
+        request.check()
+        self._plan.disabled, self._cancel.disabled = True, False
+        self._job = self._page.run(
+            rise, request, lambda done: self._keep(done, request), over=self._rest
+        )
+
+    def _make_request(self, folder: Path) -> RiseRequest:
+        """Make the request, and write its start and key postures into its folder."""
+        page, robot = self._page, self._page.world.robot
+        folder.mkdir(parents=True, exist_ok=True)
+        files = {START: page.start}
+        files |= {KEY.format(n): key for n, key in enumerate(self._keys, start=1)}
+        for name, posture in files.items():
+            write_atomically(folder / name, format_posture(posture, robot))
+        given = page.request
+        return RiseRequest(
+            robot=given.robot,
+            body=given.body,
+            scene=given.scene,
+            seed=given.seed,
+            origin=str(folder / START),
+            key=tuple(str(folder / name) for name in files if name != START),
+            prefer=self._prefer.value,
+            search_budget=float(self._budget.value),
+            torque_limit=float(self._limit.value) or None,
+            limit_by=None if self._limit_by.value == OWN else self._limit_by.value,
+            attempts=int(self._attempts.value),
+            plan_cache=False,
+            out=folder,
+        )
+
+    def _end(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+
+    def _rest(self) -> None:
+        self._plan.disabled, self._cancel.disabled = False, True
+
+    def _keep(self, done: FinishedRise, request: RiseRequest) -> None:
+        """Show a rise, and list it."""
+        result = done.rise
+        ended = f"stands at {done.report.stand_time_s:.1f} s" if result.stood else "does not stand"
+        name = f"{self._count}: {result.start_class}, {ended}"
+        take = make_rise_take(self._page.world, result, name)
+        if take is None:
+            raise ValueError(f"nothing was played: {result.reason}")
+        self._kept[name] = KeptRise(take=take, request=request)
+        while len(self._kept) > MOST_KEPT:
+            del self._kept[next(iter(self._kept))]
+        self._shown.options = tuple(self._kept)
+        self._ghost.options = (THE_PLAN, NOTHING, *self._kept)
+        self._shown.value = name
+        self._page.say(f"{result}")
+        self._show()
+
+    # Comparing --------------------------------------------------------------------------------
+
+    def _show(self) -> None:
+        """Show the chosen rise with the chosen ghost."""
+        if (kept := self._kept.get(self._shown.value)) is None:
+            return
+        take, ghost = kept.take, kept.take.ghost
+        if self._ghost.value == NOTHING:
+            ghost = None
+        elif (other := self._kept.get(self._ghost.value)) is not None:
+            rows = [other.take.find(time - take.time[0]) for time in take.time]
+            ghost = other.take.qpos[rows]
+        if ghost is not None and self._apart.value:
+            robot = self._page.world.robot
+            ghost = ghost.copy()
+            sideways = robot.layout(self._page.world.model).root_qpos + 1
+            ghost[:, sideways] += APART * robot.standing_neck_height
+        self._page.timeline.load(replace(take, ghost=ghost))
+
+    # Files ------------------------------------------------------------------------------------
+
+    def _save(self) -> None:
+        """Copy the files of the rise that is shown, which the command would have written."""
+        folder, kept = self._choose_folder()
+        names = [path.name for path in sorted(kept.request.out.iterdir())]
+        with staging(folder, names) as staged:
+            copytree(kept.request.out, staged, dirs_exist_ok=True)
+        self._page.say(f"Saved {', '.join(names)} in {self._page.folders.name(folder)}.")
+
+    def _write_command(self) -> None:
+        """Show the command that makes the same rise, and write the postures that it names."""
+        folder, kept = self._choose_folder()
+        request = kept.request
+        named = [Path(request.origin), *map(Path, request.key)]
+        for file in named:
+            write_atomically(folder / file.name, file.read_text())
+        moved = replace(
+            request,
+            origin=str(folder / START),
+            key=tuple(str(folder / Path(file).name) for file in request.key),
+            out=folder,
+        )
+        self._command.content = f"`{write_command('rise', moved)}`"
+
+    def _choose_folder(self) -> tuple[Path, KeptRise]:
+        kept = self._kept.get(self._shown.value)
+        if kept is None:
+            raise ValueError("no rise is shown, expected a planned one")
+        return self._page.folders.resolve(self._folder.value), kept

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import mujoco
@@ -47,7 +47,24 @@ def render_frames(
     azimuth: float | None = None,
     view: float = VIEW_HEIGHT,
 ) -> np.ndarray:
-    """Render states (K, nq) with a camera that follows the robot, (K, height, width, 3).
+    """Render states (K, nq) as `iterate_frames` does, (K, height, width, 3).
+
+    Raises:
+        NoRendererError: if OpenGL cannot be opened.
+    """
+    return np.array(list(iterate_frames(robot, model, qpos, azimuth=azimuth, view=view)))
+
+
+def iterate_frames(
+    robot: Robot,
+    model: mujoco.MjModel,
+    qpos: Array,
+    *,
+    azimuth: float | None = None,
+    view: float = VIEW_HEIGHT,
+    size: tuple[int, int] = FRAME_SIZE,
+) -> Iterator[np.ndarray]:
+    """Render states (K, nq) with a camera that follows the robot; yield (height, width, 3) each.
 
     Without an azimuth [deg], the view is obliquely from the front of the robot's final heading.
     The height of the picture is ``view`` times the robot's standing neck height.
@@ -55,8 +72,8 @@ def render_frames(
     Raises:
         NoRendererError: if OpenGL cannot be opened.
     """
-    width, height = FRAME_SIZE
-    model = _paint(robot, model)
+    width, height = size
+    model = paint(robot, model)
     data, layout = mujoco.MjData(model), robot.layout(model)
     seen = np.flatnonzero(_is_robots(robot, model))
     if azimuth is None:
@@ -64,7 +81,6 @@ def render_frames(
         azimuth = float(np.degrees(np.arctan2(ahead[1], ahead[0]))) - VIEW_FROM
     camera = _make_camera(robot, azimuth, view)
     with _open(model, height, width) as renderer:
-        pictures = []
         for state in qpos:
             data.qpos[:] = state
             mujoco.mj_kinematics(model, data)
@@ -73,8 +89,7 @@ def render_frames(
             points = data.geom_xpos[seen]
             camera.lookat[:] = 0.5 * (points.min(axis=0) + points.max(axis=0))
             renderer.update_scene(data, camera)
-            pictures.append(renderer.render().copy())
-    return np.array(pictures)
+            yield renderer.render().copy()
 
 
 def save_run(
@@ -140,7 +155,7 @@ def _open(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
         raise NoRendererError(f"no GL to render with (MUJOCO_GL={wish}): {reason}") from error
 
 
-def _paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
+def paint(robot: Robot, model: mujoco.MjModel) -> mujoco.MjModel:
     """Color trunk, left and right limbs differently, in a copy of the model."""
     model = copy.copy(model)
     model.vis.global_.fovy = FIELD_OF_VIEW

@@ -10,6 +10,7 @@ import numpy as np
 from mjviser import ViserMujocoScene
 from scipy.spatial import ConvexHull, QhullError
 
+from humanoid_getup.reporting.film_strip import paint
 from humanoid_getup.studio.stage_model import build_model
 from robots.quaternion import Array
 
@@ -49,7 +50,7 @@ class Stage:
         """Draw the scene, with the robot where its model puts it and without a ghost."""
         self.world = world
         self.shows_balance = True
-        self._model = build_model(world)
+        self._model = paint(world.robot, build_model(world))
         self._data = mujoco.MjData(self._model)
         self._away = world.model.qpos0.copy()
         self._away[world.robot.layout(world.model).root_qpos + 2] = AWAY

@@ -1,0 +1,105 @@
+"""Live feed: publishes the newest cycle to followers, and passes their stop on."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from drivers.control_loop import Cycle
+from drivers.live_feed.messages import (
+    STOP,
+    SUFFIX,
+    LiveHello,
+    LiveSample,
+    find_feeds_folder,
+    send_message,
+)
+from robots import Robot
+
+PERIOD = 1.0 / 30.0  # s between two samples to a follower
+SLOWEST = 2.0  # s that a follower may need for a sample; one that hangs is no longer served
+
+
+class LiveFeed:
+    """A socket of this user's own, as a context manager; threads of its own serve it.
+
+    The control loop only leaves its newest cycle here: it never waits for a follower.
+    """
+
+    def __init__(self, robot: Robot, stop: Callable[[str], None]) -> None:
+        """Prepare; ``stop`` is called from a thread when a follower stops the robot."""
+        self._hello, self._stop = LiveHello.of(robot), stop
+        self.path = find_feeds_folder() / f"{robot.name}-{os.getpid()}{SUFFIX}"
+        self._newest: Cycle | None = None
+        self._ended = threading.Event()
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+
+    def publish(self, cycle: Cycle) -> None:
+        """Make a cycle the newest one."""
+        self._newest = cycle
+
+    def __enter__(self) -> LiveFeed:
+        self.path.unlink(missing_ok=True)  # of a killed process with this number
+        self._listener.bind(str(self.path))
+        self._listener.listen()
+        threading.Thread(target=self._accept, name="live feed", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.path.unlink(missing_ok=True)
+
+    def _accept(self) -> None:
+        while not self._ended.is_set():
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:  # closed
+                return
+            connection.settimeout(SLOWEST)
+            for serve in (self._send, self._listen):
+                threading.Thread(target=serve, args=(connection,), daemon=True).start()
+
+    def _send(self, connection: socket.socket) -> None:
+        """Send each newest cycle once, until the follower or the feed ends."""
+        sent: Cycle | None = None
+        with connection, contextlib.suppress(OSError):
+            send_message(connection, self._hello)
+            while not self._ended.wait(PERIOD):
+                if (newest := self._newest) is not sent and newest is not None:
+                    send_message(connection, LiveSample.of(newest))
+                    sent = newest
+
+    def _listen(self, connection: socket.socket) -> None:
+        """Stop the robot when a follower says so."""
+        while not self._ended.is_set():
+            try:
+                received = connection.recv(1)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            if not received:
+                return
+            if received == STOP:
+                self._stop("stopped from the live page")
+
+
+def list_feeds() -> list[Path]:
+    """List the feeds of this user's programs that run; remove those that were left behind."""
+    found = []
+    for path in sorted(find_feeds_folder().glob(f"*{SUFFIX}")):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as trial:
+            try:
+                trial.connect(str(path))
+            except OSError:
+                path.unlink(missing_ok=True)
+            else:
+                found.append(path)
+    return found

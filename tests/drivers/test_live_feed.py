@@ -1,0 +1,149 @@
+import queue
+import socket
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_backend import still_state
+
+from drivers import Command
+from drivers.control_loop import Cycle, Timing
+from drivers.live_feed.feed import LiveFeed, list_feeds
+from drivers.live_feed.follower import LiveFollower
+from drivers.live_feed.messages import FeedError, LiveSample, find_feeds_folder
+from drivers.safety_limits import ClipCounts
+from robots import Robot
+
+PATIENCE = 60.0  # s; a wait ends with its event
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+@pytest.fixture
+def samples() -> "queue.Queue[LiveSample]":
+    return queue.Queue()
+
+
+@pytest.fixture
+def stops() -> "queue.Queue[str]":
+    return queue.Queue()
+
+
+@pytest.fixture
+def feed(tiny: Robot, stops: "queue.Queue[str]") -> Iterator[LiveFeed]:
+    with LiveFeed(tiny, stops.put) as served:
+        yield served
+
+
+def make_cycle(robot: Robot, time: float) -> Cycle:
+    command = Command.position(robot, robot.standing.joint_pos)
+    return Cycle(
+        state=still_state(robot, time=time),
+        asked=command,
+        sent=command,
+        clips=ClipCounts(*np.zeros((5, robot.n), dtype=int)),
+        timing=Timing(late=0.0, read=0.001, step=0.002, write=0.001),
+    )
+
+
+def test_a_follower_receives_the_newest_cycle(
+    tiny: Robot, feed: LiveFeed, samples: "queue.Queue[LiveSample]"
+):
+    assert list_feeds() == [feed.path]
+    follower = LiveFollower(feed.path, samples.put)
+    assert follower.hello.robot == tiny.name
+    assert follower.hello.joint_names == tuple(tiny.joint_names)
+    feed.publish(make_cycle(tiny, 1.5))
+    sample = samples.get(timeout=PATIENCE)
+    assert sample.time == 1.5
+    assert sample.target == tiny.standing.joint_pos.tolist()
+    assert sample.busy == pytest.approx(0.004)
+    assert not sample.is_limp
+    follower.close()
+
+
+def test_every_follower_sees_the_same(
+    tiny: Robot, feed: LiveFeed, samples: "queue.Queue[LiveSample]"
+):
+    followers = [LiveFollower(feed.path, samples.put) for _ in range(2)]
+    feed.publish(make_cycle(tiny, 2.0))
+    assert samples.get(timeout=PATIENCE) == samples.get(timeout=PATIENCE)
+    for follower in followers:
+        follower.close()
+
+
+def test_a_stop_reaches_the_program(
+    feed: LiveFeed, samples: "queue.Queue[LiveSample]", stops: "queue.Queue[str]"
+):
+    follower = LiveFollower(feed.path, samples.put)
+    follower.stop()
+    assert stops.get(timeout=PATIENCE) == "stopped from the live page"
+    follower.close()
+    assert stops.empty()
+
+
+def test_a_follower_that_leaves_or_hangs_changes_nothing(
+    tiny: Robot, feed: LiveFeed, samples: "queue.Queue[LiveSample]", stops: "queue.Queue[str]"
+):
+    hanging = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    hanging.connect(str(feed.path))
+    LiveFollower(feed.path, samples.put).close()
+    other = LiveFollower(feed.path, samples.put)
+    feed.publish(make_cycle(tiny, 3.0))
+    assert samples.get(timeout=PATIENCE).time == 3.0
+    assert stops.empty()
+    other.close()
+    hanging.close()
+
+
+def test_the_end_of_the_program_ends_the_feed(
+    tiny: Robot, samples: "queue.Queue[LiveSample]", stops: "queue.Queue[str]"
+):
+    ended = threading.Event()
+    with LiveFeed(tiny, stops.put) as feed:
+        follower = LiveFollower(feed.path, samples.put, lambda _: ended.set())
+    assert ended.wait(PATIENCE)
+    assert list_feeds() == []
+    with pytest.raises(FeedError, match=r"live feed .*: No such file"):
+        LiveFollower(feed.path, samples.put)
+    follower.close()
+
+
+def test_a_feed_that_a_killed_program_left_behind_is_removed():
+    path = find_feeds_folder() / "tiny-1.feed"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left:
+        left.bind(str(path))
+    assert path.exists()
+    assert list_feeds() == []
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("said", [b"\xff\xff\xff\xff", b"\x03\x00\x00\x00abc", b"\x01\x00"])
+def test_what_is_no_feed_is_refused(said: bytes, samples: "queue.Queue[LiveSample]"):
+    path = find_feeds_folder() / "other.feed"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
+        server.bind(str(path))
+        server.listen()
+
+        def talk() -> None:
+            connection, _ = server.accept()
+            connection.sendall(said)
+            connection.close()
+
+        talker = threading.Thread(target=talk)
+        talker.start()
+        with pytest.raises(FeedError, match="live feed"):
+            LiveFollower(path, samples.put)
+        talker.join()
+
+
+def test_a_folder_that_others_can_enter_is_refused():
+    find_feeds_folder().chmod(0o755)
+    with pytest.raises(FeedError, match="this user alone"):
+        find_feeds_folder()

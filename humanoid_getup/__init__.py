@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.discover_motions import discover
     from humanoid_getup.jobs.evaluate_policy import evaluate
     from humanoid_getup.jobs.extract_style import extract_style
+    from humanoid_getup.jobs.get_up.rise import play_motion, rise, run_policy
+    from humanoid_getup.jobs.get_up.stand import hold, sit
     from humanoid_getup.jobs.import_clip import import_clip
     from humanoid_getup.jobs.import_keys import import_keys
     from humanoid_getup.jobs.import_robot import import_robot
@@ -72,6 +74,13 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
+    from humanoid_getup.jobs.requests.rise import (
+        HoldRequest,
+        PlayRequest,
+        RiseRequest,
+        RunRequest,
+        SitRequest,
+    )
     from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
     from humanoid_getup.jobs.requests.style import ExtractRequest
     from humanoid_getup.jobs.retarget_motions import retarget
@@ -117,6 +126,7 @@ _HOMES = {
     "EvaluateRequest": "humanoid_getup.jobs.requests.learning",
     "ExportRequest": "humanoid_getup.jobs.requests.learning",
     "ExtractRequest": "humanoid_getup.jobs.requests.style",
+    "HoldRequest": "humanoid_getup.jobs.requests.rise",
     "ImportKeysRequest": "humanoid_getup.jobs.requests.motions",
     "ImportRequest": "humanoid_getup.jobs.requests.robots",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
@@ -125,13 +135,17 @@ _HOMES = {
     "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
+    "PlayRequest": "humanoid_getup.jobs.requests.rise",
     "PreflightRequest": "humanoid_getup.jobs.requests.motions",
     "PreviewRequest": "humanoid_getup.jobs.requests.motions",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.progress.callback",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
+    "RiseRequest": "humanoid_getup.jobs.requests.rise",
+    "RunRequest": "humanoid_getup.jobs.requests.rise",
     "SafetyGuard": "drivers.safety_guard",
     "SessionOptions": "humanoid_getup.execution.session",
+    "SitRequest": "humanoid_getup.jobs.requests.rise",
     "StoredMotion": "humanoid_getup.strategies.stored_motion",
     "Style": "humanoid_getup.style.style",
     "StyleCurves": "humanoid_getup.style.curves",
@@ -148,6 +162,7 @@ _HOMES = {
     "export": "humanoid_getup.jobs.train_policy",
     "extract_style": "humanoid_getup.jobs.extract_style",
     "get_up": "humanoid_getup.execution.get_up",
+    "hold": "humanoid_getup.jobs.get_up.stand",
     "import_clip": "humanoid_getup.jobs.import_clip",
     "import_keys": "humanoid_getup.jobs.import_keys",
     "import_robot": "humanoid_getup.jobs.import_robot",
@@ -157,10 +172,14 @@ _HOMES = {
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",
     "plan": "humanoid_getup.jobs.plan_path",
+    "play_motion": "humanoid_getup.jobs.get_up.rise",
     "preflight": "humanoid_getup.jobs.preflight_motion",
     "preview": "humanoid_getup.jobs.preview_motion",
     "retarget": "humanoid_getup.jobs.retarget_motions",
+    "rise": "humanoid_getup.jobs.get_up.rise",
+    "run_policy": "humanoid_getup.jobs.get_up.rise",
     "sample_fall": "humanoid_getup.experiments.starts.falls",
+    "sit": "humanoid_getup.jobs.get_up.stand",
     "train": "humanoid_getup.jobs.train_policy",
 }
 
@@ -188,6 +207,7 @@ __all__ = [
     "EvaluateRequest",
     "ExportRequest",
     "ExtractRequest",
+    "HoldRequest",
     "ImportKeysRequest",
     "ImportRequest",
     "LearnedRise",
@@ -196,13 +216,17 @@ __all__ = [
     "PlanCache",
     "PlanRequest",
     "PlannedRise",
+    "PlayRequest",
     "PreflightRequest",
     "PreviewRequest",
     "PriorRequest",
     "Progress",
     "RetargetRequest",
+    "RiseRequest",
+    "RunRequest",
     "SafetyGuard",
     "SessionOptions",
+    "SitRequest",
     "StoredMotion",
     "Style",
     "StyleCurves",
@@ -219,6 +243,7 @@ __all__ = [
     "export",
     "extract_style",
     "get_up",
+    "hold",
     "import_clip",
     "import_keys",
     "import_robot",
@@ -228,10 +253,14 @@ __all__ = [
     "make_prior",
     "measure_robot",
     "plan",
+    "play_motion",
     "preflight",
     "preview",
     "retarget",
+    "rise",
+    "run_policy",
     "sample_fall",
+    "sit",
     "train",
 ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.plan_figures import PlanFigures
 from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_errors import FollowedStyle
 from humanoid_getup.style.style_file import load_style
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.arguments import expect
@@ -23,12 +25,27 @@ from robots.torque_limit import check_torque_limit
 
 
 @dataclass(frozen=True, kw_only=True)
+class RanPolicy:
+    """What is left of a policy in another process: no network, so that it cannot be run."""
+
+    style: Style | None
+    followed: FollowedStyle | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class PolicyPlan(RisePlan):
-    """A policy to be run; its torque limit was set when it was loaded."""
+    """A policy to be run; its torque limit was set when it was loaded.
+
+    In another process, a plan that was pickled has its figures, and nothing to run.
+    """
 
     policy: OnnxPolicy
     name: str
     """Name of the policy."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        ran = RanPolicy(style=self.policy.style, followed=self.policy.followed)
+        return vars(self) | {"policy": ran}
 
     @property
     def title(self) -> str:

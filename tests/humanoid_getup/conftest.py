@@ -2,8 +2,12 @@ import shutil
 from pathlib import Path
 
 import pytest
+from stored_plans import lie_at_start, plan_stored
 
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
+from robots.description.posture_file import format_posture
 
 
 @pytest.fixture
@@ -11,3 +15,17 @@ def copied_op3(tmp_path: Path, op3: Robot) -> Path:
     """A folder of OP3 with motions and no policies, to be spoiled by the test."""
     ignore = shutil.ignore_patterns("policies")
     return Path(shutil.copytree(op3.folder, tmp_path / "op3", ignore=ignore))
+
+
+@pytest.fixture(scope="session")
+def lying(world: World, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The file of a posture, prone, where a stored motion begins."""
+    file = tmp_path_factory.mktemp("lying") / "prone.json"
+    file.write_text(format_posture(lie_at_start(world), world.robot))
+    return str(file)
+
+
+@pytest.fixture
+def stored_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plan a stored motion, without a search: enough for a robot that lies where it begins."""
+    monkeypatch.setattr(PlannedRise, "plan", plan_stored)

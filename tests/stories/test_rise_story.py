@@ -19,7 +19,6 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.jobs.get_up.results import finish_rise
-from humanoid_getup.jobs.get_up.session import PlayedSession
 from humanoid_getup.jobs.requests.rise import PlayRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
@@ -151,7 +150,7 @@ def test_a_fault_of_the_hardware_has_its_own_exit_code(
 ):
     ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
     options: Any = with_json(PlayRequest)(motion=MOTION, json=str(tmp_path / "figures.json"))
-    done = finish_rise(PlayedSession(rise=ended, start=None), world, options, RiseSettings())
+    done = finish_rise(ended, None, world, options, RiseSettings())
     assert show_rise(done, options) == code
 
 

@@ -17,7 +17,6 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.jobs.get_up.recording import FLIGHT
-from humanoid_getup.jobs.get_up.session import PlayedSession
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.jobs.requests.rise import (
     ARTEFACTS,
@@ -88,14 +87,14 @@ class FinishedStand(FinishedWork):
 
 
 def finish_rise(
-    played: PlayedSession,
+    result: RiseResult,
+    start: Fall | None,
     world: World,
     request: GetUpOptions,
     settings: RiseSettings,
     motion: Motion | None = None,
 ) -> FinishedRise:
     """Report a rise, and write its files."""
-    result, start = played.rise, played.start
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
     with naming_hand_over(result):
         report = make_report(result, _make_head(world, request, origin), settings, motion)

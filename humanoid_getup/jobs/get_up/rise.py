@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.session import Session
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.get_up.operator import NoOperator, Operator
-from humanoid_getup.jobs.get_up.results import FinishedRise, finish_rise
+from humanoid_getup.jobs.get_up.operator import Operator
+from humanoid_getup.jobs.get_up.results import FinishedRise
 from humanoid_getup.jobs.get_up.session import run_session
 from humanoid_getup.jobs.inputs import (
     find_motion,
@@ -24,8 +17,7 @@ from humanoid_getup.jobs.inputs import (
 )
 from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
 from humanoid_getup.jobs.policies import load_policy, name_robot
-from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest, RiseRequest, RunRequest
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.jobs.requests.rise import PlayRequest, RiseRequest, RunRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
@@ -60,7 +52,7 @@ def rise(
     RiseRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     monitor.begin("loading")
-    return _get_up(
+    return run_session(
         request,
         _select_strategy(request, load_world(request), monitor),
         monitor,
@@ -93,7 +85,7 @@ def run_policy(
     learned = LearnedRise(world, policy, torque_limit=limit, name=name)
     with refusing():
         strategy = apply_style(learned, request.style)
-    return _get_up(request, strategy, monitor, operator, settings=RiseSettings(method=POLICY))
+    return run_session(request, strategy, monitor, operator, settings=RiseSettings(method=POLICY))
 
 
 def play_motion(
@@ -117,15 +109,15 @@ def play_motion(
             f"({world.robot.imu_kind}): expected a robot whose robot.toml has neither [imu] nor "
             "[bus.board]"
         )
-    return _get_up(
+    return run_session(
         request,
         strategy,
         monitor,
         operator,
-        motion,
+        settings=RiseSettings(),
+        motion=motion,
         preflight=request.preflight,
         without_imu=request.without_imu,
-        settings=RiseSettings(),
     )
 
 
@@ -164,26 +156,3 @@ def _use_cache(request: RiseRequest, monitor: ProgressMonitor, planner: PlannedR
         with refusing():
             refuse_damage(cache, planner.world.robot.name, request.cache_folder)
     return CachedRise(planner, cache, report=monitor.tell)
-
-
-def _get_up(
-    request: GetUpOptions,
-    strategy: Strategy,
-    monitor: ProgressMonitor,
-    operator: Operator | None,
-    motion: Motion | None = None,
-    *,
-    max_attempts: int = 1,
-    settings: RiseSettings,
-    **options: Any,
-) -> FinishedRise:
-    """Get the robot of a request up, and write the result."""
-
-    def prepare(session: Session, rng: np.random.Generator) -> Callable[[], RiseResult]:
-        manager = AttemptManager(session, strategy, max_attempts=max_attempts)
-        return lambda: manager.get_up(rng)
-
-    operator = operator or NoOperator()
-    played = run_session(request, strategy, prepare, monitor, operator, motion=motion, **options)
-    monitor.begin("drawing")
-    return finish_rise(played, strategy.world, request, settings, motion)

@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from drivers import Backend, GuardLimits, SafetyGuard, State
-from humanoid_getup.execution.after_stand import HandOver
+from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.get_up.operator import Operator
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
 from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
-
-class EndsWithRobot(Protocol):
-    """Result of moving a robot, whose torque is off unless it was handed over."""
-
-    @property
-    def hand_over(self) -> HandOver | None:
-        """Return the state in which it was handed over, if it was."""
-        ...
-
-
-Result = TypeVar("Result", bound=EndsWithRobot)
+Result = TypeVar("Result", RiseResult, AfterStand)
 
 
 class CancellableGuard(SafetyGuard):
@@ -62,11 +53,11 @@ class SessionHooks:
         self._choice, self._recorder = choice, recorder
         self._monitor, self._operator = monitor, operator
 
-    def guard(self, limit: TorqueLimit) -> SafetyGuard:
-        """Make the guard of the backend, which keeps to a torque limit."""
-        backend = self._choice.backend
-        limits = GuardLimits.of(backend.robot, limit.value)
-        return CancellableGuard(backend, limits, self._monitor.check)
+    def begin(self, world: World, limit: TorqueLimit, options: SessionOptions) -> Session:
+        """Begin a session with the robot of the backend, in a world."""
+        limits = GuardLimits.of(world.robot, limit.value)
+        guard = CancellableGuard(self._choice.backend, limits, self._monitor.check)
+        return Session.on(guard, world, limit, self.join(options))
 
     def join(self, options: SessionOptions) -> SessionOptions:
         """Add the fields of a session that its backend and its hooks determine to its options."""
@@ -79,13 +70,11 @@ class SessionHooks:
             on_cycle=self._recorder.log,
         )
 
-    def work(self, guard: SafetyGuard, prepare: Callable[[], Callable[[], Result]]) -> Result:
-        """Prepare the work, which may refuse it, and do it while the operator watches.
+    def work(self, guard: SafetyGuard, work: Callable[[], Result]) -> Result:
+        """Do the work while the operator watches.
 
         A robot that was handed over keeps its torque: then it is too late to cancel.
         """
-        with refusing():
-            work = prepare()
         with self._operator.watch(guard):
             result = work()
         if result.hand_over is not None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from humanoid_getup.execution.session import Session, SessionOptions
+from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, find_rest
 from humanoid_getup.jobs.backends import open_backend
+from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.get_up.operator import NoOperator, Operator
 from humanoid_getup.jobs.get_up.recording import make_log, recording
 from humanoid_getup.jobs.get_up.results import FinishedStand, finish_stand
@@ -56,8 +57,9 @@ def _keep_stand(
         options = SessionOptions(
             then=request.ending, place=place and (lambda: place(stand.posture))
         )
-        guard = hooks.guard(limit)
-        session = Session.on(guard, world, limit, hooks.join(options))
-        result = hooks.work(guard, lambda: StandKeeper(session).start)
+        session = hooks.begin(world, limit, options)
+        with refusing():
+            keeper = StandKeeper(session)
+        result = hooks.work(session.guard, keeper.start)
     monitor.begin("drawing")
     return finish_stand(result, world, request, stand if place else None)

@@ -4,12 +4,8 @@ from pathlib import Path
 
 import pytest
 from run_getup import Run
-from stored_plans import lie_at_start, plan_stored
 
 from humanoid_getup.cli.main import main
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from robots.description.posture_file import format_posture
 
 
 @pytest.fixture
@@ -22,17 +18,3 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.
         return code, *capsys.readouterr()
 
     return run
-
-
-@pytest.fixture(scope="session")
-def lying(world: World, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The file of a posture, prone, where a stored motion begins."""
-    file = tmp_path_factory.mktemp("lying") / "prone.json"
-    file.write_text(format_posture(lie_at_start(world), world.robot))
-    return str(file)
-
-
-@pytest.fixture
-def stored_plans(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plan a stored motion, without a search: enough for a robot that lies where it begins."""
-    monkeypatch.setattr(PlannedRise, "plan", plan_stored)

@@ -5,8 +5,6 @@ import pty
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
 from drivers import Command, SafetyGuard, Twin
 from drivers.control_loop import Ending, run
 from drivers.flight_log.reader import FlightRecord
@@ -16,8 +14,6 @@ from humanoid_getup.execution.after_stand import AfterStand, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.get_up.operator import NoOperator
 from humanoid_getup.jobs.get_up.recording import recording
 from humanoid_getup.jobs.get_up.session_hooks import SessionHooks
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
@@ -61,23 +57,10 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
             report = run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
             return AfterStand(hold=Step(run=report))
 
-        held = hooks.work(guard, lambda: hold).hold
+        held = hooks.work(guard, hold).hold
     os.close(master)
     os.close(slave)
     assert held is not None
     assert held.run.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
     assert shown == [Progress(phase=Phase.HOLDING.value)]
     assert [event.kind for event in FlightRecord.load(path, op3).events] == ["holding"]
-
-
-def test_work_that_is_refused_is_bad_input(op3: Robot):
-    guard, monitor = SafetyGuard(Twin(op3)), ProgressMonitor()
-
-    def refuse():
-        raise ValueError("no such motion")
-
-    refused = pytest.raises(BadInputError, match="no such motion")
-    with recording(None, monitor.tell) as recorder, refused:
-        choice = BackendChoice(backend=guard, realtime=False)
-        hooks = SessionHooks(choice, recorder, monitor, NoOperator())
-        hooks.work(guard, refuse)

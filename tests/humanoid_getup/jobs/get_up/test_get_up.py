@@ -1,0 +1,192 @@
+"""Jobs that get a robot up: files and figures of the commands, cancellation, other processes."""
+
+import json
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bus_stories import TINY
+from stored_plans import plan_stored
+
+import humanoid_getup as hg
+from drivers import SafetyGuard, Twin
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.cli.main import main
+from humanoid_getup.execution.phase import Phase
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.get_up.operator import NoOperator
+from humanoid_getup.jobs.get_up.results import FinishedRise
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots.storage.encoding import to_json
+
+SQUAT = "squat_to_stand"
+WALL_TIMES = {"plan_s", "filter_s", "busy_p99_s", "late_p99_s"}
+
+
+class Watch(NoOperator):
+    """An operator that only watches, and knows whether a robot has ended its work."""
+
+    def __init__(self) -> None:
+        self.guard: SafetyGuard | None = None
+        self.has_ended = False
+
+    @contextmanager
+    def watch(self, guard: SafetyGuard) -> Iterator[None]:
+        self.guard = guard
+        yield
+        self.has_ended = True
+
+    @property
+    def has_torque(self) -> bool:
+        assert self.guard is not None
+        twin = self.guard.backend
+        assert isinstance(twin, Twin)
+        return bool(twin.model.actuator_forcerange.any())
+
+
+class Stop:
+    """Cancels at a phase, after some further calls."""
+
+    def __init__(self, phase: str, calls: int = 0) -> None:
+        self._phase, self._left = phase, calls
+        self.phases: list[str] = []
+
+    def report(self, progress: hg.Progress) -> None:
+        self.phases.append(progress.phase)
+
+    def is_wanted(self) -> bool:
+        is_there = self._phase in self.phases
+        self._left -= is_there
+        return is_there and self._left < 0
+
+
+@dataclass
+class Risen:
+    done: FinishedRise
+    phases: list[str]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    """Plan stored motions, and draw no film strips."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise film_strip.NoRendererError("not drawn in this test")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PlannedRise, "plan", plan_stored)
+        patch.setattr(film_strip, "render_frames", refuse)
+        yield
+
+
+@pytest.fixture(scope="module")
+def risen(lying: str, tmp_path_factory: pytest.TempPathFactory) -> Risen:
+    """A rise by a stored motion, as `hg.rise` returns it."""
+    phases = list[str]()
+    request = hg.RiseRequest(origin=lying, out=tmp_path_factory.mktemp("rise") / "out")
+    done = hg.rise(request, lambda progress: phases.append(progress.phase))
+    return Risen(done, phases)
+
+
+def test_a_rise_writes_the_files_of_the_command_and_returns_its_figures(
+    risen: Risen, lying: str, tmp_path: Path
+):
+    assert main(["rise", "--from", lying, "--out", str(tmp_path)]) == 0
+    (file, *_) = risen.done.files
+    assert sorted(risen.done.files) == sorted(file.parent.iterdir())
+    names = sorted(path.name for path in risen.done.files)
+    assert {"flight.mcap", "motion.npz", "report.json"} <= set(names)
+    assert names == sorted(path.name for path in tmp_path.iterdir())
+    assert (file.parent / "report.json").read_text() == to_json(risen.done.report)
+    ours, theirs = (
+        {key: value for key, value in json.loads(text).items() if key not in WALL_TIMES}
+        for text in (to_json(risen.done.report), (tmp_path / "report.json").read_text())
+    )
+    assert ours == theirs
+    assert risen.done.rise.stood
+
+
+def test_a_rise_reports_its_phases(risen: Risen):
+    phases = [Phase.SETTLING, Phase.PLANNING, Phase.PREFLIGHT, Phase.PLAYING]
+    during = [phase.value for phase in phases]
+    assert risen.phases == ["loading", "opening the backend", *during, "drawing"]
+
+
+def test_a_rise_reaches_another_process(risen: Risen):
+    done = risen.done
+    again = pickle.loads(pickle.dumps(done))
+    assert (again.report, again.files) == (done.report, done.files)
+    assert str(again.rise) == str(done.rise)
+    assert np.array_equal(again.rise.outcome.qpos, done.rise.outcome.qpos)
+    assert np.array_equal(again.start.posture.joint_pos, done.start.posture.joint_pos)
+    assert again.world.model.nq == done.world.model.nq
+
+
+def test_a_run_of_a_policy_reaches_another_process(lying: str):
+    done = hg.run_policy(hg.RunRequest(policy="styled", origin=lying, longest=0.3))
+    again = pickle.loads(pickle.dumps(done))
+    assert again.report == done.report
+    assert again.rise.figures() == done.rise.figures()
+    assert again.rise.plan.title == done.rise.plan.title
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        hg.RiseRequest(origin="supine", out=Path("out"), key=("a.json",), then="sit"),
+        hg.PlayRequest(motion=SQUAT, backend="virtual", realtime=True),
+        hg.RunRequest(policy="robust", origin="left", torque_limit=2.5),
+        hg.SitRequest(backend="dynamixel", port=("/dev/ttyUSB0",)),
+        hg.HoldRequest(then="hand-over"),
+    ],
+)
+def test_a_request_reaches_another_process(request_: hg.RiseRequest):
+    assert pickle.loads(pickle.dumps(request_)) == request_
+
+
+@pytest.mark.parametrize(
+    ("phase", "calls"),
+    [
+        ("opening the backend", 0),
+        (Phase.SETTLING.value, 3),
+        (Phase.PREFLIGHT.value, 0),
+        (Phase.PLAYING.value, 40),
+        ("drawing", 0),
+    ],
+)
+def test_a_cancelled_rise_ends_limp_and_leaves_no_result(
+    lying: str, tmp_path: Path, phase: str, calls: int
+):
+    out, stop, operator = tmp_path / "out", Stop(phase, calls), Watch()
+    request = hg.RiseRequest(origin=lying, out=out)
+    with pytest.raises(hg.CancelledError):
+        hg.rise(request, stop.report, stop.is_wanted, operator=operator)
+    assert stop.phases[-1] == phase
+    assert operator.guard is None or not operator.has_torque
+    has_flown = phase in (Phase.PLAYING.value, "drawing")
+    assert [path.name for path in tmp_path.rglob("*.*")] == ["flight.mcap"] * has_flown
+    if phase == Phase.PLAYING.value:
+        flight = FlightRecord.load(out / "flight.mcap")
+        assert len(flight.time) == calls - 1  # one is that of the phase
+        assert flight.events[-1].text == "CancelledError: cancelled"
+
+
+def test_a_robot_that_was_handed_over_is_no_longer_cancelled():
+    operator = Watch()
+    request = hg.HoldRequest(then="hand-over")
+    done = hg.hold(request, cancel=lambda: operator.has_ended, operator=operator)
+    assert done.stand.hand_over is not None
+    assert operator.has_torque
+    assert (done.report.reason[-24:], done.files) == ("handed over under torque", ())
+
+
+def test_work_that_is_refused_is_bad_input():
+    with pytest.raises(BadInputError, match="robot 'tiny' has no motions"):
+        hg.sit(hg.SitRequest(robot=str(TINY)))
+    with pytest.raises(BadInputError, match="request is a SitRequest, expected a HoldRequest"):
+        hg.hold(hg.SitRequest())

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.plan_path import plan
     from humanoid_getup.jobs.preflight_motion import preflight
     from humanoid_getup.jobs.preview_motion import preview
+    from humanoid_getup.jobs.replay_flight import replay_flight
     from humanoid_getup.jobs.requests.bench import (
         BenchAll,
         BenchBodies,
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
+    from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
     from humanoid_getup.jobs.requests.style import ExtractRequest
     from humanoid_getup.jobs.retarget_motions import retarget
@@ -129,6 +131,7 @@ _HOMES = {
     "PreviewRequest": "humanoid_getup.jobs.requests.motions",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.progress.callback",
+    "ReplayRequest": "humanoid_getup.jobs.requests.replay",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
     "SafetyGuard": "drivers.safety_guard",
     "SessionOptions": "humanoid_getup.execution.session",
@@ -159,6 +162,7 @@ _HOMES = {
     "plan": "humanoid_getup.jobs.plan_path",
     "preflight": "humanoid_getup.jobs.preflight_motion",
     "preview": "humanoid_getup.jobs.preview_motion",
+    "replay_flight": "humanoid_getup.jobs.replay_flight",
     "retarget": "humanoid_getup.jobs.retarget_motions",
     "sample_fall": "humanoid_getup.experiments.starts.falls",
     "train": "humanoid_getup.jobs.train_policy",
@@ -200,6 +204,7 @@ __all__ = [
     "PreviewRequest",
     "PriorRequest",
     "Progress",
+    "ReplayRequest",
     "RetargetRequest",
     "SafetyGuard",
     "SessionOptions",
@@ -230,6 +235,7 @@ __all__ = [
     "plan",
     "preflight",
     "preview",
+    "replay_flight",
     "retarget",
     "sample_fall",
     "train",

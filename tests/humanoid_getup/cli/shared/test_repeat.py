@@ -15,6 +15,7 @@ LINES = [
     "getup bench all --robot 'my robot' --quick --out out/x",
     "getup rise --from prone --scene wall --no-plan-cache --key a.json,motions:b@1",
     "getup calibrate --port a=x,b=y --joint l_knee",
+    "getup replay 'out/my flight.mcap' --voltage 11.1 --threshold 0.1 --out out/replay",
 ]
 
 

@@ -23,7 +23,7 @@ class CutKind(Enum):
 
     TARGET = "target"
     TORQUE = "torque limit"
-    RELEASE = "torque, switched off"
+    RELEASE = "torque"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,8 @@ class Cut:
         joints = f"joint '{self.joints[0]}'" if count == 1 else f"{count} joints"
         unit = "rad" if self.kind is CutKind.TARGET else "N·m"
         size = f"cut by up to {self.largest:.2f} {unit}"
-        return f"{joints}: {self.kind.value} {size}, until {self.end:.2f} s"
+        what = "switched off" if self.kind is CutKind.RELEASE else size
+        return f"{joints}: {self.kind.value} {what}, until {self.end:.2f} s"
 
 
 def find_cuts(record: FlightRecord) -> tuple[Cut, ...]:

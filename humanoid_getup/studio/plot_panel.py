@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from viser import uplot
 
 HEIGHT = 150  # pixels
+MARGIN = 0.05  # of the range of values, above and below
 MOST_POINTS = 500  # of a curve
 COLORS = ("#2f6fde", "#d9822b", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#7f7f7f")
 LINE, LIMIT = "#222222", "#d62728"
@@ -52,12 +53,14 @@ class _DrawnPlot:
             self._curves["limit"] = np.full(len(kept), plot.limit)
         values = np.concatenate(list(self._curves.values()))
         known = values[np.isfinite(values)]
-        self._range = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+        low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+        margin = MARGIN * (high - low) or 1.0
+        self._range = (float(low - margin), float(high + margin))
         self.chart = gui.add_uplot(
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
             title=plot.title,
-            scales={"x": {"time": False}},
+            scales={"x": {"time": False}, "y": {"range": self._range}},
             height=HEIGHT,
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,10 +43,12 @@ def record_swing(
     start: Posture | None,
     spoil: Callable[[Cycle], Cycle] | None = None,
     rate: float = 6.0,
+    events: Sequence[tuple[str, str]] = (("phase", "over"),),
 ) -> None:
     guard = SafetyGuard(twin, GuardLimits.of(robot, torque_limit=1.0))
     with FlightLog(path, robot, start=start) as log:
         see = (lambda cycle: log.log(spoil(cycle))) if spoil else log.log
         report = run(Swing(robot, rate), guard, max_time=SECOND, on_cycle=see)
-        log.event(report.duration, "phase", "over")
+        for kind, text in events:
+            log.event(report.duration, kind, text)
     assert report.ending is Ending.TIMEOUT

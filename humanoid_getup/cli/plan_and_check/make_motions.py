@@ -21,7 +21,7 @@ from humanoid_getup.jobs.discover_motions import is_begun as is_searched
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.preview_motion import preview as play_keys
-from humanoid_getup.jobs.requests.command_line import write_command
+from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.motions import (
     BuildRequest,
     ClipRequest,

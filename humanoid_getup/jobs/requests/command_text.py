@@ -1,4 +1,4 @@
-"""The exact command line of a request."""
+"""Command text: the line of the command line that a request stands for."""
 
 from __future__ import annotations
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.plan_path import plan
     from humanoid_getup.jobs.preflight_motion import preflight
     from humanoid_getup.jobs.preview_motion import preview
+    from humanoid_getup.jobs.replay_flight import replay_flight
     from humanoid_getup.jobs.requests.bench import (
         BenchAll,
         BenchBodies,
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
+    from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.rise import (
         HoldRequest,
         PlayRequest,
@@ -140,6 +142,7 @@ _HOMES = {
     "PreviewRequest": "humanoid_getup.jobs.requests.motions",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.progress.callback",
+    "ReplayRequest": "humanoid_getup.jobs.requests.replay",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
     "RiseRequest": "humanoid_getup.jobs.requests.rise",
     "RunRequest": "humanoid_getup.jobs.requests.rise",
@@ -175,6 +178,7 @@ _HOMES = {
     "play_motion": "humanoid_getup.jobs.get_up.rise",
     "preflight": "humanoid_getup.jobs.preflight_motion",
     "preview": "humanoid_getup.jobs.preview_motion",
+    "replay_flight": "humanoid_getup.jobs.replay_flight",
     "retarget": "humanoid_getup.jobs.retarget_motions",
     "rise": "humanoid_getup.jobs.get_up.rise",
     "run_policy": "humanoid_getup.jobs.get_up.rise",
@@ -221,6 +225,7 @@ __all__ = [
     "PreviewRequest",
     "PriorRequest",
     "Progress",
+    "ReplayRequest",
     "RetargetRequest",
     "RiseRequest",
     "RunRequest",
@@ -256,6 +261,7 @@ __all__ = [
     "play_motion",
     "preflight",
     "preview",
+    "replay_flight",
     "retarget",
     "rise",
     "run_policy",

@@ -13,6 +13,8 @@ from hypothesis import settings
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401  # pyright: ignore[reportMissingImports]
 
+from flight_recording import record_swing, twin_of
+
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.plan_cache import FOLDER_VARIABLE
@@ -54,6 +56,14 @@ def op3() -> Robot:
 @pytest.fixture(scope="session")
 def tiny() -> Robot:
     return load_robot(TINY)
+
+
+@pytest.fixture(scope="session")
+def swing(tiny: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight log of the tiny robot."""
+    path = tmp_path_factory.mktemp("swing") / "swing.mcap"
+    record_swing(path, tiny, twin_of(tiny), tiny.standing)
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -198,7 +198,10 @@ COMMANDS = {
         "Pose, plan and look in the browser.", "requests.studio.StudioRequest", "studio.studio"
     ),
     "replay": TableEntry(
-        "Replay a flight log and compare.", "options.motions.ReplayOptions", "replay.replay_log"
+        "Replay a flight log and compare.",
+        "requests.replay.ReplayRequest",
+        "replay.replay_log",
+        json=True,
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),
     "style list": TableEntry(

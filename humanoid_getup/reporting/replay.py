@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import msgspec
@@ -9,11 +10,13 @@ import numpy as np
 
 from drivers import State, Twin
 from drivers.flight_log.reader import FlightRecord
+from drivers.state import Integers
 from drivers.twin.servo_model import VOLTAGE_STEP
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 
 THRESHOLD = 0.05  # rad, 3 degrees: above the effect of encoders, backlash and one late cycle
+CYCLES_EACH = 100  # after which progress is reported
 LONGEST_GAP = 5.0  # s without a cycle, for which the twin holds the last command
 
 
@@ -74,6 +77,8 @@ class ReplayReport:
     """Angles between the measured and the replayed vertical in the torso [rad], (T,)."""
     threshold: float
     """Difference of a joint or of the tilt from which it counts as divergence [rad]."""
+    twin_qpos: Array
+    """MuJoCo positions of the twin, its ground truth, (T, nq)."""
 
     @property
     def rms(self) -> Array:
@@ -86,9 +91,14 @@ class ReplayReport:
         return np.nan_to_num(np.abs(self.difference)).max(axis=0)
 
     @property
+    def ranking(self) -> Integers:
+        """Return the places of all joints, that of the largest difference first, (n,)."""
+        return np.argsort(-self.maximum, kind="stable")
+
+    @property
     def worst(self) -> str:
         """Return the joint of the largest difference."""
-        return self.joint_names[int(self.maximum.argmax())]
+        return self.joint_names[int(self.ranking[0])]
 
     @property
     def is_exact(self) -> bool:
@@ -109,6 +119,15 @@ class ReplayReport:
             joint=(*self.joint_names, None)[column],
             difference=float(values[row, column]),
         )
+
+    @property
+    def headline(self) -> str:
+        """Return the finding in one line."""
+        if self.is_exact:
+            return "the twin moved exactly as logged"
+        if (first := self.divergence) is None:
+            return f"no joint and no tilt differed by more than {self.threshold:g} rad"
+        return f"{first.part} differed by {first.difference:+.3f} rad after {first.time:.2f} s"
 
     def figures(self) -> ReplayFigures:
         """Return the figures of the replay."""
@@ -132,7 +151,12 @@ class ReplayReport:
 
 
 def replay(
-    record: FlightRecord, twin: Twin, start: Posture, *, threshold: float = THRESHOLD
+    record: FlightRecord,
+    twin: Twin,
+    start: Posture,
+    *,
+    threshold: float = THRESHOLD,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> ReplayReport:
     """Send the commands of a log to a twin, and compare both measurements.
 
@@ -145,6 +169,7 @@ def replay(
         twin: A fresh twin of the robot, in its scene, with its supply.
         start: Posture of the robot at the first cycle, at rest.
         threshold: Difference of a joint or of the tilt that counts as divergence [rad].
+        advance: Called with numbers of cycles that are done; what it raises ends the replay.
 
     Raises:
         ValueError: if the log is of another robot, or cannot be replayed.
@@ -153,9 +178,13 @@ def replay(
     periods = _count_periods(record, twin.period)
     twin.place(start)
     replayed: list[State] = []
+    positions: list[Array] = []
     with twin:
         for cycle, count in enumerate(periods):
+            if cycle and cycle % CYCLES_EACH == 0:
+                advance(CYCLES_EACH)
             replayed.append(twin.read())
+            positions.append(twin.truth.qpos)
             command = record.command(cycle)
             for _ in range(count):
                 twin.write(command)
@@ -168,6 +197,7 @@ def replay(
         difference=record.state["joint_pos"] - joint_pos,
         tilt_difference=_angle_between_verticals(record.state["orientation"], orientation),
         threshold=threshold,
+        twin_qpos=np.array(positions),
     )
 
 

@@ -11,6 +11,7 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import Progress
 from humanoid_getup.studio.folders import Folders
+from humanoid_getup.studio.plain_text import escape
 from humanoid_getup.studio.timeline import Timeline
 from robots import Posture
 from robots.kinematics import place
@@ -61,7 +62,7 @@ class Page:
 
     def say(self, text: str) -> None:
         """Show a line on the page."""
-        self._status.content = text
+        self._status.content = escape(text)
 
     def refuse(self, problem: str) -> None:
         """Show a problem on the page, and in its corner."""

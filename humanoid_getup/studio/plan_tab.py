@@ -20,12 +20,16 @@ from robots.servo import LimitMode
 from robots.storage.files import write_atomically
 
 if TYPE_CHECKING:
+    import viser
+
     from humanoid_getup.jobs.get_up.results import FinishedRise
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.page import Page
     from humanoid_getup.studio.take import Take
 
 OWN, THE_PLAN, NOTHING = "the robot's own", "the plan", "nothing"
+NO_RISES: tuple[str, ...] = (NOTHING,)
+GHOSTS: tuple[str, ...] = (THE_PLAN, NOTHING)
 APART = 1.0  # standing neck heights between two rises that are shown side by side
 MOST_KEPT = 12
 """Number of rises that can be compared."""
@@ -38,7 +42,8 @@ class KeptRise:
 
     take: Take
     request: RiseRequest
-    """Its files are in the folder of this request."""
+    folder: Path
+    """Folder of its files."""
 
 
 class PlanTab:
@@ -63,8 +68,8 @@ class PlanTab:
         self._plan = gui.add_button("Plan")
         self._cancel = gui.add_button("Cancel", disabled=True)
         with gui.add_folder("Rises"):
-            self._shown = gui.add_dropdown("Show", (NOTHING,))
-            self._ghost = gui.add_dropdown("Ghost", (THE_PLAN, NOTHING))
+            self._shown: viser.GuiDropdownHandle[str] = gui.add_dropdown("Show", NO_RISES)
+            self._ghost: viser.GuiDropdownHandle[str] = gui.add_dropdown("Ghost", GHOSTS)
             self._apart = gui.add_checkbox("Side by side", False)
         with gui.add_folder("File"):
             self._folder = gui.add_text("Folder", "rise")
@@ -107,7 +112,7 @@ class PlanTab:
         request.check()
         self._plan.disabled, self._cancel.disabled = True, False
         self._job = self._page.run(
-            rise, request, lambda done: self._keep(done, request), over=self._rest
+            rise, request, lambda done: self._keep(done, request, folder), over=self._rest
         )
 
     def _make_request(self, folder: Path) -> RiseRequest:
@@ -142,7 +147,7 @@ class PlanTab:
     def _rest(self) -> None:
         self._plan.disabled, self._cancel.disabled = False, True
 
-    def _keep(self, done: FinishedRise, request: RiseRequest) -> None:
+    def _keep(self, done: FinishedRise, request: RiseRequest, folder: Path) -> None:
         """Show a rise, and list it."""
         result = done.rise
         ended = f"stands at {done.report.stand_time_s:.1f} s" if result.stood else "does not stand"
@@ -150,11 +155,11 @@ class PlanTab:
         take = make_rise_take(self._page.world, result, name)
         if take is None:
             raise ValueError(f"nothing was played: {result.reason}")
-        self._kept[name] = KeptRise(take=take, request=request)
+        self._kept[name] = KeptRise(take=take, request=request, folder=folder)
         while len(self._kept) > MOST_KEPT:
             del self._kept[next(iter(self._kept))]
         self._shown.options = tuple(self._kept)
-        self._ghost.options = (THE_PLAN, NOTHING, *self._kept)
+        self._ghost.options = (*GHOSTS, *self._kept)
         self._shown.value = name
         self._page.say(f"{result}")
         self._show()
@@ -183,16 +188,16 @@ class PlanTab:
     def _save(self) -> None:
         """Copy the files of the rise that is shown, which the command would have written."""
         folder, kept = self._choose_folder()
-        names = [path.name for path in sorted(kept.request.out.iterdir())]
+        names = [path.name for path in sorted(kept.folder.iterdir())]
         with staging(folder, names) as staged:
-            copytree(kept.request.out, staged, dirs_exist_ok=True)
+            copytree(kept.folder, staged, dirs_exist_ok=True)
         self._page.say(f"Saved {', '.join(names)} in {self._page.folders.name(folder)}.")
 
     def _write_command(self) -> None:
         """Show the command that makes the same rise, and write the postures that it names."""
         folder, kept = self._choose_folder()
         request = kept.request
-        named = [Path(request.origin), *map(Path, request.key)]
+        named = [kept.folder / START, *map(Path, request.key)]
         for file in named:
             write_atomically(folder / file.name, file.read_text())
         moved = replace(

@@ -33,7 +33,7 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
     if outcome is None or not len(outcome.qpos):
         return None
     record, plan = outcome.record, result.plan
-    time = record.period * np.arange(1, len(record.qpos) + 1)
+    time = np.arange(1.0, len(record.qpos) + 1.0) * record.period
     ghost = None
     if isinstance(plan, MotionPlan):
         ghost = place_motion(world, plan.motion, time, record.qpos[0])

@@ -15,6 +15,7 @@ import viser
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.studio.flight_tab import FlightTab
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
 from humanoid_getup.studio.plan_tab import PlanTab
@@ -97,7 +98,11 @@ class Studio:
         camera.look_at = (0.0, 0.0, 0.3 * height)
 
 
-TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab, "Plan": PlanTab}
+TABS: dict[str, Callable[[Page], object]] = {
+    "Pose": PoseTab,
+    "Plan": PlanTab,
+    "Flight": FlightTab,
+}
 
 
 def find_port(host: str, port: int) -> int:

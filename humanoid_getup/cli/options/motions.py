@@ -1,4 +1,4 @@
-"""Options of `scenes`, `motions`, `plan-cache`, `preflight` and `replay`."""
+"""Options of `motions` and `plan-cache`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.backend import BackendOptions
-from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
+from humanoid_getup.jobs.requests.files import WRITTEN
 from humanoid_getup.jobs.requests.motions import NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
@@ -18,9 +18,6 @@ from humanoid_getup.jobs.requests.shared import (
     MotionName,
     RobotOption,
 )
-from humanoid_getup.jobs.requests.values import between
-
-REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,25 +50,6 @@ class ShowMotion(BodyOption, RobotOption):
     motion: Positional[MotionName]
     picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write; default: MOTION.png."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayOptions(JsonOption):
-    """Replay a flight log on the twin and report the differences."""
-
-    log: Annotated[Positional[Path], READ, arg(metavar="LOG")]
-    """A flight log (.mcap)."""
-    robot: Annotated[str | None, ROBOT] = None
-    """Name of a robot, or a folder with a robot.toml; default: the log's robot."""
-    scene: Annotated[str | None, READ] = None
-    """Name of a scene; default: the log's scene, else flat."""
-    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
-    """Supply voltage of the twin [V]; default: as measured at the start."""
-    threshold: Annotated[float | None, between(1e-9, 10.0, "rad"), arg(metavar="RAD")] = None
-    """Difference of a joint or of the tilt from which the replay has diverged [rad];
-    default: 0.05."""
-    out: Annotated[Path | None, Written(REPLAY_FILES), arg(metavar="DIR")] = None
-    """Folder for replay.json, flight.png and replay.png."""
 
 
 @dataclass(frozen=True, kw_only=True)

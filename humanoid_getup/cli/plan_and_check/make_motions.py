@@ -12,7 +12,7 @@ from rich.markup import escape
 from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.repeat import hinting_resume, write_command
+from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
 from humanoid_getup.jobs.discover_motions import DiscoveredMotions
@@ -21,6 +21,7 @@ from humanoid_getup.jobs.discover_motions import is_begun as is_searched
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.preview_motion import preview as play_keys
+from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.motions import (
     BuildRequest,
     ClipRequest,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
@@ -12,23 +11,30 @@ from humanoid_getup.jobs.requests.values import hints_of, name_option
 
 
 def write_command(name: str, request: JobRequest) -> str:
-    """Write the command of a name with the options of a request that are not at their defaults."""
+    """Write the command line of a request, without defaults."""
     hints = hints_of(type(request))
-    words = ["getup", *name.split()]
+    words, options = ["getup", *name.split()], list[str]()
     for field in fields(request):
-        words += _write_option(field, getattr(request, field.name), hints[field.name])
-    return shlex.join(words)
+        value = getattr(request, field.name)
+        if value == _find_default(field):
+            continue
+        name = name_option(field.name, hints[field.name])
+        if name.startswith("--"):
+            options += _write_option(name, value)
+        else:
+            words += [str(item) for item in (value if isinstance(value, tuple) else (value,))]
+    return shlex.join([*words, *options])
 
 
-def _write_option(field: Field[Any], value: Any, hint: Any) -> Iterator[str]:
-    """Yield the words of an option; none for a default, the value alone for a positional one."""
-    option = name_option(field.name, hint)
-    is_default = field.default is not MISSING and value == field.default
-    if value is None or (is_default and option.startswith("--")):
-        return
+def _find_default(field: Field[Any]) -> Any:
+    return None if field.default is MISSING else field.default
+
+
+def _write_option(name: str, value: object) -> list[str]:
     if isinstance(value, bool):
-        yield option if value else f"--no-{option.removeprefix('--')}"
-        return
-    if option.startswith("--"):
-        yield option
-    yield ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+        return [name if value else f"--no-{name[2:]}"]
+    if isinstance(value, tuple):
+        return [name, ",".join(map(str, value))]
+    if isinstance(value, float) and value.is_integer():
+        return [name, str(int(value))]
+    return [name, str(value)]

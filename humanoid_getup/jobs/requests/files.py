@@ -68,7 +68,7 @@ def _find_overwritten(request: Any, outputs: dict[Path, str]) -> list[str]:
         found = [file for file in inputs if path.samefile(file.path)]
         if found and not (option in makers and all(file.made for file in found)):
             why = "is a file of the robot" if found[0].robot else "is read, too"
-            problems.append(f"{option}: {_shorten(path)} {why}, expected another file")
+            problems.append(f"{option}: {shorten_path(path)} {why}, expected another file")
     return problems
 
 
@@ -122,5 +122,6 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _shorten(path: Path) -> Path:
+def shorten_path(path: Path) -> Path:
+    """Return a path as one would type it: relative where it is below the current folder."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path

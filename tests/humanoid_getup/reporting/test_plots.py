@@ -35,6 +35,7 @@ def make_report(difference: np.ndarray) -> ReplayReport:
         difference=difference,
         tilt_difference=np.zeros(T),
         threshold=0.05,
+        twin_qpos=np.zeros((T, 7)),
     )
 
 

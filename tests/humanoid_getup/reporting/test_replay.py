@@ -1,68 +1,17 @@
 """A flight log that was recorded on the twin replays on the twin to the last bit."""
 
 import json
-import resource
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from paths import TINY
+from flight_recording import record_swing, twin_of
 
-from drivers import Command, Cycle, Ending, GuardLimits, SafetyGuard, State, Twin, run
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.cli import commands
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.reporting.replay import ReplayReport, choose_supply, replay
-from humanoid_getup.simulation.world import World
-from robots import Posture, Robot, load_robot
 from robots.quaternion import multiply
-from robots.servo import LimitMode
 from robots.storage.encoding import to_plain
-
-SECOND = 1.0
-
-
-class Swing:
-    """Swing all joints about where they were."""
-
-    done = False
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
-
-    def reset(self, state: State) -> None:
-        self.middle = state.joint_pos
-
-    def step(self, state: State) -> Command:
-        angle = 0.5 * np.sin(6.0 * state.time + np.arange(self.robot.n))
-        return Command.position(self.robot, self.middle + angle, torque_limit=1.5)
-
-
-def twin_of(robot: Robot, voltage: float | None = None, limit_by: LimitMode | None = None) -> Twin:
-    return Twin(World(robot), voltage=voltage, limit_by=limit_by)
-
-
-def record_swing(path: Path, robot: Robot, twin: Twin, start: Posture | None, spoil=None) -> None:
-    guard = SafetyGuard(twin, GuardLimits.of(robot, torque_limit=1.0))
-    with FlightLog(path, robot, start=start) as log:
-        see = (lambda cycle: log.log(spoil(cycle))) if spoil else log.log
-        report = run(Swing(robot), guard, max_time=SECOND, on_cycle=see)
-        log.event(report.duration, "phase", "over")
-    assert report.ending is Ending.TIMEOUT
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Robot:
-    return load_robot(TINY)
-
-
-@pytest.fixture(scope="module")
-def swing(tiny, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("swing") / "swing.mcap"
-    record_swing(path, tiny, twin_of(tiny), tiny.standing)
-    return path
 
 
 def spoiled(record: FlightRecord, name: str, change) -> FlightRecord:
@@ -120,6 +69,7 @@ def test_differences_are_worked_out_by_joint(tiny):
         difference=np.array([[0.0, 0.0], [0.0, 0.3], [-0.2, 0.4], [np.nan, 0.0]]),
         tilt_difference=np.array([0.0, 0.0, 0.2, 0.0]),
         threshold=0.25,
+        twin_qpos=np.zeros((4, 9)),
     )
     # sqrt(0.04 / 3 measured), sqrt((0.09 + 0.16) / 4)
     np.testing.assert_allclose(report.rms, [0.2 / np.sqrt(3.0), 0.25])
@@ -186,98 +136,3 @@ def test_a_log_of_another_robot_or_without_cycles_cannot_be_replayed(swing, tiny
         pass
     with pytest.raises(ValueError, match="it has no cycles"):
         replay(FlightRecord.load(tmp_path / "f"), twin_of(tiny), tiny.standing)
-
-
-def parse(*arguments: object) -> commands.Invocation:
-    return commands.parse(["replay", *map(str, arguments)])
-
-
-def test_the_command_tells_that_the_twin_did_the_same(swing, tmp_path, capsys):
-    out = tmp_path / "out"
-    code = parse(swing, "--robot", TINY, "--out", out, "--json", tmp_path / "figures.json").load()()
-    assert code == 0
-    assert "the twin moved exactly as logged" in capsys.readouterr().out
-    assert sorted(path.name for path in out.iterdir()) == [
-        "flight.png",
-        "replay.json",
-        "replay.png",
-    ]
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert figures == json.loads((out / "replay.json").read_text())
-    assert (figures["exact"], figures["cycles"], figures["truncated"]) == (True, 125, False)
-    assert figures["events"] == [
-        {"time": pytest.approx(1.0), "kind": "phase", "text": "over", "cycle": 125}
-    ]
-
-
-def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, capsys):
-    path = tmp_path / "f"
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    guard = SafetyGuard(twin_of(tiny), GuardLimits.of(tiny, torque_limit=1.0))
-
-    def see(cycle: Cycle) -> None:
-        log.log(cycle)
-        if log.cycles == 50:
-            log.event(cycle.state.time, "phase", "on disk")
-            resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 100, hard))
-
-    log = FlightLog(path, tiny, start=tiny.standing)
-    try:
-        with log:
-            report = run(Swing(tiny), guard, max_time=SECOND, on_cycle=see)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert report.ending is Ending.TIMEOUT
-    assert log.fault is not None
-    assert log.fault.endswith(
-        "File too large, recording stopped; at least its first 50 cycles can be replayed"
-    )
-    assert parse(path, "--robot", TINY).load()() == 0
-    message = " ".join(capsys.readouterr().out.split())
-    assert "the twin moved exactly as logged" in message
-    assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
-
-
-def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurement(
-    op3, tmp_path, capsys
-):
-    record_swing(tmp_path / "f.mcap", op3, twin_of(op3), None)
-    assert parse(tmp_path / "f.mcap", "--json", "-").load()() == 0
-    message = capsys.readouterr()
-    figures = json.loads(message.out)
-    assert (figures["start"], figures["exact"]) == ("estimated", False)
-    assert figures["divergence_s"] is None or figures["divergence_s"] > 0.2
-    assert "log" in message.err
-
-
-def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_path, capsys):
-    def blind(cycle: Cycle) -> Cycle:
-        angles = np.where([True, False], cycle.state.joint_pos, np.nan)
-        return replace(cycle, state=replace(cycle.state, joint_pos=angles))
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, blind)
-    assert parse(tmp_path / "f", "--robot", TINY, "--out", tmp_path / "out").load()() == 0
-    assert "no joint and no tilt differed" in capsys.readouterr().out
-    assert json.loads((tmp_path / "out" / "replay.json").read_text())["exact"] is False
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("gone.mcap",), "flight log gone.mcap: No such file or directory"),
-        (("LOG",), "unknown robot 'tiny'"),
-        (("LOG", "--robot", "op3"), "it is of robot 'tiny', expected 'op3'"),
-        (("LOG", "--robot", TINY, "--scene", "moon"), "unknown scene 'moon'"),
-        (
-            ("LOG", "--threshold", "0", "--voltage", "nan"),
-            "--voltage is nan V, expected 1 to 100 V; --threshold is 0 rad, expected 1e-09 to 10",
-        ),
-        (("LOG", "--json", "LOG/x"), "is not a folder"),
-    ],
-)
-def test_the_command_refuses_what_it_cannot_use_in_one_line(swing, arguments, message):
-    words = [str(word).replace("LOG", str(swing)) for word in arguments]
-    with pytest.raises(BadInputError) as error:
-        parse(*words).load()()
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)

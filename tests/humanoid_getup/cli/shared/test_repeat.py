@@ -7,7 +7,7 @@ import pytest
 from run_getup import Run
 
 from humanoid_getup.cli.commands import parse
-from humanoid_getup.cli.shared.repeat import write_command
+from humanoid_getup.jobs.requests.command_text import write_command
 
 LINES = [
     "getup motions build lateral_side_sit --robot mine --generations 40 --resume",
@@ -15,6 +15,7 @@ LINES = [
     "getup bench all --robot 'my robot' --quick --out out/x",
     "getup rise --from prone --scene wall --no-plan-cache --key a.json,motions:b@1",
     "getup calibrate --port a=x,b=y --joint l_knee",
+    "getup replay 'out/my flight.mcap' --voltage 11.1 --threshold 0.1 --out out/replay",
 ]
 
 

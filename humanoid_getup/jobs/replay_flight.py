@@ -1,0 +1,198 @@
+"""Sends the commands of a flight log to the twin, and compares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from drivers import Twin
+from drivers.flight_log.content import Event
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
+from humanoid_getup.playback.estimation import estimate_posture
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.reporting import plots, style_plot
+from humanoid_getup.reporting.cut_commands import Cut, find_cuts
+from humanoid_getup.reporting.measured_flight import (
+    FlightPostures,
+    estimate_torques,
+    place_measured,
+)
+from humanoid_getup.reporting.replay import (
+    THRESHOLD,
+    ReplayFigures,
+    ReplayReport,
+    choose_supply,
+    replay,
+)
+from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.world import World
+from robots import Body, load_robot
+from robots.quaternion import Array
+from robots.servo import LIMIT_MODES, LimitMode
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
+
+FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayResult(ReplayFigures):
+    """The content of replay.json."""
+
+    log: Path
+    started: str
+    about: Mapping[str, object]
+    start: Literal["logged", "estimated"]
+    truncated: bool
+    lost_bytes: int
+    events: Sequence[Event]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReplayedFlight:
+    """A flight log, and what the twin did with its commands."""
+
+    record: FlightRecord
+    world: World
+    """The world of the twin."""
+    report: ReplayReport
+    measured: FlightPostures
+    """The robot as it was measured; see `place_measured`."""
+    twin: FlightPostures
+    """The twin, its ground truth."""
+    torque: Array
+    """Estimate of every servo's torque from its current [N·m], (T, n); NaN where unknown."""
+    cuts: tuple[Cut, ...]
+    """Commands that did not reach the servos as the controller sent them."""
+    written: tuple[Path, ...]
+
+    @property
+    def start(self) -> Literal["logged", "estimated"]:
+        """Return how the start was known: from the log, or from its first measurement."""
+        return "logged" if self.record.start else "estimated"
+
+    @property
+    def scene(self) -> str:
+        """Return the name of the scene."""
+        return self.world.scene.name
+
+    def describe(self) -> ReplayResult:
+        """Describe the replay for JSON."""
+        record = self.record
+        return ReplayResult(
+            log=record.path,
+            started=record.started,
+            about=dict(record.about),
+            start=self.start,
+            truncated=record.truncated,
+            lost_bytes=record.lost_bytes,
+            events=record.events,
+            **vars(self.report.figures()),
+        )
+
+
+def replay_flight(
+    request: ReplayRequest,
+    report: Report | None = None,
+    cancel: Cancel | None = None,
+    *,
+    folders: Sequence[Path] | None = None,
+) -> ReplayedFlight:
+    """Replay a flight log on the twin, and write what is requested.
+
+    Args:
+        request: Request.
+        report: Called with each progress.
+        cancel: Returns whether to cancel.
+        folders: Where the scene file may lie that a log names, if it names one; None for anywhere.
+
+    Raises:
+        BadInputError: if the log cannot be replayed, or a file not be written.
+        CancelledError: if ``cancel`` ended it; then nothing is written.
+    """
+    ReplayRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("reading")
+    with refusing():
+        record = FlightRecord.load(request.log)
+        world = _load_world(request, record, folders)
+        compared = _replay(request, record, world, monitor)
+        monitor.begin("comparing")
+        flight = ReplayedFlight(
+            record=record,
+            world=world,
+            report=compared,
+            measured=FlightPostures.of(world, place_measured(world, record, compared.twin_qpos)),
+            twin=FlightPostures.of(world, compared.twin_qpos),
+            torque=estimate_torques(world, record),
+            cuts=find_cuts(record),
+            written=(),
+        )
+    if request.out is None:
+        return flight
+    return replace(flight, written=_write(flight, request.out, monitor))
+
+
+def _load_world(
+    request: ReplayRequest, record: FlightRecord, folders: Sequence[Path] | None
+) -> World:
+    body = Body.parse(str(record.about.get("body", "")))
+    robot = load_robot(request.robot or record.robot, body)
+    record.check_robot(robot)
+    scene = request.scene or str(record.about.get("scene", "flat"))
+    if request.scene is None and folders is not None and scene.endswith(SCENE_FILE):
+        _check_place(record, scene, folders)
+    seed = record.about.get("seed", 0)
+    return World(robot, load_scene(scene, robot, seed if isinstance(seed, int) else 0))
+
+
+def _check_place(record: FlightRecord, scene: str, folders: Sequence[Path]) -> None:
+    """Refuse a log whose scene file lies outside folders."""
+    path = Path(scene).resolve()
+    if not any(path.is_relative_to(folder.resolve()) for folder in folders):
+        listed = ", ".join(map(str, folders))
+        raise BadInputError(
+            f"flight log {record.path}: its scene is {scene}, expected a file in {listed}"
+        )
+
+
+def _replay(
+    request: ReplayRequest, record: FlightRecord, world: World, monitor: ProgressMonitor
+) -> ReplayReport:
+    supply = choose_supply(record, world.robot) if request.voltage is None else request.voltage
+    twin = Twin(world, voltage=supply, limit_by=_find_limit_mode(record))
+    if not record.cycles:
+        raise ValueError(f"flight log {request.log}: contains no cycle, expected at least one")
+    start = record.start or estimate_posture(world, record.measurement(0))
+    return replay(
+        record,
+        twin,
+        start,
+        threshold=request.threshold or THRESHOLD,
+        advance=monitor.count("replaying", record.cycles),
+    )
+
+
+def _find_limit_mode(record: FlightRecord) -> LimitMode | None:
+    """Find what the flight's torque limit acted on; a log that does not say it flew as usual."""
+    return next((mode for mode in LIMIT_MODES if mode == record.about.get("limit_by")), None)
+
+
+def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple[Path, ...]:
+    """Write figures and plots into a folder; return the files."""
+    record, title = flight.record, f"{flight.record.robot}, {flight.record.path.name}"
+    with staging(out, REPLAY_FILES) as folder:
+        monitor.begin("drawing")
+        write_atomically(folder / FIGURES, to_json(flight.describe()))
+        plots.save_flight(record, folder / FLIGHT, title=title)
+        monitor.check()
+        plots.save_difference(flight.report, folder / DIFFERENCE, title=f"{title}: replay")
+        style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
+        monitor.check()
+    return tuple(out / name for name in REPLAY_FILES if (out / name).exists())

@@ -1,0 +1,225 @@
+"""Flight tab: a flight log, the measured robot and the twin that replays its commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
+from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.files import shorten_path
+from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
+from humanoid_getup.progress.background_job import BackgroundJob
+from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
+from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.plain_text import escape, make_block, make_table
+from humanoid_getup.studio.take import Mark, Plot, Take
+from robots.kinematics import transfer_positions
+
+SUFFIX = ".mcap"
+NO_LOG = f"no {SUFFIX} file"
+AS_MEASURED = "Of the twin; 0: as measured at the start"
+PLOTTED = 5  # joints, those that differ most
+MOST_EVENTS = 100  # marks
+MOST_CUTS = 20  # marks, of the longest
+
+
+class FlightTab:
+    """Elements that open a flight log, and show the robot and its twin."""
+
+    def __init__(self, page: Page) -> None:
+        """Add the elements where the caller is adding them."""
+        self._page, gui, answer = page, page.gui, page.answer
+        self._job: BackgroundJob[Any] | None = None
+        self._opened: ReplayRequest | None = None
+        with gui.add_folder("Flight log"):
+            self._list = gui.add_dropdown("Log", self._find_logs())
+            self._name = gui.add_text("File", "")
+            gui.add_button("Refresh").on_click(answer(self._refresh))
+            gui.add_button("Open").on_click(answer(self._open))
+            gui.add_button("Cancel").on_click(answer(self._cancel))
+        with gui.add_folder("Twin", expand_by_default=False):
+            self._supply = gui.add_number("Supply [V]", 0.0, min=0.0, step=0.1, hint=AS_MEASURED)
+            self._threshold = gui.add_number("Threshold [rad]", THRESHOLD, min=0.0, step=0.01)
+        with gui.add_folder("Command"):
+            self._command = gui.add_markdown("")
+            self._folder = gui.add_text("Folder", "replay")
+            gui.add_button("Save files").on_click(answer(self._save))
+        with gui.add_folder("Differences [rad]"):
+            self._table = gui.add_markdown("No flight log yet.")
+        self._choose()
+        choose, write = answer(self._choose), answer(self._write_command)
+        self._list.on_update(lambda event: choose(event) if event.client_id is not None else None)
+        self._folder.on_update(lambda event: write(event) if event.client_id is not None else None)
+
+    # Choice -----------------------------------------------------------------------------------
+
+    def _find_logs(self) -> list[str]:
+        return self._page.folders.list_files(SUFFIX) or [NO_LOG]
+
+    def _refresh(self) -> None:
+        logs = self._find_logs()
+        self._list.options = logs
+        self._list.value = logs[0]
+        self._choose()
+
+    def _choose(self) -> None:
+        self._name.value = "" if self._list.value == NO_LOG else self._list.value
+
+    def _open(self) -> None:
+        log = self._page.folders.resolve(self._name.value)
+        request = ReplayRequest(
+            log=shorten_path(log),
+            robot=self._page.request.robot,
+            voltage=_unless(self._supply.value, 0.0),
+            threshold=_unless(self._threshold.value, THRESHOLD),
+        )
+        request.check()
+        self._run(request, partial(self._show, request))
+
+    def _run(self, request: ReplayRequest, ended: Callable[[ReplayedFlight], None]) -> None:
+        """Replay in the background, instead of what runs there."""
+        self._cancel()
+        work = partial(replay_flight, folders=self._page.request.folder)
+        self._job = self._page.run(work, request, ended)
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+
+    # Result -----------------------------------------------------------------------------------
+
+    def _show(self, request: ReplayRequest, flight: ReplayedFlight) -> None:
+        _check_body(flight, self._page.world)
+        self._page.timeline.load(make_take(flight, self._page.world), play=False)
+        self._table.content = write_table(flight.report)
+        is_own = flight.record.robot == request.robot
+        self._opened = replace(request, robot=None) if is_own else request
+        self._page.say(f"Opened {request.log}.")
+        self._write_command()
+
+    def _write_command(self) -> None:
+        """Show the line that does the same."""
+        if self._opened is not None:
+            request = replace(self._opened, out=self._find_folder())
+            self._command.content = make_block(write_command("replay", request))
+
+    def _find_folder(self) -> Path:
+        """Return the folder for the files, each of which lies within the folders of the page."""
+        folder = self._page.folders.resolve(self._folder.value)
+        for name in REPLAY_FILES:
+            self._page.folders.resolve(str(folder / name))
+        return shorten_path(folder)
+
+    def _save(self) -> None:
+        if self._opened is None:
+            raise BadInputError("no flight log is open, expected one: see Open")
+        request = replace(self._opened, out=self._find_folder())
+        request.check()
+        self._run(request, self._tell_saved)
+
+    def _tell_saved(self, flight: ReplayedFlight) -> None:
+        folder, names = flight.written[0].parent, ", ".join(path.name for path in flight.written)
+        self._page.say(f"Saved in {folder}: {names}.")
+
+
+def _unless(value: float, default: float) -> float | None:
+    return None if value == default else float(value)
+
+
+def _check_body(flight: ReplayedFlight, world: World) -> None:
+    """Refuse the flight of another body than that on the page."""
+    body, shown = flight.world.robot.body, world.robot.body
+    if body != shown:
+        raise BadInputError(
+            f"flight log {flight.record.path}: it is of the body '{body}', expected '{shown}': "
+            "see getup studio --body"
+        )
+
+
+def make_take(flight: ReplayedFlight, world: World) -> Take:
+    """Make a take of a flight in the world of the page: the measured robot, and its twin."""
+    report, robot, own = flight.report, world.robot, flight.world.model
+    return Take(
+        name=escape(flight.record.path.name),
+        time=report.time,
+        qpos=transfer_positions(robot, own, world.model, flight.measured.qpos),
+        ghost=transfer_positions(robot, own, world.model, flight.twin.qpos),
+        joint_torque=robot.transmission.torque_at_joint(np.nan_to_num(flight.torque)),
+        plots=tuple(_make_plots(flight)),
+        marks=tuple(sorted(_make_marks(flight), key=lambda mark: mark.time)),
+        facts=tuple(map(escape, _list_facts(flight, world))),
+    )
+
+
+def _make_plots(flight: ReplayedFlight) -> list[Plot]:
+    report, state = flight.report, flight.record.state
+    worst = {report.joint_names[joint]: joint for joint in report.ranking[:PLOTTED]}
+    joints = {
+        "|measured - twin| [rad]": np.abs(report.difference),
+        "Torque by current [N·m]": flight.torque,
+        "Speed [rad/s]": state["joint_vel"],
+    }
+    both = {"robot": flight.measured, "twin": flight.twin}
+    difference, *others = (
+        Plot(title=title, curves={name: values[:, joint] for name, joint in worst.items()})
+        for title, values in joints.items()
+    )
+    return [
+        replace(difference, limit=report.threshold),
+        Plot(title="Tilt [deg]", curves={k: np.degrees(one.tilt) for k, one in both.items()}),
+        Plot(title="Torso height [m]", curves={k: one.height for k, one in both.items()}),
+        *others,
+    ]
+
+
+def _make_marks(flight: ReplayedFlight) -> list[Mark]:
+    """Make a mark of each event and each cut command, and of the divergence."""
+    begin = float(flight.record.time[0])
+    marks = [
+        Mark(time=event.time - begin, text=escape(f"{event.kind}: {event.text}"))
+        for event in flight.record.events[:MOST_EVENTS]
+    ]
+    longest = sorted(flight.cuts, key=lambda cut: cut.begin - cut.end)[:MOST_CUTS]
+    marks += [Mark(time=cut.begin, text=escape(str(cut))) for cut in longest]
+    if (first := flight.report.divergence) is not None:
+        text = escape(f"diverged: {first.part} differs by {first.difference:+.3f} rad")
+        marks.append(Mark(time=first.time, text=text))
+    return marks
+
+
+def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
+    record, report = flight.record, flight.report
+    date = f"{record.started.removesuffix('+00:00').replace('T', ' ')} UTC"
+    facts = [report.headline, record.describe(), f"start {flight.start}, recorded {date}"]
+    if flight.scene != world.scene.name:
+        facts.append(
+            f"recorded in the scene '{flight.scene}', shown in '{world.scene.name}': "
+            "see getup studio --scene"
+        )
+    left_out = len(record.events[MOST_EVENTS:]), len(flight.cuts[MOST_CUTS:])
+    if any(left_out):
+        facts.append(f"without marks: {left_out[0]} events, {left_out[1]} cut commands")
+    if not report.is_exact:
+        worst = (
+            f"{report.joint_names[joint]} {report.maximum[joint]:.3f} ({report.rms[joint]:.4f})"
+            for joint in report.ranking[:PLOTTED]
+        )
+        facts.append(f"largest (RMS) differences [rad]: {', '.join(worst)}")
+    return facts
+
+
+def write_table(report: ReplayReport) -> str:
+    """Write the differences of all joints as markdown, the largest first."""
+    rows = [
+        (report.joint_names[joint], f"{report.maximum[joint]:.4f}", f"{report.rms[joint]:.4f}")
+        for joint in report.ranking
+    ]
+    return make_table(("Joint", "Largest", "RMS"), rows)

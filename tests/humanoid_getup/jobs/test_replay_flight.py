@@ -1,0 +1,227 @@
+"""A replayed flight is what the command prints, with the postures of robot and twin."""
+
+import json
+import math
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_recording import record_swing, twin_of
+from paths import TINY
+
+from drivers import Cycle
+from drivers.flight_log.reader import FlightRecord
+from drivers.flight_log.writer import FlightLog
+from humanoid_getup.cli.main import main
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
+from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
+from humanoid_getup.progress.callback import CancelledError, Progress
+from humanoid_getup.reporting.cut_commands import CutKind
+from humanoid_getup.scenes.named_scenes import FOLDER
+from robots import Robot, quaternion
+from robots.kinematics import lowest_points
+from robots.quaternion import multiply
+from robots.storage.encoding import to_json
+
+
+def replayed(log: Path, **options: object) -> ReplayedFlight:
+    return replay_flight(ReplayRequest(log=log, robot=str(TINY), **options))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.fixture(scope="module")
+def flight(swing: Path) -> ReplayedFlight:
+    return replayed(swing)
+
+
+def test_the_job_has_what_the_command_prints_and_writes(
+    swing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    flight = replayed(swing, out=tmp_path / "job")
+    words = ["replay", str(swing), "--robot", str(TINY), "--out", str(tmp_path / "command")]
+    assert main([*words, "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads(to_json(flight.describe()))
+    assert main(words) == 0
+    lines = capsys.readouterr().out
+    assert lines.startswith(flight.report.headline)
+    assert flight.record.describe() in lines
+    names = [path.name for path in flight.written]
+    assert names == [name for name in REPLAY_FILES if name != "style.png"]
+    for name in names:
+        written = tmp_path / "job" / name, tmp_path / "command" / name
+        assert written[0].read_bytes() == written[1].read_bytes(), name
+
+
+def test_the_result_goes_to_another_process(flight: ReplayedFlight):
+    copy = pickle.loads(pickle.dumps(flight))
+    np.testing.assert_array_equal(copy.measured.qpos, flight.measured.qpos)
+    assert copy.describe() == flight.describe()
+    assert copy.cuts == flight.cuts
+    assert copy.world.robot.joint_names == flight.world.robot.joint_names
+
+
+def test_a_cancelled_replay_ends_within_it_and_writes_nothing(swing: Path, tmp_path: Path):
+    phases = list[str]()
+
+    def report(progress: Progress) -> None:
+        phases.append(f"{progress.phase} {progress.done:g}")
+
+    request = ReplayRequest(log=swing, robot=str(TINY), out=tmp_path / "out")
+    for last in ("reading 0", "replaying 100", "drawing 0"):
+        phases.clear()
+        with pytest.raises(CancelledError):
+            replay_flight(request, report, lambda last=last: phases[-1] == last)
+        assert phases[-1] == last
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_measured_robot_lies_over_its_twin_where_both_moved_the_same(flight: ReplayedFlight):
+    """All but the encoders' steps, the filter's small errors and the height, which is a guess."""
+    world = flight.world
+    layout = world.robot.layout(world.model)
+    measured, twin = flight.measured.qpos, flight.twin.qpos
+    np.testing.assert_allclose(measured[:, layout.qpos], twin[:, layout.qpos], atol=0.001)
+    apart = quaternion.angle_between(
+        measured[:, layout.root_orientation], twin[:, layout.root_orientation]
+    )
+    assert apart.max() < 0.1
+    np.testing.assert_allclose(flight.measured.height, flight.twin.height, atol=0.02)
+    np.testing.assert_allclose(lowest_points(world.model, measured), -0.0005, atol=1e-9)
+    assert np.ptp(flight.twin.tilt) > 0.1
+    np.testing.assert_allclose(flight.measured.tilt, flight.twin.tilt, atol=0.1)
+
+
+def test_an_imu_with_another_zero_of_its_yaw_changes_nothing(tiny: Robot, tmp_path: Path):
+    turn = quaternion.from_yaw(2.0)
+
+    def turned(cycle: Cycle) -> Cycle:
+        orientation = multiply(turn, cycle.state.orientation)
+        return replace(cycle, state=replace(cycle.state, orientation=orientation))
+
+    for name, spoil in (("plain", None), ("turned", turned)):
+        record_swing(tmp_path / name, tiny, twin_of(tiny), tiny.standing, spoil)
+    plain, other = replayed(tmp_path / "plain"), replayed(tmp_path / "turned")
+    np.testing.assert_allclose(other.measured.qpos, plain.measured.qpos, atol=1e-9)
+
+
+def test_what_was_not_measured_is_the_twins(tiny: Robot, tmp_path: Path):
+    def blind(cycle: Cycle) -> Cycle:
+        angles = np.where([True, False], cycle.state.joint_pos, np.nan)
+        lost = np.full(4, np.nan) if cycle.state.time > 0.5 else cycle.state.orientation
+        return replace(cycle, state=replace(cycle.state, joint_pos=angles, orientation=lost))
+
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, blind)
+    flight = replayed(tmp_path / "f")
+    layout = flight.world.robot.layout(flight.world.model)
+    measured, twin = flight.measured.qpos, flight.twin.qpos
+    np.testing.assert_array_equal(measured[:, layout.qpos[1]], twin[:, layout.qpos[1]])
+    late = flight.report.time > 0.51
+    np.testing.assert_array_equal(
+        measured[late, layout.root_orientation], twin[late, layout.root_orientation]
+    )
+
+
+def test_torque_is_estimated_from_current_by_the_stall_point(flight: ReplayedFlight):
+    current = flight.record.state["joint_current"]
+    model = flight.world.robot.joints[0].servo.model
+    expected = current * model.stall_torque / model.stall_current
+    np.testing.assert_allclose(flight.torque, expected)
+    assert np.abs(flight.torque).max() > 0.1
+
+
+def test_a_torque_limit_that_the_guard_cut_is_one_episode_of_both_joints(flight: ReplayedFlight):
+    """1.5 N·m were asked for, 1.0 N·m is the guard's limit."""
+    (cut,) = [each for each in flight.cuts if each.kind is CutKind.TORQUE]
+    assert cut.joints == flight.record.joint_names
+    assert (cut.begin, cut.end) == (0.0, flight.report.time[-1])
+    assert cut.largest == pytest.approx(0.5, abs=0.03)
+    assert str(cut).startswith("2 joints: torque limit cut by up to 0.5")
+
+
+def test_a_target_that_is_too_fast_is_cut_in_the_cycles_in_which_the_guard_counts_it(
+    tiny: Robot, tmp_path: Path
+):
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, rate=60.0)
+    flight = replayed(tmp_path / "f")
+    counted = np.diff(flight.record.tracks["clips"]["velocity"], axis=0, prepend=0) > 0  # (T, n)
+    assert counted.any()
+    cuts = [each for each in flight.cuts if each.kind is CutKind.TARGET]
+    for joint, name in enumerate(tiny.joint_names):
+        mine = [each for each in cuts if name in each.joints]
+        first, last = np.flatnonzero(counted[:, joint])[[0, -1]]
+        assert mine[0].begin == flight.report.time[first]
+        assert mine[-1].end == flight.report.time[last]
+        assert all(each.begin <= each.end for each in mine)
+
+
+def test_torque_that_is_switched_off_after_a_fault_is_a_cut(tiny: Robot, tmp_path: Path):
+    def stop(cycle: Cycle) -> Cycle:
+        limit = cycle.sent.torque_limit * (cycle.state.time < 0.5)
+        return replace(cycle, sent=replace(cycle.sent, torque_limit=limit))
+
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, stop)
+    (cut,) = [each for each in replayed(tmp_path / "f").cuts if each.kind is CutKind.RELEASE]
+    assert (cut.begin, cut.largest) == (pytest.approx(0.504), 1.5)
+
+
+def test_a_command_of_another_length_is_no_cut(tiny: Robot, tmp_path: Path):
+    def short(cycle: Cycle) -> Cycle:
+        if cycle.state.time < 0.5:
+            return cycle
+        asked = replace(cycle.asked, joint_pos=np.zeros(1), torque_limit=np.zeros(1))
+        return replace(cycle, asked=asked)
+
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, short)
+    cuts = replayed(tmp_path / "f").cuts
+    assert max(cut.end for cut in cuts) == pytest.approx(0.496)
+
+
+def test_joints_are_ranked_by_their_largest_difference(tiny: Robot, tmp_path: Path):
+    def lean(cycle: Cycle) -> Cycle:
+        angles = cycle.state.joint_pos + np.array([0.02, -0.2])
+        return replace(cycle, state=replace(cycle.state, joint_pos=angles))
+
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, lean)
+    report = replayed(tmp_path / "f").report
+    assert report.ranking.tolist() == [1, 0]
+    assert report.headline == f"joint '{tiny.joint_names[1]}' differed by -0.200 rad after 0.00 s"
+
+
+def test_a_log_without_cycles_is_refused(tiny: Robot, tmp_path: Path):
+    with FlightLog(tmp_path / "f", tiny):
+        pass
+    with pytest.raises(BadInputError, match="contains no cycle, expected at least one"):
+        replayed(tmp_path / "f")
+
+
+def test_a_scene_file_that_a_log_names_is_read_within_folders_alone(tiny: Robot, tmp_path: Path):
+    scene = FOLDER / "ice.toml"
+    path = tmp_path / "f"
+    with FlightLog(path, tiny, about={"scene": str(scene)}, start=tiny.standing) as log:
+        record_swing(tmp_path / "other", tiny, twin_of(tiny), tiny.standing, _copying(log))
+    request = ReplayRequest(log=path, robot=str(TINY))
+    assert replay_flight(request).scene == replay_flight(request, folders=[FOLDER]).scene
+    with pytest.raises(BadInputError, match=f"its scene is {scene}, expected a file in"):
+        replay_flight(request, folders=[tmp_path])
+    assert replay_flight(replace(request, scene="flat"), folders=[tmp_path]).scene == "flat"
+
+
+def _copying(log: FlightLog):
+    def copy(cycle: Cycle) -> Cycle:
+        log.log(cycle)
+        return cycle
+
+    return copy
+
+
+def test_a_log_that_was_cut_off_is_replayed_as_far_as_it_goes(swing: Path, tmp_path: Path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(swing.read_bytes()[: math.floor(0.6 * swing.stat().st_size)])
+    flight = replayed(cut)
+    assert flight.record.truncated
+    assert 0 < flight.record.cycles < FlightRecord.load(swing).cycles
+    assert flight.report.is_exact
+    assert len(flight.measured.qpos) == len(flight.twin.qpos) == flight.record.cycles

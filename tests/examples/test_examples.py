@@ -76,12 +76,13 @@ def test_the_work_of_commands_runs_as_the_page_shows_it(tmp_path, capsys, monkey
     page = (REPOSITORY / "docs/how-to/use_as_library.md").read_text("utf-8")
     section = page.split("## Do what the commands do")[1].split("\n## ")[0]
     blocks = re.findall(r"```python\n(.*?)```", section, re.S)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     monkeypatch.chdir(tmp_path)
     exec("\n".join([IMPORT, *blocks]), {})
     out = capsys.readouterr().out
     assert out.startswith("True [")
     assert "Progress(phase='filtering'" in out
+    assert "op3, squat: stands after" in out
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 

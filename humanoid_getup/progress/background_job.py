@@ -53,7 +53,7 @@ class BackgroundJob(Generic[Result]):
         ours, theirs = SPAWN.Pipe()
         self._pipe, self._end = ours, JobEnd[Result](problem="the job's process ended")
         self._cancelled = threading.Event()
-        self._process = SPAWN.Process(target=_run, args=(theirs, work, request), daemon=True)
+        self._process = SPAWN.Process(target=_run, args=(theirs, work, request))
         self._process.start()
         theirs.close()
         self._thread = threading.Thread(target=self._follow, name="job", daemon=True)

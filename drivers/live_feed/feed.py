@@ -34,13 +34,18 @@ class LiveFeed:
         """Prepare; ``stop`` is called from a thread when a follower stops the robot."""
         self._hello, self._stop = LiveHello.of(robot), stop
         self.path = find_feeds_folder() / f"{robot.name}-{os.getpid()}{SUFFIX}"
+        self._phase = ""
         self._newest: Cycle | None = None
         self._ended = threading.Event()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
 
-    def publish(self, cycle: Cycle) -> None:
+    def show(self, cycle: Cycle) -> None:
         """Make a cycle the newest one."""
         self._newest = cycle
+
+    def note(self, phase: str) -> None:
+        """Note what the program is doing from now on."""
+        self._phase = phase
 
     def __enter__(self) -> LiveFeed:
         self.path.unlink(missing_ok=True)  # of a killed process with this number
@@ -67,14 +72,15 @@ class LiveFeed:
                 threading.Thread(target=serve, args=(connection,), daemon=True).start()
 
     def _send(self, connection: socket.socket) -> None:
-        """Send each newest cycle once, until the follower or the feed ends."""
-        sent: Cycle | None = None
+        """Send what is new, until the follower or the feed ends."""
+        sent: tuple[Cycle, str] | None = None
         with connection, contextlib.suppress(OSError):
             send_message(connection, self._hello)
             while not self._ended.wait(PERIOD):
-                if (newest := self._newest) is not sent and newest is not None:
-                    send_message(connection, LiveSample.of(newest))
-                    sent = newest
+                cycle, phase = self._newest, self._phase
+                if cycle is not None and (sent is None or sent[0] is not cycle or sent[1] != phase):
+                    send_message(connection, LiveSample.of(cycle, phase))
+                    sent = cycle, phase
 
     def _listen(self, connection: socket.socket) -> None:
         """Stop the robot when a follower says so."""

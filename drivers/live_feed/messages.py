@@ -43,6 +43,8 @@ class LiveHello(msgspec.Struct, frozen=True, kw_only=True):
 class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
     """A control cycle."""
 
+    phase: str
+    """What the program is doing, such as planning."""
     time: float
     """On the backend's clock [s]."""
     joint_pos: list[float]
@@ -67,10 +69,11 @@ class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
     """Time to measure, decide and move in the cycle, in wall time [s]."""
 
     @classmethod
-    def of(cls, cycle: Cycle) -> LiveSample:
-        """Make the sample of a cycle."""
+    def of(cls, cycle: Cycle, phase: str) -> LiveSample:
+        """Make the sample of a cycle in a phase."""
         state, sent, timing = cycle.state, cycle.sent, cycle.timing
         return cls(
+            phase=phase,
             time=float(state.time),
             joint_pos=state.joint_pos.tolist(),
             target=sent.joint_pos.tolist(),

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 RATE, GIF_RATE = 30, 15  # pictures a second
 SIZE, GIF_SIZE = (720, 720), (360, 360)  # pixels
-MP4, GIF = ".mp4", ".gif"
-SUFFIXES = (MP4, GIF)
+GIF = ".gif"
 # In software, a picture takes a fifth of the time without multisampling and with small shadows.
 SHADOW = 1024  # pixels
 

@@ -59,7 +59,7 @@ def test_a_follower_receives_the_newest_cycle(
     follower = LiveFollower(feed.path, samples.put)
     assert follower.hello.robot == tiny.name
     assert follower.hello.joint_names == tuple(tiny.joint_names)
-    feed.publish(make_cycle(tiny, 1.5))
+    feed.show(make_cycle(tiny, 1.5))
     sample = samples.get(timeout=PATIENCE)
     assert sample.time == 1.5
     assert sample.target == tiny.standing.joint_pos.tolist()
@@ -72,7 +72,7 @@ def test_every_follower_sees_the_same(
     tiny: Robot, feed: LiveFeed, samples: "queue.Queue[LiveSample]"
 ):
     followers = [LiveFollower(feed.path, samples.put) for _ in range(2)]
-    feed.publish(make_cycle(tiny, 2.0))
+    feed.show(make_cycle(tiny, 2.0))
     assert samples.get(timeout=PATIENCE) == samples.get(timeout=PATIENCE)
     for follower in followers:
         follower.close()
@@ -95,7 +95,7 @@ def test_a_follower_that_leaves_or_hangs_changes_nothing(
     hanging.connect(str(feed.path))
     LiveFollower(feed.path, samples.put).close()
     other = LiveFollower(feed.path, samples.put)
-    feed.publish(make_cycle(tiny, 3.0))
+    feed.show(make_cycle(tiny, 3.0))
     assert samples.get(timeout=PATIENCE).time == 3.0
     assert stops.empty()
     other.close()

@@ -38,6 +38,7 @@ from humanoid_getup.reporting.report import (
     StandReport,
     make_report,
 )
+from humanoid_getup.reporting.video import save_video
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyFigures, find_passes
@@ -104,7 +105,10 @@ def finish_rise(
                 report = replace(report, strip_reason=_draw(result, world, request, folder))
                 _draw_style(report, request.out / FLIGHT, folder / STYLE)
                 write_atomically(folder / REPORT, to_json(report))
-    files = _list_files(request.out)
+        moves = [move.outcome for move in result.moves]
+        problem = _film(result.outcome, world, request, moves)
+        report.warnings.extend([problem] if problem else [])
+    files = _list_files(request, filmed=not problem)
     return FinishedRise(rise=result, report=report, world=world, start=start, files=files)
 
 
@@ -119,15 +123,34 @@ def finish_stand(
                 reason = _draw_way_down(result, world, request, folder)
                 report = replace(report, strip_reason=reason)
                 write_atomically(folder / REPORT, to_json(report))
-    files = _list_files(request.out)
+        problem = _film(result.way_down and result.way_down.outcome, world, request)
+        report = replace(report, strip_reason=problem) if problem else report
+    files = _list_files(request, filmed=not problem)
     return FinishedStand(stand=result, report=report, world=world, start=start, files=files)
 
 
-def _list_files(folder: Path | None) -> tuple[Path, ...]:
-    """List the files of a run in its folder; those of earlier runs were removed or renamed."""
-    if folder is None:
-        return ()
-    return tuple(folder / name for name in (*ARTEFACTS, FLIGHT) if (folder / name).exists())
+def _list_files(request: MoveOptions, *, filmed: bool) -> tuple[Path, ...]:
+    """List the files of a run; those of earlier runs in its folder were removed or renamed."""
+    files = [] if request.out is None else [request.out / n for n in (*ARTEFACTS, FLIGHT)]
+    files += [request.video] if filmed and request.video is not None else []
+    return tuple(file for file in files if file.exists())
+
+
+def _film(
+    outcome: Outcome | None, world: World, request: MoveOptions, moves: Sequence[Outcome] = ()
+) -> str:
+    """Save the video that is requested, if any; return why there is none."""
+    if request.video is None:
+        return ""
+    if outcome is None or not len(outcome.qpos):
+        return f"no {request.video.name}: nothing was played"
+    states = np.concatenate([*(move.qpos for move in moves), outcome.qpos])
+    times = np.arange(float(len(states))) * world.robot.control_period
+    try:
+        save_video(world.robot, world.model, times, states, request.video)
+    except (film_strip.NoRendererError, OSError) as error:
+        return f"no {request.video.name}: {error}"
+    return ""
 
 
 def _make_head(

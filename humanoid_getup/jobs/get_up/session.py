@@ -66,7 +66,7 @@ def run_session(
         about = {} if motion is None else {"motion": motion.name}
         log = make_log(request, world.robot, own_start and own_start.posture, **about)
         with recording(log, monitor.tell) as recorder:
-            hooks = SessionHooks(choice, recorder, monitor, operator or NoOperator())
+            hooks = SessionHooks(request, choice, recorder, monitor, operator or NoOperator())
             chosen = SessionOptions(
                 start_class=start and start.start_class,
                 settle=own_start is None,

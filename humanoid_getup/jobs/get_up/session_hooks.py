@@ -6,14 +6,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from drivers import Backend, GuardLimits, SafetyGuard, State
+from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
+from humanoid_getup.jobs.get_up.onlookers import Onlooker, inviting
 from humanoid_getup.jobs.get_up.operator import Operator
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
+from humanoid_getup.jobs.requests.rise import MoveOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
@@ -44,13 +46,15 @@ class SessionHooks:
 
     def __init__(
         self,
+        request: MoveOptions,
         choice: BackendChoice,
         recorder: FlightRecorder,
         monitor: ProgressMonitor,
         operator: Operator,
     ) -> None:
         """Prepare for an open backend."""
-        self._choice, self._recorder = choice, recorder
+        self._request, self._choice, self._recorder = request, choice, recorder
+        self._onlookers = list[Onlooker]()
         self._monitor, self._operator = monitor, operator
 
     def begin(self, world: World, limit: TorqueLimit, options: SessionOptions) -> Session:
@@ -67,7 +71,7 @@ class SessionHooks:
             realtime=self._choice.realtime,
             simulation=self._choice.simulation,
             on_phase=self._note,
-            on_cycle=self._recorder.log,
+            on_cycle=self._log,
         )
 
     def work(self, guard: SafetyGuard, work: Callable[[], Result]) -> Result:
@@ -75,13 +79,21 @@ class SessionHooks:
 
         A robot that was handed over keeps its torque: then it is too late to cancel.
         """
-        with self._operator.watch(guard):
+        with self._operator.watch(guard), inviting(self._request, self._choice, guard) as invited:
+            self._onlookers = invited
             result = work()
         if result.hand_over is not None:
             self._monitor.commit()
         return result
 
+    def _log(self, cycle: Cycle) -> None:
+        self._recorder.log(cycle)
+        for onlooker in self._onlookers:
+            onlooker.show(cycle)
+
     def _note(self, change: PhaseChange) -> None:
+        for onlooker in self._onlookers:
+            onlooker.note(change.phase.value)
         self._operator.note(change)
         self._recorder.note(change)
         if change.phase is not Phase.ENDED:

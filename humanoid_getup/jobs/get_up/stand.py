@@ -53,7 +53,7 @@ def _keep_stand(
     monitor.begin("opening the backend")
     log = make_log(request, world.robot)
     with open_backend(request, world, limit) as choice, recording(log, monitor.tell) as recorder:
-        hooks, place = SessionHooks(choice, recorder, monitor, operator), choice.place
+        hooks, place = SessionHooks(request, choice, recorder, monitor, operator), choice.place
         options = SessionOptions(
             then=request.ending, place=place and (lambda: place(stand.posture))
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -11,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.backend import BackendOptions
-from humanoid_getup.jobs.requests.files import READ, ROBOT, Written
+from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     NO_ORIGIN,
@@ -29,6 +30,8 @@ from humanoid_getup.jobs.requests.values import between
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
+MP4 = ".mp4"
+VIDEOS = (MP4, ".gif")
 ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
 A_REAL_ROBOT = "a real robot has the body that it has"
 StyleOption = Annotated[
@@ -51,13 +54,33 @@ class MoveOptions(TorqueOptions, BackendOptions):
     """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
     of a policy with style curves, style.png."""
 
+    video: Annotated[Path | None, WRITTEN, arg(metavar="FILE.mp4|FILE.gif")] = None
+    """Video of how it moved; MP4 requires humanoid-getup[studio]."""
+    view: bool = False
+    """Show a simulated robot in MuJoCo's own viewer while it moves; best with --realtime."""
+    live: bool = False
+    """Let other programs of this user follow it, and stop it: the Live tab of `getup studio`."""
+
     def find_problems(self) -> list[str]:
-        """Report a wrong torque limit or body as well."""
-        problems = super().find_problems()
+        """Report a wrong torque limit, body or video as well."""
+        problems = super().find_problems() + self._find_problems_of_pictures()
         if self.backend != "twin" and self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and isinstance(self, BodyOption):
             problems += self.refuse_body(A_REAL_ROBOT)
+        return problems
+
+    def _find_problems_of_pictures(self) -> list[str]:
+        problems = []
+        if self.video is not None and self.video.suffix.lower() not in VIDEOS:
+            problems.append(f"--video is {self.video}, expected a name that ends with .mp4 or .gif")
+        elif self.video is not None and self.video.suffix.lower() == MP4 and not find_spec("av"):
+            problems.append(
+                f"--video {self.video} requires package 'av', expected .gif without it: "
+                "pip install 'humanoid-getup[studio]'"
+            )
+        if self.view and self.is_real:
+            problems.append("--view is given, expected a simulated robot with it")
         return problems
 
 

@@ -16,6 +16,7 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.get_up.recording import recording
 from humanoid_getup.jobs.get_up.session_hooks import SessionHooks
+from humanoid_getup.jobs.requests.rise import SitRequest
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from robots import Robot
 
@@ -47,7 +48,7 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
     choice = BackendChoice(backend=guard, realtime=True)
     monitor, key = ProgressMonitor(shown.append), OperatorKey(realtime=True, terminal=slave)
     with recording(FlightLog(path, op3), monitor.tell) as recorder:
-        hooks = SessionHooks(choice, recorder, monitor, key)
+        hooks = SessionHooks(SitRequest(), choice, recorder, monitor, key)
         options = hooks.join(SessionOptions())
 
         def hold() -> AfterStand:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import closing, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import viser
 
@@ -16,6 +17,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
 from humanoid_getup.studio.flight_tab import FlightTab
+from humanoid_getup.studio.live_tab import LiveTab
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
 from humanoid_getup.studio.plan_tab import PlanTab
@@ -49,9 +51,11 @@ class Studio:
         self._scratch = TemporaryDirectory(prefix="getup-studio-")
         self.page = Page(request, self.server, world, self.timeline, Path(self._scratch.name))
         tabs = self.server.gui.add_tab_group()
+        self.tabs: dict[str, Any] = {}
+        """What was made of `TABS`."""
         for name, tab in TABS.items():
             with tabs.add_tab(name):
-                tab(self.page)
+                self.tabs[name] = tab(self.page)
         self.server.gui.main_panel.dock_right()
         self._leaving: threading.Timer | None = None
         self.server.on_client_connect(lambda _: self._stay())
@@ -102,6 +106,7 @@ TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
     "Plan": PlanTab,
     "Flight": FlightTab,
+    "Live": LiveTab,
 }
 
 

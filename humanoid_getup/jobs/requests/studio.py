@@ -27,8 +27,15 @@ class StudioRequest(BodyOption, SceneOptions):
     """Folders in which the page may read and write files, besides the robot's own, which it
     reads."""
 
+    robot_port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")] = ()
+    """Serial ports of a real robot, as with `getup rise --port`, for the Live tab."""
+    allow_motion: bool = False
+    """Let the page move that robot, after it was armed there."""
+
     def find_problems(self) -> list[str]:
-        """Report folders that do not exist as well."""
+        """Report folders that do not exist, and motion without a robot, as well."""
         missing = [folder for folder in self.folder if not folder.is_dir()]
         problems = [f"--folder {folder}: expected an existing folder" for folder in missing]
+        if self.allow_motion and not self.robot_port:
+            problems.append("--allow-motion is given, expected --robot-port with it")
         return super().find_problems() + problems

@@ -1,0 +1,233 @@
+"""Live tab: follows a robot that a program moves, stops it, and starts a rise where permitted."""
+
+from __future__ import annotations
+
+import math
+import threading
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.live_feed.feed import list_feeds
+from drivers.live_feed.follower import LiveFollower
+from drivers.live_feed.messages import FeedError, LiveSample
+from humanoid_getup.jobs.follow_robot import check_robot, estimate_sample
+from humanoid_getup.jobs.get_up.rise import rise
+from humanoid_getup.jobs.requests.rise import RiseRequest
+from robots import quaternion
+from robots.description.posture_file import format_posture
+from robots.kinematics import imu_in_torso, place
+from robots.storage.files import write_atomically
+
+if TYPE_CHECKING:
+    import viser
+
+    from humanoid_getup.jobs.get_up.results import FinishedRise
+    from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.studio.page import Page
+
+NO_PROGRAM: tuple[str, ...] = ("none",)
+TABLE_EVERY = 6  # samples between two tables of numbers
+POLL = 0.05  # s between two looks for the feed of a rise that begins
+AXES = 0.25  # length of the IMU's axes, in standing neck heights
+SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
+GYRO_COLOR = (230, 60, 200)
+START = "start.json"
+
+
+class LiveTab:
+    """Elements that follow a program and stop its robot."""
+
+    def __init__(self, page: Page) -> None:
+        """Add the elements where the caller is adding them."""
+        self._page, gui, answer = page, page.gui, page.answer
+        self._follower: LiveFollower | None = None
+        self._samples = 0
+        self._last: LiveSample | None = None
+        stop = gui.add_button("STOP", color="red")
+        stop.on_click(lambda _: self.stop())  # it waits for no other callback
+        with gui.add_folder("Program"):
+            self._programs: viser.GuiDropdownHandle[str] = gui.add_dropdown("Feed", NO_PROGRAM)
+            gui.add_button("Refresh").on_click(answer(self._refresh))
+            gui.add_button("Follow").on_click(answer(self._follow_chosen))
+            gui.add_button("Leave").on_click(answer(self._leave))
+        with gui.add_folder("Rise"):
+            self._add_rise(gui)
+        self._numbers = gui.add_markdown("")
+        self._add_imu()
+        self._refresh()
+
+    @property
+    def last(self) -> LiveSample | None:
+        """Return the sample that was received last."""
+        return self._last
+
+    def stop(self) -> None:
+        """Stop the robot that is followed: the latch of its guard switches torque off."""
+        if self._follower is None:
+            self._page.refuse("no program is followed, so no robot was stopped")
+            return
+        try:
+            self._follower.stop()
+        except FeedError as error:
+            self._page.refuse(str(error))
+        else:
+            self._page.say("STOP: torque is off from the next cycle on, and stays off.")
+
+    # Following --------------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        names = tuple(path.name for path in list_feeds())
+        self._programs.options = names or NO_PROGRAM
+
+    def _follow_chosen(self) -> None:
+        path = next((p for p in list_feeds() if p.name == self._programs.value), None)
+        if path is None:
+            raise ValueError(
+                "no program with --live runs, expected one such as: getup rise --live ..."
+            )
+        self._follow(path)
+
+    def _follow(self, path: Path) -> None:
+        self._leave()
+        try:
+            follower = LiveFollower(path, self._show, self._end)
+        except FeedError as error:
+            raise ValueError(str(error)) from error
+        try:
+            check_robot(follower, path, self._page.world.robot)
+        except ValueError:
+            follower.close()
+            raise
+        self._follower = follower
+        self._page.say(f"Follows {path.name}.")
+
+    def _leave(self) -> None:
+        if self._follower is not None:
+            self._follower.close()
+            self._follower = None
+
+    def _end(self, problem: str) -> None:
+        if problem:
+            self._page.refuse(problem)
+        self._imu.visible = self._gyro.visible = False
+        self._numbers.content = f"The feed has ended.\n\n{self._numbers.content}"
+
+    def _show(self, sample: LiveSample) -> None:
+        """Show a sample: the robot, and from time to time its numbers."""
+        self._last = sample
+        posture = estimate_sample(self._page.world, sample)
+        self._page.timeline.pose(place(self._page.world.robot, self._page.world.model, posture))
+        if sample.orientation:
+            self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
+        if self._samples % TABLE_EVERY == 0 or sample.is_limp:
+            self._numbers.content = describe(sample, self._page.world.robot.joint_names)
+        self._samples += 1
+
+    def _add_imu(self) -> None:
+        """Add the axes of the IMU, and an arrow along which the gyro measures a turn."""
+        scene, length = self._page.server.scene, AXES * self._page.world.robot.standing_neck_height
+        self._imu = scene.add_frame(
+            "/imu", axes_length=length, axes_radius=0.02 * length, visible=False
+        )
+        self._gyro = scene.add_line_segments(
+            "/gyro", np.zeros((1, 2, 3)), GYRO_COLOR, thickness=5.0, thickness_units="screen"
+        )
+        self._gyro.visible = False
+
+    def _turn_imu(self, position: np.ndarray, orientation: np.ndarray, gyro: np.ndarray) -> None:
+        world = self._page.world
+        turned = quaternion.multiply(orientation, imu_in_torso(world.robot, world.model))
+        self._imu.position, self._imu.wxyz = position, turned
+        arrow = quaternion.rotate(turned, gyro) * SECONDS_OF_TURN
+        self._gyro.points = np.float32([[position, position + arrow]])
+        self._imu.visible = self._gyro.visible = True
+
+    # Rising -----------------------------------------------------------------------------------
+
+    def _add_rise(self, gui: viser.GuiApi) -> None:
+        """Add what starts a rise: on a virtual bus, or on a robot if the command permits it."""
+        request = self._page.request
+        self._armed: viser.GuiCheckboxHandle | None = None
+        if request.robot_port and not request.allow_motion:
+            gui.add_markdown("Moving this robot requires `--allow-motion`.")
+            return
+        if request.robot_port:
+            gui.add_markdown(f"Robot at `{', '.join(request.robot_port)}`. It **will move**.")
+            self._armed = gui.add_checkbox("Armed", False)
+        else:
+            gui.add_markdown("Servos on a virtual bus, from the posture of the page.")
+            self._realtime = gui.add_checkbox("Real time", True)
+        gui.add_button("Rise").on_click(self._page.answer(self._rise))
+        gui.add_button("Cancel").on_click(self._page.answer(self._cancel))
+        self._job: BackgroundJob[FinishedRise] | None = None
+
+    def _rise(self) -> None:
+        page = self._page
+        if self._armed is not None:
+            if not self._armed.value:
+                raise ValueError("the robot is not armed, expected Armed first")
+            self._armed.value = False
+        if self._job is not None and self._job.is_running:
+            raise ValueError("a rise is running, expected its end, or Cancel first")
+        job = self._job = page.run(rise, self._make_request(), self._conclude)
+        threading.Thread(target=self._await_feed, args=(job,), daemon=True).start()
+
+    def _make_request(self) -> RiseRequest:
+        page, given = self._page, self._page.request
+        common = {"robot": given.robot, "seed": given.seed, "live": True, "attempts": 1}
+        if given.robot_port:
+            return RiseRequest(**common, backend="dynamixel", port=given.robot_port)
+        file = page.scratch / START
+        write_atomically(file, format_posture(page.start, page.world.robot))
+        return RiseRequest(
+            **common,
+            body=given.body,
+            scene=given.scene,
+            backend="virtual",
+            realtime=self._realtime.value,
+            origin=str(file),
+            then="limp",
+        )
+
+    def _await_feed(self, job: BackgroundJob[FinishedRise]) -> None:
+        """Follow a rise that was started here, once it has a feed."""
+        while job.is_running:
+            path = next((p for p in list_feeds() if p.stem.endswith(f"-{job.pid}")), None)
+            if path is not None:
+                self._page.answer(partial(self._follow, path))(None)
+                return
+            threading.Event().wait(POLL)
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+
+    def _conclude(self, done: FinishedRise) -> None:
+        self._page.say(str(done.rise))
+
+
+def describe(sample: LiveSample, joint_names: tuple[str, ...]) -> str:
+    """Describe a sample: state of the robot, and a table of its joints."""
+    torque = "torque **off**" if sample.is_limp else "torque on"
+    lines = [
+        f"{sample.phase or 'waiting'}, {sample.time:.2f} s, {torque}, {sample.voltage:.1f} V, "
+        f"{sample.clips} cuts, {1000.0 * sample.busy:.1f} ms busy",
+        "",
+        "| joint | deg | target | A | °C |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    rows = zip(
+        joint_names,
+        sample.joint_pos,
+        sample.target,
+        sample.joint_current,
+        sample.temperature,
+        strict=True,
+    )
+    for name, angle, target, current, heat in rows:
+        aim = "" if sample.is_limp else f"{math.degrees(target):.1f}"
+        lines.append(f"| {name} | {math.degrees(angle):.1f} | {aim} | {current:.2f} | {heat:.0f} |")
+    return "\n".join(lines)

@@ -1,0 +1,54 @@
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from studio_page import open_studio
+from waiting import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+
+@pytest.fixture(autouse=True)
+def own_feeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))  # of the processes that rise
+
+
+def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Browser"):
+    with open_studio(browser) as (studio, window):
+        window.choose("Class", "prone")
+        window.click("Random fall")
+        window.see("A fall that settled prone")
+        window.open_tab("Live")
+        window.page.get_by_text("Real time").click()  # off: two cores are shared with other tests
+        window.click("Rise")
+        window.see("playing")
+        live = studio.tabs["Live"]
+        wait_until(lambda: live.last is not None and not live.last.is_limp)
+        window.click("STOP")
+        window.see("torque off")
+        window.see("stopped from the live page")
+        assert live.last.is_limp
+
+
+def test_stop_without_a_robot_says_so(browser: "Browser"):
+    with open_studio(browser) as (_, window):
+        window.open_tab("Live")
+        window.click("STOP")
+        window.see("no program is followed, so no robot was stopped")
+        window.click("Follow")
+        window.see("no program with --live runs")
+
+
+def test_a_robot_moves_only_where_the_command_allows_it_and_when_it_is_armed(browser: "Browser"):
+    with open_studio(browser, robot_port=("/dev/null",)) as (_, window):
+        window.open_tab("Live")
+        window.see("Moving this robot requires")
+        assert window.page.get_by_role("button", name="Rise", exact=True).count() == 0
+    with open_studio(browser, robot_port=("/dev/null",), allow_motion=True) as (studio, window):
+        window.open_tab("Live")
+        window.click("Rise")
+        window.see("the robot is not armed")
+        assert studio.page.jobs == []

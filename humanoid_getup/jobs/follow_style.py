@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from drivers import Cycle, DriverError, GuardLimits, SafetyGuard, State, Twin
-from drivers.control_loop import Controller
-from drivers.state import Command
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge
+from drivers import Cycle, DriverError, GuardLimits, SafetyGuard, Twin
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.playback.estimation import check_start, settle
-from humanoid_getup.playback.play import play
-from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
+from humanoid_getup.playback.play import play_in_simulation
+from humanoid_getup.playback.supervisor import supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
 from humanoid_getup.simulation.standing_places import check_standing_place
@@ -33,6 +28,7 @@ from robots.quaternion import Array
 # A robot that has stood without a break for this time, and hardly moves at its end, stands.
 STEADY_TIME = 1.0  # s
 STEADY_SPEED = 0.1  # rad/s and m/s of every degree of freedom
+STANDS = "the start stands, expected a robot that lies"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,57 +51,76 @@ class StyledRollout:
     """Why it ended, in one line."""
 
     @property
+    def joint_torque(self) -> Array:
+        """Return the torques at the joints [N·m], (T, n)."""
+        robot = self.outcome.robot
+        return self.outcome.record.torque @ robot.transmission.to_actuator(np.eye(robot.n)).T
+
+    @property
     def stand_time(self) -> float | None:
         """Return the time of the first moment of the stand [s]; None without one."""
         return float(self.outcome.stand_time) if self.outcome.stood else None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RolloutRequest:
+    """Roll out a rise."""
+
+    policy: str
+    """Name of a policy of the robot that follows style curves, or an .onnx file."""
+    start: Posture
+    """Posture from which it rises, once it has settled there."""
+    style: Style
+
+
 class StyledTwin:
-    """A twin of a robot whose policy follows styles.
+    """A twin in a world, whose policies follow styles.
 
     Physics, servos, guard and policy are those of ``getup run POLICY --style FILE``, which has the
-    same joint path. The policy and the settled start are kept between rollouts.
+    same joint path. Policy and settled start are kept from one rollout to the next.
     """
 
-    def __init__(self, world: World, policy: str) -> None:
-        """Load a policy of the robot by name, or an .onnx file.
-
-        Raises:
-            BadInputError: if it cannot be used, or follows no style curves.
-        """
+    def __init__(self, world: World) -> None:
+        """Prepare; nothing is loaded yet."""
         self.world = world
-        self._policy = load_policy(world.robot, policy, None)
-        if self._policy.contract.style is None:
-            raise BadInputError(f"policy '{policy}' follows no style curves, expected one that does")
-        self._start: Posture | None = None
-        self._settled = Twin(world)
+        self._policies: dict[str, OnnxPolicy] = {}
+        self._settled: tuple[Posture, Twin] | None = None
 
-    def roll_out(self, start: Posture, style: Style, cancel: Cancel | None = None) -> StyledRollout:
-        """Let the robot rise from a posture, and follow a style, until it stands or gives up.
+    def roll_out(self, request: RolloutRequest, cancel: Cancel | None = None) -> StyledRollout:
+        """Let the robot rise, and follow a style, until it is known to stand or gives up.
 
         Raises:
-            BadInputError: if it cannot start there.
+            BadInputError: if the policy cannot be used, or the robot cannot start there.
             CancelledError: if ``cancel`` ended it.
         """
-        monitor = ProgressMonitor(cancel=cancel)
-        if start is not self._start:
-            self._settle(start)
+        monitor, policy = ProgressMonitor(cancel=cancel), self._load(request.policy)
+        twin = self._settle(request.start).copy()
         monitor.check()
-        twin = self._settled.copy()
-        run = _Run(twin, self.world, self._policy.following(style), monitor)
-        return run.roll_out(style)
+        run = _Run(twin, self.world, policy.following(request.style), monitor)
+        return run.roll_out(request.style)
 
-    def _settle(self, start: Posture) -> None:
+    def _load(self, name: str) -> OnnxPolicy:
+        if name not in self._policies:
+            policy = load_policy(self.world.robot, name, None)
+            if policy.contract.style is None:
+                raise BadInputError(
+                    f"policy '{name}' follows no style curves, expected one that does"
+                )
+            self._policies[name] = policy
+        return self._policies[name]
+
+    def _settle(self, start: Posture) -> Twin:
         """Place the robot, limp, and wait until it is still."""
-        self._start = None
-        _check(self.world, start)
-        self._settled = Twin(self.world, start)
-        try:
-            with refusing():
-                settle(_guard(self._settled))
-        except DriverError as error:
-            raise BadInputError(f"start posture: {error}") from error
-        self._start = start
+        if self._settled is None or self._settled[0] is not start:
+            _check(self.world, start)
+            twin = Twin(self.world, start)
+            try:
+                with refusing():
+                    settle(_guard(twin))
+            except DriverError as error:
+                raise BadInputError(f"start posture: {error}") from error
+            self._settled = start, twin
+        return self._settled[1]
 
 
 class _Run:
@@ -114,77 +129,58 @@ class _Run:
     def __init__(
         self, twin: Twin, world: World, policy: OnnxPolicy, monitor: ProgressMonitor
     ) -> None:
-        self._twin, self._policy, self._monitor = twin, policy, monitor
-        self._judge = GroundTruthJudge(twin.simulation, None, world.scene)
+        self._twin, self._world, self._policy, self._monitor = twin, world, policy, monitor
         self._features: list[tuple[Array, Array]] = []
-        self._upright_cycles = 0
-        self.is_steady = False
-        """Whether the robot has stood for a while, and hardly moves."""
 
     def roll_out(self, style: Style) -> StyledRollout:
         """Run the policy until the robot stands steadily, or to its end."""
         supervisor = supervise_policy(self._policy)
-        controller = _UntilKnown(supervisor, lambda: self.is_steady)
-        report, outcome = play(controller, _guard(self._twin), self._judge, on_cycle=self._observe)
-        record = replace(outcome.record, settled=np.array(self.is_steady))
-        features = np.array(self._features)  # (T, 2, 3)
+        report, outcome = play_in_simulation(
+            supervisor,
+            _guard(self._twin),
+            self._twin.simulation,
+            self._world.scene,
+            on_cycle=self._observe,
+            stop_early=True,
+        )
+        # A policy that fails ends with a limp command, of which there is no sample.
+        features = np.array(self._features[: len(outcome.qpos)])  # (T, 2, 3)
+        if not len(features):
+            raise BadInputError(f"the policy does not move the robot: {supervisor.aborted}")
         followed = self._policy.followed
         assert followed is not None  # it follows a style
-        reason = str(supervisor.aborted) if supervisor.aborted else report.reason
         return StyledRollout(
-            outcome=Outcome(record, outcome.robot),
+            outcome=outcome,
             time=self._twin.period * np.arange(1, len(features) + 1),
             wanted=features[:, 0],
             measured=features[:, 1],
             curves=style.choose(features[0, 1]),
             followed=followed,
-            reason=reason,
+            reason=str(supervisor.aborted) if supervisor.aborted else report.reason,
         )
 
     def _observe(self, cycle: Cycle) -> None:
-        """Note the features of a cycle, and whether the robot stands steadily after it."""
+        """Note what was to be followed, and what was, in a cycle."""
         self._monitor.check()
         guidance = cycle.guidance
-        assert guidance is not None
+        assert guidance is not None  # it follows a style
         self._features.append((guidance.wanted, guidance.measured))
-        self._upright_cycles = self._upright_cycles + 1 if self._judge.is_upright else 0
-        held = (self._upright_cycles - 1) * self._twin.period
-        is_slow = held >= STEADY_TIME and np.abs(self._twin.data.qvel).max() < STEADY_SPEED
-        self.is_steady = is_slow or held >= HOLD_TIME
-
-
-class _UntilKnown(Controller):
-    """A supervised policy that is done as soon as its outcome is known, too."""
-
-    def __init__(self, supervisor: Supervisor, is_known: Callable[[], bool]) -> None:
-        self._supervisor, self._is_known = supervisor, is_known
-        self.longest = supervisor.longest
-
-    @property
-    def done(self) -> bool:
-        return self._is_known() or self._supervisor.done
-
-    @property
-    def guidance(self) -> object:
-        return self._supervisor.guidance
-
-    def reset(self, state: State) -> None:
-        self._supervisor.reset(state)
-
-    def step(self, state: State) -> Command:
-        return self._supervisor.step(state)
 
 
 def _guard(twin: Twin) -> SafetyGuard:
     return SafetyGuard(twin, GuardLimits.of(twin.robot, None))
 
 
+def measure_start(world: World, start: Posture) -> Array:
+    """Measure the style features of a start, (3,)."""
+    qpos = place(world.robot, world.model, start)
+    return measure_features(world.robot, world.model, qpos[None], world.scene.ground)[0]
+
+
 def _check(world: World, start: Posture) -> None:
     """Refuse a start from which no rise begins."""
+    if is_stand(measure_start(world, start)):
+        raise BadInputError(STANDS)
     with refusing():
         check_start(world, start)
         check_standing_place(world, start.position)
-    qpos = place(world.robot, world.model, start)
-    features = measure_features(world.robot, world.model, qpos[None], world.scene.ground)
-    if is_stand(features[0]):
-        raise BadInputError("the robot stands, expected a start that lies: see the Pose tab")

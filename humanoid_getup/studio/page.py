@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
-from humanoid_getup.progress.callback import Progress
+from humanoid_getup.progress.callback import Cancel, Progress
+from humanoid_getup.progress.latest_job import LatestJob
 from humanoid_getup.studio.folders import Folders
 from humanoid_getup.studio.timeline import Timeline
 from robots import Posture
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.requests.studio import StudioRequest
     from humanoid_getup.simulation.world import World
 
+Request = TypeVar("Request")
 Result = TypeVar("Result")
 
 
@@ -42,7 +44,7 @@ class Page:
         """Called after the start has changed."""
         self._lock = threading.RLock()
         self._status = server.gui.add_markdown("Ready.")
-        self._jobs: set[BackgroundJob[Any]] = set()
+        self._jobs: set[BackgroundJob[Any] | LatestJob[Any, Any]] = set()
 
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
@@ -101,6 +103,28 @@ class Page:
                 self.answer(lambda: ended(result))(None)
 
         job = BackgroundJob(work, request, report=report or self._show_progress, ended=conclude)
+        self._jobs.add(job)
+        return job
+
+    def run_latest(
+        self,
+        work: Callable[[Request, Cancel], Result],
+        ended: Callable[[Result], None],
+    ) -> LatestJob[Request, Result]:
+        """Prepare quick work in this process, of which only the newest request counts.
+
+        Args:
+            work: Does a request.
+            ended: Called with each result, as a callback; a failure is told on the page.
+        """
+
+        def conclude(end: JobEnd[Result]) -> None:
+            if end.result is None:
+                return self.refuse(end.problem)
+            result = end.result
+            return self.answer(lambda: ended(result))(None)
+
+        job = LatestJob(work, conclude)
         self._jobs.add(job)
         return job
 

@@ -16,6 +16,7 @@ from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
 from humanoid_getup.studio.pose_tab import PoseTab
 from humanoid_getup.studio.stage import Stage
+from humanoid_getup.studio.style_tab import StyleTab
 from humanoid_getup.studio.timeline import Timeline
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
@@ -74,7 +75,7 @@ class Studio:
         camera.look_at = (0.0, 0.0, 0.3 * height)
 
 
-TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab}
+TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab, "Style": StyleTab}
 
 
 def find_port(host: str, port: int) -> int:

@@ -37,6 +37,8 @@ class StyledRollout:
 
     outcome: Outcome
     """How it ended, with its record; a stand counts as held once it is steady."""
+    begin: Array
+    """MuJoCo positions at its beginning, once the robot has settled, (nq,)."""
     time: Array
     """Times of the samples since the servos have torque [s], (T,)."""
     wanted: Array
@@ -134,7 +136,7 @@ class _Run:
 
     def roll_out(self, style: Style) -> StyledRollout:
         """Run the policy until the robot stands steadily, or to its end."""
-        supervisor = supervise_policy(self._policy)
+        supervisor, begin = supervise_policy(self._policy), self._twin.truth.qpos
         report, outcome = play_in_simulation(
             supervisor,
             _guard(self._twin),
@@ -151,6 +153,7 @@ class _Run:
         assert followed is not None  # it follows a style
         return StyledRollout(
             outcome=outcome,
+            begin=begin,
             time=self._twin.period * np.arange(1, len(features) + 1),
             wanted=features[:, 0],
             measured=features[:, 1],

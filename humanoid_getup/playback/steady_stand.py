@@ -19,7 +19,8 @@ STEADY_SPEED = 0.1  # rad/s and m/s, of every degree of freedom
 class SteadyStand:
     """Observes whether a robot has stood for a while, and hardly moves.
 
-    KNOWN
+    Of 64 rises of OP3's styled policy, from four sides in four styles, on flat ground and on three
+    medium rough ones, all 34 that came to a steady stand ended in a held one, and no other did.
     """
 
     def __init__(self, simulation: Simulation, is_upright: Callable[[], bool]) -> None:

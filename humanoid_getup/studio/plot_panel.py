@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 HEIGHT = 150  # pixels
 MOST_POINTS = 500  # of a curve
+MARGIN, LEAST_MARGIN = 0.05, 0.5  # of an axis: share of its values' span, and without a span
 COLORS = ("#2f6fde", "#d9822b", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#7f7f7f")
 LINE, LIMIT = "#222222", "#d62728"
 
@@ -57,7 +58,8 @@ class _DrawnPlot:
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
             title=plot.title,
-            scales={"x": {"time": False}},
+            # Without a range, one sample that is not known hides all that are.
+            scales={"x": {"time": False}, "y": {"range": widen(self._range)}},
             height=HEIGHT,
         )
 
@@ -83,3 +85,9 @@ class _DrawnPlot:
             ),
             np.insert(line, at, self._range),
         )
+
+
+def widen(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of an axis with a margin around values between two bounds."""
+    margin = MARGIN * (bounds[1] - bounds[0]) or LEAST_MARGIN
+    return bounds[0] - margin, bounds[1] + margin

@@ -77,7 +77,7 @@ class StyleTab:
         gui, first = self._page.gui, POLICY if POLICY in policies else policies[0]
         self._state = gui.add_markdown("")
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
-        self._style = gui.add_dropdown("Style", self._list_styles())
+        self._style = gui.add_dropdown("Preset", self._list_styles())
         self._curves = gui.add_dropdown("Curves", ("1",))
         self._shown = gui.add_checkbox("Show curves", False)
         gui.add_button("Run").on_click(self._page.answer(self._run))
@@ -120,7 +120,7 @@ class StyleTab:
         )
         self._hold_at = gui.add_number("Hold at [s]", 1.0, min=0.0, max=LONGEST, step=0.01)
         self._add_group(
-            "Curves",
+            "Shape",
             {
                 "Hold": lambda: self._editor.hold(self._hold_at.value, self._step.value),
                 "Mirror": lambda: self._editor.mirror(),

@@ -105,13 +105,18 @@ class CurveBoard:
         self._place = np.array([*position[:2], 0.0]) - away
         self._root.position = self._place
 
-    def face(self) -> None:
-        """Let every browser look at the board, with the robot in front of it."""
+    @property
+    def viewpoint(self) -> Array:
+        """Return from where it is looked at, with the robot in front of it [m], (3,)."""
         out = np.array([math.cos(FACING), math.sin(FACING), 0.0])
+        up = np.array([0.0, 0.0, CAMERA_HEIGHT])
+        return self._place + self._size * (CAMERA_DISTANCE * out + up)
+
+    def face(self) -> None:
+        """Let every browser look at it."""
         for client in self._server.get_clients().values():
-            camera, up = client.camera, np.array([0.0, 0.0, self._size])
-            camera.position = self._place + CAMERA_DISTANCE * self._size * out + CAMERA_HEIGHT * up
-            camera.look_at = self._place + CAMERA_AIM * up
+            client.camera.position = self.viewpoint
+            client.camera.look_at = self._place + np.array([0.0, 0.0, CAMERA_AIM * self._size])
 
     def show(self, curves: StyleCurves, chosen: tuple[int, int] | None = None) -> None:
         """Draw curves and their control points; ``chosen`` is the feature and point to stress."""

@@ -59,13 +59,16 @@ class StyleTab:
         if not policies:
             page.gui.add_markdown(_explain_lack(page))
             return
-        self._board = CurveBoard(
+        self.board = CurveBoard(
             page.server, page.world.robot.standing_neck_height, self._drag, page.answer
         )
+        """Where its curves are dragged."""
         self._twin = StyledTwin(page.world)
-        self._rollouts = page.run_latest(self._twin.roll_out, self._show_rollout)
+        self.rollouts = page.run_latest(self._twin.roll_out, self._show_rollout)
+        """Rises that follow it."""
         self._asked_at = -math.inf
-        self._editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
+        self.editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
+        """The style that is edited."""
         self._features = measure_start(page.world, page.start)
         self._add_elements(policies)
         page.when_posed.append(self._note_start)
@@ -107,24 +110,24 @@ class StyleTab:
         self._add_group(
             "Rise",
             {
-                "Sooner": lambda: self._editor.shift(-self._step.value),
-                "Later": lambda: self._editor.shift(self._step.value),
+                "Sooner": lambda: self.editor.shift(-self._step.value),
+                "Later": lambda: self.editor.shift(self._step.value),
             },
         )
         self._add_group(
             "Pace",
             {
-                "Slower": lambda: self._editor.last(self._editor.curves.duration * FACTOR),
-                "Faster": lambda: self._editor.last(self._editor.curves.duration / FACTOR),
+                "Slower": lambda: self.editor.last(self.editor.curves.duration * FACTOR),
+                "Faster": lambda: self.editor.last(self.editor.curves.duration / FACTOR),
             },
         )
         self._hold_at = gui.add_number("Hold at [s]", 1.0, min=0.0, max=LONGEST, step=0.01)
         self._add_group(
             "Shape",
             {
-                "Hold": lambda: self._editor.hold(self._hold_at.value, self._step.value),
-                "Mirror": lambda: self._editor.mirror(),
-                "Undo": lambda: self._editor.undo(),
+                "Hold": lambda: self.editor.hold(self._hold_at.value, self._step.value),
+                "Mirror": lambda: self.editor.mirror(),
+                "Undo": lambda: self.editor.undo(),
             },
         )
 
@@ -136,7 +139,8 @@ class StyleTab:
         gui = self._page.gui
         self._feature = gui.add_dropdown("Curve", FEATURES)
         self._point = gui.add_slider("Point", 1, POINTS, 1, 1)
-        self._value = gui.add_number("Value", 0.0, step=0.01)
+        self.value = gui.add_number("Value", 0.0, step=0.001)
+        """Value of the chosen control point, as a share of standing or in degrees."""
         self._on(self._feature, self._show)
         self._on(self._point, self._show)
         gui.add_button("Set").on_click(self._page.answer(self._set_point))
@@ -166,12 +170,12 @@ class StyleTab:
 
     def _begin(self, style: Style) -> None:
         """Edit another style, from the curves that the start follows."""
-        self._editor = StyleEditor(self._page.world.robot, style)
-        self._editor.chosen = style.find(self._features)[0]
+        self.editor = StyleEditor(self._page.world.robot, style)
+        self.editor.chosen = style.find(self._features)[0]
         self._refresh()
 
     def _choose_curves(self) -> None:
-        self._editor.chosen = self._curves.options.index(self._curves.value)
+        self.editor.chosen = self._curves.options.index(self._curves.value)
         self._show()
 
     def _extract(self) -> None:
@@ -196,7 +200,7 @@ class StyleTab:
         path = self._page.folders.resolve(self._file.value)
         if path.suffix != SUFFIX:
             raise BadInputError(f"style file {path.name}: expected a name that ends with {SUFFIX}")
-        self._editor.save(path)
+        self.editor.save(path)
         name, styles = self._page.folders.name(path), self._list_styles()
         self._style.options = styles
         if name in styles:
@@ -232,15 +236,15 @@ class StyleTab:
         self._run_if_lying()
 
     def _last(self) -> None:
-        self._editor.last(self._duration.value)
+        self.editor.last(self._duration.value)
 
     def _set_point(self) -> None:
         feature = FEATURES.index(self._feature.value)
-        value = self._value.value / IN_DEGREES[feature]
+        value = self.value.value / IN_DEGREES[feature]
         self._move(feature, int(self._point.value) - 1, value)
 
     def _move(self, feature: int, point: int, value: float) -> None:
-        self._edit(lambda: self._editor.change(self._editor.move_point(feature, point, value)))
+        self._edit(lambda: self.editor.change(self.editor.move_point(feature, point, value)))
 
     def _drag(self, drag: Drag) -> None:
         """Let the curves follow a control point that is dragged."""
@@ -248,13 +252,13 @@ class StyleTab:
         if drag.released:
             return self._move(drag.feature, drag.point, drag.value)
         try:
-            curves = self._editor.move_point(drag.feature, drag.point, drag.value)
+            curves = self.editor.move_point(drag.feature, drag.point, drag.value)
         except ValueError:  # told once it is released: it may be dragged on to where it is possible
             return None
-        self._board.show(curves, (drag.feature, drag.point))
+        self.board.show(curves, (drag.feature, drag.point))
         self._show_value(curves.points[drag.point, drag.feature])
         if time.monotonic() - self._asked_at >= OFTEN:
-            self._ask(self._editor.preview(curves), at_once=False)
+            self._ask(self.editor.preview(curves), at_once=False)
         return None
 
     # Rollouts ----------------------------------------------------------------------------------
@@ -262,9 +266,9 @@ class StyleTab:
     def _note_start(self, posture: Posture) -> None:
         """Choose the curves that a new start follows."""
         self._features = measure_start(self._page.world, posture)
-        self._editor.chosen = self._editor.style.find(self._features)[0]
-        self._board.place(posture.position)
-        self._board.hide_followed()
+        self.editor.chosen = self.editor.style.find(self._features)[0]
+        self.board.place(posture.position)
+        self.board.hide_followed()
         self._show()
 
     @property
@@ -272,7 +276,7 @@ class StyleTab:
         return bool(is_stand(self._features))
 
     def _run(self) -> None:
-        self._ask(self._editor.style)
+        self._ask(self.editor.style)
 
     def _run_if_lying(self) -> None:
         if self._stands:
@@ -285,14 +289,14 @@ class StyleTab:
             raise BadInputError(f"{STANDS}: sample a fall on the Pose tab")
         self._asked_at = time.monotonic()
         request = RolloutRequest(policy=self._policy.value, start=self._page.start, style=style)
-        self._rollouts.ask(request, at_once=at_once)
+        self.rollouts.ask(request, at_once=at_once)
 
     def _show_rollout(self, rollout: StyledRollout) -> None:
         """Play a rollout, and draw what it followed over the curves that are edited."""
-        take = make_take(f"{self._editor.style.name}, {self._policy.value}", rollout)
+        take = make_take(f"{self.editor.style.name}, {self._policy.value}", rollout)
         self._page.timeline.load(take)
-        _, is_mirrored = self._editor.style.find(rollout.measured[0])
-        self._board.show_followed(
+        _, is_mirrored = self.editor.style.find(rollout.measured[0])
+        self.board.show_followed(
             rollout.time,
             mirror_features(rollout.measured) if is_mirrored else rollout.measured,
             rollout.curves.duration,
@@ -302,30 +306,30 @@ class StyleTab:
     # Display -----------------------------------------------------------------------------------
 
     def _show_board(self) -> None:
-        self._board.visible = self._shown.value
+        self.board.visible = self._shown.value
         if self._shown.value:
-            self._board.place(self._page.start.position)
-            self._board.face()
+            self.board.place(self._page.start.position)
+            self.board.face()
 
     def _show(self) -> None:
         """Show the style, its curves, and the chosen point."""
-        editor, curves = self._editor, self._editor.curves
+        editor, curves = self.editor, self.editor.curves
         self._curves.options = [_name(k, c.start) for k, c in enumerate(editor.style.curves)]
         self._curves.value = self._curves.options[editor.chosen]
         self._duration.max = max(10.0, math.ceil(curves.duration))
         self._duration.value = curves.duration
         feature, point = FEATURES.index(self._feature.value), int(self._point.value) - 1
         self._show_value(curves.points[point, feature])
-        self._board.show(curves, (feature, point))
+        self.board.show(curves, (feature, point))
         self._state.content = self._describe()
 
     def _show_value(self, value: float) -> None:
         feature = FEATURES.index(self._feature.value)
-        self._value.value = round(value * IN_DEGREES[feature], 4)
+        self.value.value = round(value * IN_DEGREES[feature], 3)
 
     def _describe(self) -> str:
         """Describe the style, and which of its curves the start follows."""
-        editor, curves = self._editor, self._editor.curves
+        editor, curves = self.editor, self.editor.curves
         text = (
             f"**{editor.style.name}**: rises at {rise_time(curves):.2f} of {curves.duration:.2f} s"
         )

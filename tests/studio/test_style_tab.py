@@ -102,6 +102,9 @@ def test_a_control_point_that_is_dragged_down_lets_the_robot_rise_later(
         desk.window.take_picture(tmp_path / "style.png")
         with desk.rolling():
             desk.window.click("Undo")
+        undone = round(float(before.points[SEVENTH, NECK]), 3)
+        field = desk.window.find_input("Value")
+        wait_until(lambda: float(field.input_value()) == undone)  # before it is typed over
         with desk.rolling():
             typed = round(float(after.points[SEVENTH, NECK]), 3)
             desk.window.type("Value", str(typed))

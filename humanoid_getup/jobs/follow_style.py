@@ -154,7 +154,7 @@ class _Run:
         return StyledRollout(
             outcome=outcome,
             begin=begin,
-            time=self._twin.period * np.arange(1, len(features) + 1),
+            time=self._twin.period * np.arange(1.0, len(features) + 1.0, dtype=float),
             wanted=features[:, 0],
             measured=features[:, 1],
             curves=style.choose(features[0, 1]),

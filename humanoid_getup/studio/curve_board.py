@@ -29,12 +29,12 @@ COLORS = ((47, 111, 222), (217, 130, 43), (44, 160, 44))
 AXES, STANDING, FOLLOWED = (90, 90, 90), (185, 185, 185), (40, 40, 40)
 SAMPLES = 97  # of a curve
 # Sizes in standing neck heights.
-WIDTH, HEIGHT, GAP, BASE = 2.1, 0.55, 0.28, 0.3
+WIDTH, HEIGHT, GAP, BASE = 2.3, 0.6, 0.26, 0.75
 POINT, CHOSEN_POINT = 0.032, 1.5  # radius of a control point; factor on that of the chosen one
-TEXT = 0.085
-BEHIND = 0.9  # from the robot to the board
+TEXT = 0.095
+BEHIND = 1.2  # from the robot to the board
 FACING = math.atan2(-1.6, 1.9)  # direction in which the board faces, that of the first camera
-CAMERA_DISTANCE, CAMERA_HEIGHT, CAMERA_AIM = 3.3, 1.9, 1.15
+CAMERA_DISTANCE, CAMERA_HEIGHT, CAMERA_AIM = 3.8, 2.0, 1.4
 
 
 @dataclass(frozen=True, kw_only=True)

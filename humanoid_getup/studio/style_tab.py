@@ -79,9 +79,10 @@ class StyleTab:
     def _add_elements(self, policies: list[str]) -> None:
         gui, first = self._page.gui, POLICY if POLICY in policies else policies[0]
         self._state = gui.add_markdown("")
+        gui.add_markdown(_describe_ground(self._page))
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
         self._style = gui.add_dropdown("Preset", self._list_styles())
-        self._curves = gui.add_dropdown("Curves", ("1",))
+        self._curves = gui.add_dropdown("Curves", self._name_curves())
         self._shown = gui.add_checkbox("Show curves", False)
         gui.add_button("Run").on_click(self._page.answer(self._run))
         self._on(self._policy, self._run_if_lying)
@@ -314,7 +315,7 @@ class StyleTab:
     def _show(self) -> None:
         """Show the style, its curves, and the chosen point."""
         editor, curves = self.editor, self.editor.curves
-        self._curves.options = [_name(k, c.start) for k, c in enumerate(editor.style.curves)]
+        self._curves.options = self._name_curves()
         self._curves.value = self._curves.options[editor.chosen]
         self._duration.max = max(10.0, math.ceil(curves.duration))
         self._duration.value = curves.duration
@@ -322,6 +323,9 @@ class StyleTab:
         self._show_value(curves.points[point, feature])
         self.board.show(curves, (feature, point))
         self._state.content = self._describe()
+
+    def _name_curves(self) -> list[str]:
+        return [_name(k, curves.start) for k, curves in enumerate(self.editor.style.curves)]
 
     def _show_value(self, value: float) -> None:
         feature = FEATURES.index(self._feature.value)
@@ -354,6 +358,12 @@ def _is_style(file: Path) -> bool:
         return STYLE_KEY in file.read_bytes()
     except OSError:
         return False
+
+
+def _describe_ground(page: Page) -> str:
+    scene = page.request.scene
+    other = "rough:medium" if page.world.scene.is_flat else "flat"
+    return f"Ground: {scene}. For another one: `getup studio --scene {other}`."
 
 
 def _shorten(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from itertools import cycle
 from typing import TYPE_CHECKING
 
@@ -28,18 +29,21 @@ class PlotPanel:
         """Add an empty folder where the caller is adding elements."""
         self._gui, self._folder = gui, gui.add_folder("Plots")
         self._plots: list[_DrawnPlot] = []
+        self._lock = threading.Lock()  # one thread shows takes, another one draws the line
 
     def show(self, take: Take) -> None:
         """Replace the plots by those of a take."""
-        for plot in self._plots:
-            plot.chart.remove()
-        with self._folder:
-            self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
+        with self._lock:
+            for plot in self._plots:
+                plot.chart.remove()
+            with self._folder:
+                self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
 
     def mark(self, time: float) -> None:
         """Draw the line at a time of the take [s]."""
-        for plot in self._plots:
-            plot.mark(time)
+        with self._lock:
+            for plot in self._plots:
+                plot.mark(time)
 
 
 class _DrawnPlot:

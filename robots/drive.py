@@ -42,7 +42,8 @@ class Drive:
 
     def equals(self, other: Drive) -> bool:
         """Return whether all values are the same."""
-        return all(np.array_equal(value, vars(other)[name]) for name, value in vars(self).items())
+        pairs = ((value, vars(other)[name]) for name, value in vars(self).items())
+        return other is self or all(np.array_equal(value, same) for value, same in pairs)
 
     def gains(self, robot: Robot, voltage: Array | float) -> Array:
         """Compute the ``actuator_gainprm`` of a robot's servos at a supply, (..., n, 10).

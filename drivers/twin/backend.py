@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from drivers.backend import Backend, Release
@@ -13,7 +15,7 @@ from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, 
 from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
 from robots import Posture, Robot
 from robots.arguments import expect
-from robots.drive import limit_servos
+from robots.drive import Drive, limit_servos
 from robots.servo import LimitMode
 
 
@@ -60,6 +62,7 @@ class Twin(Backend):
             raise NoImuError(self.robot.name)
         self._filter = None if without_imu else OrientationFilter(self.period)
         self._connected = False
+        self._limits: tuple[LimitMode, np.ndarray, Drive | None] = self.limit_by, np.zeros(0), None
         if start is not None:
             self.place(start)
 
@@ -67,6 +70,16 @@ class Twin(Backend):
         """Place the robot at rest, cool, torque off, and start its clock at 0."""
         self.simulation.place(posture)
         self._start_filter()
+
+    def copy(self) -> Twin:
+        """Return another twin in the same state, disconnected."""
+        twin, robot = copy.copy(self), self.robot
+        twin.simulation = body = copy.deepcopy(self.simulation, {id(robot): robot})
+        twin.model, twin.data, twin.truth = body.model, body.data, body.truth
+        twin._filter = OrientationFilter(self.period) if self._filter else None
+        twin._start_filter()
+        twin._connected = False
+        return twin
 
     def connect(self) -> None:
         """Start the orientation filter; the robot stays where it is."""
@@ -106,14 +119,8 @@ class Twin(Backend):
         """
         self._check_connected()
         check_command(command, self.robot.joint_names)
+        drive = self._limit_servos(command)
         limit = np.minimum(command.torque_limit, self.robot.max_torque)
-        drive = limit_servos(
-            self.robot,
-            limit,
-            self.limit_by,
-            gain_scale=command.gain_scale,
-            pwm_limit=command.pwm_limit,
-        )
         sent = Command(
             joint_pos=self._units.round_goal(command.joint_pos),
             gain_scale=command.gain_scale,
@@ -127,6 +134,21 @@ class Twin(Backend):
         if self._filter:
             self._filter.update(body.imu.gyro, body.imu.accelerometer, self.period)
         return sent
+
+    def _limit_servos(self, command: Command) -> Drive:
+        """Return the limits of the servos, which are kept while those of the commands are."""
+        asked = np.array([command.torque_limit, command.gain_scale, command.pwm_limit])
+        mode, kept, drive = self._limits
+        if drive is None or mode != self.limit_by or not np.array_equal(asked, kept):
+            drive = limit_servos(
+                self.robot,
+                np.minimum(asked[0], self.robot.max_torque),
+                self.limit_by,
+                gain_scale=asked[1],
+                pwm_limit=asked[2],
+            )
+            self._limits = self.limit_by, asked, drive
+        return drive
 
     def _start_filter(self) -> None:
         if self._filter:

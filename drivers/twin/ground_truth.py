@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from robots.quaternion import Array
 
 WORLD = 0
 """Weld root of the world's own geometry."""
+ROUNDING = 1e-9
 
 
 class GroundTruth:
@@ -43,6 +46,11 @@ class GroundTruth:
             orientation=qpos[layout.root_orientation].copy(),
             joint_pos=qpos[layout.qpos],
         )
+
+    def is_erect(self, tilt: float) -> bool:
+        """Return whether the torso is tilted by no more than an angle [rad], in microseconds."""
+        _, x, y, _ = self.data.qpos[self._layout.root_orientation].tolist()
+        return 1.0 - 2.0 * (x * x + y * y) >= math.cos(tilt) - ROUNDING
 
     @property
     def joint_vel(self) -> Array:

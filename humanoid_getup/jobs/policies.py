@@ -9,11 +9,15 @@ from typing import TypeVar
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot_of
 from humanoid_getup.jobs.requests.shared import RobotOption
+from humanoid_getup.policy.contract import PolicyContract
+from humanoid_getup.policy.onnx_content import read_metadata
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, read_model
 from humanoid_getup.policy.onnx_policy import (
     LONGEST,
     SUFFIX,
     OnnxPolicy,
     find_policy,
+    list_policies,
     read_contract,
 )
 from robots import Robot
@@ -41,3 +45,19 @@ def load_policy(
     with refusing():
         file, period = find_policy(robot, name), robot.control_period
         return OnnxPolicy.load(file, robot, period, torque_limit, longest=longest or LONGEST)
+
+
+def list_styled_policies(robot: Robot) -> list[str]:
+    """List the names of a robot's policies that follow style curves; none of them is run.
+
+    Files that cannot be read are left out: they are reported when they are asked for.
+    """
+    return [file.stem for file in list_policies(robot) if _follows_styles(file)]
+
+
+def _follows_styles(file: Path) -> bool:
+    try:
+        contract = read_metadata(read_model(file))[CONTRACT_KEY]
+        return PolicyContract.from_json(contract).style is not None
+    except (OSError, ValueError, KeyError):
+        return False

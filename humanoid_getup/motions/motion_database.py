@@ -99,6 +99,11 @@ def load_database(robot: Robot) -> MotionDatabase:
     return MotionDatabase(motions, PostureMetric.of(robot))
 
 
+def list_motions(robot: Robot) -> list[str]:
+    """List the names of a robot's stored motions, which `find_motion` takes."""
+    return sorted(file.stem for file in (robot.folder / MOTION_FOLDER).glob("*.npz"))
+
+
 def suggest_motions(robot: Robot) -> str:
     """Suggest a command for a robot that has no motion from a side."""
     sides = list_sides(robot)

@@ -6,23 +6,15 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from drivers import Cycle, Ending, RunReport, SafetyGuard, engaged, run_engaged
-from drivers.control_loop import Controller
 from drivers.twin.simulation import Simulation
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.playback.steady_stand import SteadyStand, UntilSteady
+from humanoid_getup.playback.timed_controller import TimedController
 from humanoid_getup.scenes.scene import Scene
 
 GRACE = 5.0  # s beyond the controller's longest: the approach to a motion's start
-
-
-class TimedController(Controller, Protocol):
-    """A controller that ends by itself."""
-
-    @property
-    def longest(self) -> float:
-        """Return its longest duration [s], without the approach to its start."""
-        ...
 
 
 Outcome_co = TypeVar("Outcome_co", bound=Outcome | JointFigures, covariant=True)
@@ -58,13 +50,26 @@ def play_in_simulation(
     *,
     torque_limit: float | None = None,
     on_cycle: Callable[[Cycle], None] | None = None,
+    stop_early: bool = False,
 ) -> tuple[RunReport, Outcome]:
     """Play a controller as `play` does, and judge it by the ground truth of the simulation.
 
-    That is the simulation behind the guard; torques are judged under a limit [N·m].
+    That is the simulation behind the guard; torques are judged under a limit [N·m]. With
+    ``stop_early`` the run ends once the robot stands steadily, which counts as a held stand.
     """
     judge = GroundTruthJudge(simulation, torque_limit, scene)
-    return play(controller, guard, judge, on_cycle=on_cycle)
+    if not stop_early:
+        return play(controller, guard, judge, on_cycle=on_cycle)
+    steady = SteadyStand(simulation, lambda: judge.is_upright)
+    until_known = UntilSteady(controller, steady)
+
+    def observe(cycle: Cycle) -> None:
+        steady.observe()
+        if on_cycle is not None:
+            on_cycle(cycle)
+
+    report, outcome = play(until_known, guard, judge, on_cycle=observe)
+    return report, outcome.settle() if steady.is_reached else outcome
 
 
 def play(

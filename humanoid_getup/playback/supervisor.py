@@ -16,8 +16,8 @@ from humanoid_getup.playback.monitors import (
     ServoMonitor,
 )
 from humanoid_getup.playback.motion_player import MotionPlayer
-from humanoid_getup.playback.play import TimedController
 from humanoid_getup.playback.stand_holder import StandHolder
+from humanoid_getup.playback.timed_controller import TimedController
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-GRAPH, FUNCTION = 7, 25  # of a model
+GRAPH, METADATA, FUNCTION = 7, 14, 25  # of a model
+KEY, VALUE = 1, 2  # of an entry of its metadata
 NODE, INITIALIZER, SPARSE_INITIALIZER = 1, 5, 15  # of a graph
 ATTRIBUTE = 5  # of a node
 TENSOR, SUBGRAPH, TENSORS, SUBGRAPHS, SPARSE_TENSOR, SPARSE_TENSORS = 5, 6, 10, 11, 22, 23
@@ -38,6 +39,19 @@ def find_content_problems(model: bytes) -> list[str]:
     if any(_is_external(tensor) for tensor in _list_tensors(whole, attributes)):
         problems.append("its weights are in another file, expected all in this one")
     return problems
+
+
+def read_metadata(model: bytes) -> dict[str, str]:
+    """Read the metadata of a model.
+
+    Raises:
+        ValueError: if the model is not a protocol buffer with texts for metadata.
+    """
+    found = {}
+    for entry in _select(memoryview(model), METADATA):
+        texts = {field: bytes(v) for field, v in _read_fields(entry) if isinstance(v, memoryview)}
+        found[texts.get(KEY, b"").decode()] = texts.get(VALUE, b"").decode()
+    return found
 
 
 def _list_tensors(model: memoryview, attributes: list[memoryview]) -> Iterator[memoryview]:

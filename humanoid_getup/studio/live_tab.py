@@ -142,7 +142,7 @@ class LiveTab:
         turned = quaternion.multiply(orientation, imu_in_torso(world.robot, world.model))
         self._imu.position, self._imu.wxyz = position, turned
         arrow = quaternion.rotate(turned, gyro) * SECONDS_OF_TURN
-        self._gyro.points = np.float32([[position, position + arrow]])
+        self._gyro.points = np.array([[position, position + arrow]], dtype=np.float32)
         self._imu.visible = self._gyro.visible = True
 
     # Rising -----------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
-from humanoid_getup.progress.callback import Progress
+from humanoid_getup.progress.callback import Cancel, Progress
+from humanoid_getup.progress.latest_job import LatestJob
 from humanoid_getup.studio.folders import Folders
 from humanoid_getup.studio.plain_text import escape
 from humanoid_getup.studio.timeline import Timeline
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.requests.studio import StudioRequest
     from humanoid_getup.simulation.world import World
 
+Request = TypeVar("Request")
 Result = TypeVar("Result")
 
 
@@ -52,6 +54,7 @@ class Page:
         self._status = server.gui.add_markdown("Ready.")
         self.jobs: list[BackgroundJob[Any]] = []
         """Those that were begun last, the last one first."""
+        self._latest: list[LatestJob[Any, Any]] = []
 
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
@@ -114,9 +117,31 @@ class Page:
         self.jobs = [job, *(each for each in self.jobs if each.is_running)]
         return job
 
+    def run_latest(
+        self,
+        work: Callable[[Request, Cancel], Result],
+        ended: Callable[[Result], None],
+    ) -> LatestJob[Request, Result]:
+        """Prepare quick work in this process, of which only the newest request counts.
+
+        Args:
+            work: Does a request.
+            ended: Called with each result, as a callback; a failure is told on the page.
+        """
+
+        def conclude(end: JobEnd[Result]) -> None:
+            if end.result is None:
+                return self.refuse(end.problem)
+            result = end.result
+            return self.answer(lambda: ended(result))(None)
+
+        job = LatestJob(work, conclude)
+        self._latest.append(job)
+        return job
+
     def rest(self) -> None:
         """Cancel all jobs that run, and stop to play."""
-        for job in self.jobs:
+        for job in (*self.jobs, *self._latest):
             job.cancel()
         self.timeline.pause()
 

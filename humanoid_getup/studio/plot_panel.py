@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from viser import uplot
 
 HEIGHT = 150  # pixels
-MARGIN = 0.05  # of the range of values, above and below
 MOST_POINTS = 500  # of a curve
+MARGIN, LEAST_MARGIN = 0.05, 0.5  # of an axis: share of its values' span, and without a span
 COLORS = ("#2f6fde", "#d9822b", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#7f7f7f")
 LINE, LIMIT = "#222222", "#d62728"
 
 
 class PlotPanel:
-    """Draws the plots of a take in a folder of the page."""
+    """Draws the plots of a take in a folder of the page; one thread alone calls it."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add an empty folder where the caller is adding elements."""
@@ -54,13 +54,16 @@ class _DrawnPlot:
         values = np.concatenate(list(self._curves.values()))
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-        margin = MARGIN * (high - low) or 1.0
+        margin = MARGIN * (high - low) or LEAST_MARGIN
         self._range = (float(low - margin), float(high + margin))
         self.chart = gui.add_uplot(
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
             title=plot.title,
-            scales={"x": {"time": False}, "y": {"range": self._range}},
+            scales={
+                "x": {"time": False},
+                "y": {"range": self._range},
+            },  # unknown samples hide others
             height=HEIGHT,
         )
 

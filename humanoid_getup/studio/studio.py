@@ -23,6 +23,7 @@ from humanoid_getup.studio.page_guard import TOKEN, PageGuard
 from humanoid_getup.studio.plan_tab import PlanTab
 from humanoid_getup.studio.pose_tab import PoseTab
 from humanoid_getup.studio.stage import Stage
+from humanoid_getup.studio.style_tab import StyleTab
 from humanoid_getup.studio.timeline import Timeline
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
@@ -105,6 +106,7 @@ class Studio:
 TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
     "Plan": PlanTab,
+    "Style": StyleTab,
     "Flight": FlightTab,
     "Live": LiveTab,
 }

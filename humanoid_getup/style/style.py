@@ -33,9 +33,17 @@ class Style:
 
         Among those that begin nearly alike, the ones that turn the torso least are chosen.
         """
-        every, begins, turns = self._choices
+        return self._choices[0][self._find(features)]
+
+    def find(self, features: Array) -> tuple[int, bool]:
+        """Find the number of the curves that are chosen, and whether it is their mirror image."""
+        number = self._find(features)
+        return number % len(self.curves), number >= len(self.curves)
+
+    def _find(self, features: Array) -> int:
+        _, begins, turns = self._choices
         distance = angle_distance(begins, features)
-        return every[int(np.argmin(np.where(distance <= distance.min() + ALIKE, turns, np.inf)))]
+        return int(np.argmin(np.where(distance <= distance.min() + ALIKE, turns, np.inf)))
 
     @cached_property
     def _choices(self) -> tuple[list[StyleCurves], Array, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +26,7 @@ SUFFIX = ".toml"
 LONGEST = 60.0  # s, of the body that the durations are of
 TALLEST = 10.0  # m
 DIGITS = 8  # of a duration or length
+SHARE_DIGITS, ANGLE_DIGITS = 4, 2  # decimals of a share of standing, and of an angle in degrees
 
 Points = Annotated[Array, on_axes(1)]
 Seconds = Annotated[float, positive(LONGEST, "s")]
@@ -110,7 +111,7 @@ def read_style(file: Path, robot: Robot) -> Style:
         raise StyleError(f"style file {file}: {error}") from error
     curves: list[StyleCurves] = []
     if not problems:
-        factor = math.sqrt(leg_length(robot) / table.leg_length)
+        factor = _scale(robot, table.leg_length)
         for number, row in enumerate(table.curves, start=1):
             try:
                 curves.append(_build(row, table.duration, factor))
@@ -132,13 +133,30 @@ def write_style(style: Style, robot: Robot, file: Path) -> None:
     write_atomically(file, document.as_string())
 
 
+def _scale(robot: Robot, length: float) -> float:
+    """Return the factor from durations for a length of legs [m] to those for a robot."""
+    own = leg_length(robot)
+    return 1.0 if length == rounded(own, DIGITS) else math.sqrt(own / length)
+
+
+def round_curves(curves: StyleCurves) -> StyleCurves:
+    """Round curves to the digits of a style file."""
+    return replace(
+        curves,
+        neck_height=np.round(curves.neck_height, SHARE_DIGITS),
+        side=np.radians(np.round(np.degrees(curves.side), ANGLE_DIGITS)),
+        front=np.radians(np.round(np.degrees(curves.front), ANGLE_DIGITS)),
+        duration=float(rounded(curves.duration, DIGITS)),
+    )
+
+
 def _describe(curve: StyleCurves) -> dict[str, Value]:
     head: dict[str, Value] = {"start": curve.start} if curve.start else {}
     return head | {
         "duration": commented(rounded(curve.duration, DIGITS), "s"),
-        "neck_height": [plain(value, 4) for value in curve.neck_height],
-        "side_deg": [plain(value, 2) for value in np.degrees(curve.side)],
-        "front_deg": [plain(value, 2) for value in np.degrees(curve.front)],
+        "neck_height": [plain(value, SHARE_DIGITS) for value in curve.neck_height],
+        "side_deg": [plain(value, ANGLE_DIGITS) for value in np.degrees(curve.side)],
+        "front_deg": [plain(value, ANGLE_DIGITS) for value in np.degrees(curve.front)],
     }
 
 

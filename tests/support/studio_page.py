@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robots import quaternion
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -52,6 +57,23 @@ class StudioPage:
     def see(self, text: str) -> None:
         """Wait until a text is visible."""
         self.page.get_by_text(text).first.wait_for()
+
+    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
+        """Drag what is at a pixel to another, with the mouse."""
+        self.page.mouse.move(*begin)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=8)
+        self.page.mouse.up()
+
+    def find_pixel(self, camera: Any, point: Any) -> tuple[float, float]:
+        """Find where a point in the world [m], (3,), is seen by the camera of a client."""
+        wxyz, seen = camera.wxyz, np.asarray(point) - camera.position
+        right, down, ahead = quaternion.rotate(quaternion.inverse(wxyz), seen)
+        box = self.page.locator("canvas").first.bounding_box()
+        assert box is not None
+        scale = 0.5 * box["height"] / math.tan(0.5 * camera.fov) / ahead
+        x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+        return x + scale * right, y + scale * down
 
     def take_picture(self, file: Path) -> None:
         self.page.screenshot(path=str(file))

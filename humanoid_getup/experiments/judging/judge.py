@@ -16,6 +16,7 @@ from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import (
     HOLD_TIME,
+    MAX_TILT,
     Stance,
     StanceMeter,
     is_upright,
@@ -88,6 +89,15 @@ class GroundTruthJudge:
         )
         ends = truth.measure_speed(self._torso), truth.measure_site_speed(self._neck)
         self._speed.append((0.0 if head is None else truth.measure_speed(head), max(ends)))
+
+    @property
+    def is_upright(self) -> bool:
+        """Return whether the standing condition holds in the last sample."""
+        if not self._qpos or self._touch[-1][0] or not self._simulation.truth.is_erect(MAX_TILT):
+            return False
+        touch = np.array(False)
+        stance = self._meter.measure(self._qpos[-1], self._site_pos[-1], touch)
+        return bool(is_upright(stance, self._simulation.robot))
 
     def end(self) -> bool:
         """Stop sampling; return at once whether the run ended in a held stand."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from inspect import signature
 from typing import TypeVar
@@ -76,6 +77,16 @@ class Outcome:
         """Return the outcomes of some runs, or of one, by the first axis."""
         return Outcome(
             self.record.take(rows),
+            self.robot,
+            torque_limit=self.torque_limit,
+            hold_time=self.hold_time,
+        )
+
+    def settle(self) -> Outcome:
+        """Return the outcome of a run that was stopped because the robot stands steadily."""
+        settled = np.ones_like(self.record.settled)
+        return Outcome(
+            replace(self.record, settled=settled),
             self.robot,
             torque_limit=self.torque_limit,
             hold_time=self.hold_time,

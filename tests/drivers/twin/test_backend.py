@@ -219,3 +219,36 @@ def test_a_model_without_the_robots_servos_is_refused(tiny):
     bare = mujoco.MjModel.from_xml_path(str(tiny.model_file))
     with pytest.raises(ModelError, match="no servo for: l_hip, r_hip"):
         Twin(World(tiny, model=bare))
+
+
+def test_a_copy_of_a_twin_goes_on_as_the_twin_does(op3):
+    lying = Posture(
+        position=np.array([0.0, 0.0, 0.3]),
+        orientation=quaternion.normalize(np.array([1.0, 0.2, 0.7, 0.0])),
+        joint_pos=op3.standing.joint_pos,
+    )
+    stand = Command.position(op3, op3.standing.joint_pos)
+    twin = Twin(op3, lying)
+    play(twin, Command.limp(op3.n), 40)
+    copied, again = twin.copy(), twin.copy()
+    for each in (twin, copied):
+        play(each, stand, 40)
+        play(each, replace(stand, torque_limit=0.2 * stand.torque_limit), 20)
+    np.testing.assert_array_equal(copied.truth.qpos, twin.truth.qpos)
+    np.testing.assert_array_equal(copied.simulation.temperature, twin.simulation.temperature)
+    assert np.abs(again.truth.qpos - twin.truth.qpos).max() > 0.01
+    assert again.simulation.time == pytest.approx(40 * twin.period)
+
+
+def test_limits_that_change_back_are_those_from_before(op3):
+    twin, stand = Twin(op3), Command.position(op3, op3.standing.joint_pos)
+    weak = replace(stand, torque_limit=0.1 * stand.torque_limit, pwm_limit=0.5 * stand.pwm_limit)
+    with twin:
+        first, second, third = (twin.write(command) for command in (stand, weak, stand))
+        twin.limit_by = "pwm"
+        by_pwm = twin.write(weak)
+    np.testing.assert_array_equal(first.torque_limit, third.torque_limit)
+    np.testing.assert_array_equal(first.pwm_limit, third.pwm_limit)
+    assert np.all(second.torque_limit < 0.11 * first.torque_limit)
+    assert np.all(by_pwm.pwm_limit < 0.2)
+    assert np.all(second.pwm_limit > 0.4)

@@ -1,0 +1,130 @@
+"""Style editor: a style that is changed step by step, and can be undone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from humanoid_getup.style.curves import HIGHEST, POINTS, StyleCurves
+from humanoid_getup.style.edits import hold, shift_rise
+from humanoid_getup.style.features import COUNT
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import round_curves, write_style
+from robots import Robot
+
+HIGHEST_VALUES = np.array([HIGHEST, np.pi, np.pi])
+"""Upper limits of the features; the lower ones are 0."""
+MOST_STEPS = 200
+
+
+class StyleEditor:
+    """A style, which of its curves are edited, and the steps back.
+
+    Its curves have the digits of a style file, so that a file of it holds the same ones.
+    """
+
+    def __init__(self, robot: Robot, style: Style) -> None:
+        """Begin with the first curves of a style."""
+        self._robot = robot
+        self._style = _round(style)
+        self._before: list[Style] = []
+        self._is_timed = False  # whether the last change was of the duration
+        self.chosen = 0
+        """Number of the curves that are edited, from 0."""
+
+    @property
+    def style(self) -> Style:
+        """Return the style as it is now."""
+        return self._style
+
+    @property
+    def curves(self) -> StyleCurves:
+        """Return the chosen curves as they are now."""
+        return self._style.curves[self.chosen]
+
+    def move_point(self, feature: int, point: int, value: float) -> StyleCurves:
+        """Return the chosen curves with another value of one control point; nothing is changed.
+
+        Args:
+            feature: Number of the feature, from 0, in the order of the features.
+            point: Number of the control point, from 0.
+            value: As a share of standing, or [rad].
+
+        Raises:
+            ValueError: if there is no such point, or a rise does not have this value there.
+        """
+        if not (0 <= feature < COUNT and 0 <= point < POINTS):
+            raise ValueError(f"there is no point {point + 1} of curve {feature + 1}")
+        points = self.curves.points
+        points[point, feature] = value
+        return round_curves(StyleCurves.of(points, self.curves.duration, self.curves.start))
+
+    def preview(self, curves: StyleCurves) -> Style:
+        """Return the style with other curves in place of the chosen ones; nothing is changed."""
+        every = list(self._style.curves)
+        every[self.chosen] = round_curves(curves)
+        return replace(self._style, curves=tuple(every))
+
+    def change(self, curves: StyleCurves) -> None:
+        """Replace the chosen curves."""
+        self._before = [*self._before, self._style][-MOST_STEPS:]
+        self._style, self._is_timed = self.preview(curves), False
+
+    def last(self, duration: float) -> None:
+        """Let the chosen curves last for a duration [s]; several in a row are one step.
+
+        Raises:
+            ValueError: if a rise does not last so.
+        """
+        style = self.preview(self.curves.lasting(duration))
+        if self._is_timed:
+            self._style = style
+        else:
+            self.change(style.curves[self.chosen])
+        self._is_timed = True
+
+    def shift(self, delay: float) -> None:
+        """Move the time of the rise by a delay [s], below 0 for sooner.
+
+        Raises:
+            ValueError: if the rise would be too near to the beginning or the end.
+        """
+        self.change(shift_rise(self.curves, delay))
+
+    def hold(self, at: float, time: float) -> None:
+        """Hold the features of a time [s] for a duration [s].
+
+        Raises:
+            ValueError: if the time is outside the duration, or the curves become too long.
+        """
+        self.change(hold(self.curves, at, time))
+
+    def mirror(self) -> None:
+        """Exchange left and right of the chosen curves."""
+        self.change(self.curves.mirrored())
+
+    def undo(self) -> None:
+        """Take back the last change.
+
+        Raises:
+            ValueError: if there is none.
+        """
+        if not self._before:
+            raise ValueError("there is no change to undo")
+        self._style, self._is_timed = self._before.pop(), False
+
+    def save(self, file: Path) -> None:
+        """Write a style file; the style has its name from then on."""
+        write_style(self._style, self._robot, file)
+        self._style = replace(self._style, name=file.stem)
+
+
+def clip_value(feature: int, value: float) -> float:
+    """Clip the value of a feature to what any control point may have."""
+    return min(max(value, 0.0), float(HIGHEST_VALUES[feature]))
+
+
+def _round(style: Style) -> Style:
+    return replace(style, curves=tuple(map(round_curves, style.curves)))

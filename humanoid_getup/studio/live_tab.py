@@ -88,9 +88,14 @@ class LiveTab:
             raise ValueError(
                 "no program with --live runs, expected one such as: getup rise --live ..."
             )
-        self._follow(path)
+        self.follow(path)
 
-    def _follow(self, path: Path) -> None:
+    def follow(self, path: Path) -> None:
+        """Follow the program of a feed.
+
+        Raises:
+            ValueError: if it has ended, or its robot is another one.
+        """
         self._leave()
         try:
             follower = LiveFollower(path, self._show, self._end)
@@ -197,7 +202,7 @@ class LiveTab:
         while job.is_running:
             path = next((p for p in list_feeds() if p.stem.endswith(f"-{job.pid}")), None)
             if path is not None:
-                self._page.answer(partial(self._follow, path))(None)
+                self._page.answer(partial(self.follow, path))(None)
                 return
             threading.Event().wait(POLL)
 

@@ -1,0 +1,198 @@
+"""Measures the studio: first picture, scrubbing, memory, stop of a live rise, cycles beside it.
+
+    python benchmarks/studio.py --n 20 --scrubs 10000 --json studio.json
+
+A headless Chromium is the browser, which draws in software where there is no GPU. `getup play`
+plays a motion on a virtual bus in real time, in a process of its own.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from json import dumps, loads
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import tyro
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from drivers.live_feed.feed import list_feeds
+from drivers.live_feed.follower import LiveFollower
+from drivers.live_feed.messages import LiveSample
+from humanoid_getup.jobs.get_up.rise import play_motion
+from humanoid_getup.jobs.requests.rise import PlayRequest
+from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.studio.rise_take import make_rise_take
+from humanoid_getup.studio.studio import Studio
+
+GETUP = [sys.executable, "-m", "humanoid_getup.cli.main"]
+MOTION = "prone_push_up_gentle"
+CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+PATIENCE = 60.0  # s
+POLL = 0.005  # s
+PLAYED = 1.0  # s of the motion before the stop
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the benchmark."""
+
+    n: int = 20
+    """Number of starts, of stops, and of rises with and without the page."""
+    scrubs: int = 10_000
+    """Number of times that are scrubbed to."""
+    json: Path | None = None
+
+
+def main(options: Options) -> None:
+    """Measure and print."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=shutil.which("chromium"), args=list(CHROMIUM)
+        )
+        figures = {
+            "first_picture_s": summarize([_time_first_picture(browser) for _ in range(options.n)]),
+            **_measure_scrubbing(browser, options.scrubs),
+            "stop_to_limp_s": summarize([_time_stop() for _ in range(options.n)]),
+            "overruns": _count_overruns(browser, options.n),
+        }
+    print(dumps(figures, indent=1))
+    if options.json is not None:
+        options.json.write_text(dumps(figures, indent=1))
+
+
+def summarize(values: list[float]) -> dict[str, float]:
+    """Return median and 95th percentile."""
+    return {
+        "n": len(values),
+        "median": round(float(np.median(values)), 4),
+        "p95": round(float(np.percentile(values, 95)), 4),
+    }
+
+
+def _time_first_picture(browser: Browser) -> float:
+    """Time from the start of the command to the first picture with the robot [s]."""
+    began = time.perf_counter()
+    with subprocess.Popen(
+        [*GETUP, "studio", "--port", "0"], stdout=subprocess.PIPE, text=True
+    ) as studio:
+        assert studio.stdout is not None
+        page = browser.new_page()
+        page.goto(studio.stdout.readline().strip())
+        _wait_for_page(page)
+        took = time.perf_counter() - began
+        page.close()
+        studio.terminate()
+    return took
+
+
+def _wait_for_page(page: Page) -> None:
+    page.get_by_text("Random fall").wait_for()
+    page.locator("canvas").first.wait_for()
+
+
+@contextmanager
+def _open(browser: Browser) -> Iterator[tuple[Studio, Page]]:
+    with Studio(StudioRequest(port=0)) as studio:
+        page = browser.new_page()
+        page.goto(studio.address)
+        _wait_for_page(page)
+        yield studio, page
+        page.close()
+
+
+def _measure_scrubbing(browser: Browser, scrubs: int) -> dict[str, Any]:
+    """Scrub through a rise as fast as pictures are drawn, with a page open."""
+    finished = play_motion(PlayRequest(motion=MOTION))
+    with _open(browser) as (studio, _):
+        take = make_rise_take(studio.page.world, finished.rise, "rise")
+        assert take is not None
+        timeline = studio.timeline
+        timeline.load(take, play=False)
+        rng, before = np.random.default_rng(0), 0
+        took = list[float]()
+        for scrub in range(scrubs):
+            if scrub == scrubs // 10:
+                before = _read_memory()
+            drawn, began = timeline.pictures, time.perf_counter()
+            timeline.scrub(float(rng.uniform(0.0, take.duration)))
+            timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, PATIENCE)
+            took.append(time.perf_counter() - began)
+        return {
+            "pictures_per_s": round(scrubs / sum(took), 1),
+            "picture_s": summarize(took),
+            "memory_grown_mib": round((_read_memory() - before) / 1024, 1),
+        }
+
+
+def _read_memory() -> int:
+    """Read the resident memory of this process [KiB]."""
+    found = re.search(r"VmRSS:\s+(\d+)", Path("/proc/self/status").read_text())
+    assert found is not None
+    return int(found[1])
+
+
+@contextmanager
+def _live_rise(folder: str) -> Iterator[tuple[Path, Path]]:
+    """Play the motion in real time on a virtual bus; yield its feed and its report to be."""
+    out = Path(folder, "rise")
+    command = [*GETUP, "play", MOTION, "--backend", "virtual", "--realtime", "--live"]
+    command += ["--then", "limp", "--out", str(out)]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdout=quiet, stderr=quiet) as rise:
+        while not (feeds := [f for f in list_feeds() if f.stem.endswith(f"-{rise.pid}")]):
+            time.sleep(POLL)
+        yield feeds[0], out / "report.json"
+        rise.wait()
+
+
+def _time_stop() -> float:
+    """Time from the stop to the first cycle without torque that is seen [s]."""
+    moves, limp = threading.Event(), threading.Event()
+
+    def watch(sample: LiveSample) -> None:
+        if not sample.is_limp:
+            moves.set()
+        elif moves.is_set():
+            limp.set()
+
+    with TemporaryDirectory() as folder, _live_rise(folder) as (feed, _):
+        follower = LiveFollower(feed, watch)
+        moves.wait(PATIENCE)
+        time.sleep(PLAYED)
+        began = time.perf_counter()
+        follower.stop()
+        limp.wait(PATIENCE)
+        return time.perf_counter() - began
+
+
+def _count_overruns(browser: Browser, n: int) -> dict[str, Any]:
+    """Count late cycles of rises without and with a page that follows them, by turns."""
+    counts: dict[str, list[int]] = {"without": [], "with": []}
+    cycles = 0
+    for _ in range(n):
+        with TemporaryDirectory() as folder:
+            with _live_rise(folder) as (_, report):
+                pass
+            counts["without"].append(loads(report.read_text())["overruns"])
+        with TemporaryDirectory() as folder, _open(browser) as (studio, _):
+            with _live_rise(folder) as (feed, report):
+                studio.tabs["Live"].follow(feed)
+            found = loads(report.read_text())
+            counts["with"].append(found["overruns"])
+            cycles = round((found["stand_time_s"] or 0.0) / found["period_s"])
+    return {"n": n, "cycles_to_stand": cycles, **counts}
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -77,6 +77,10 @@ class Transmission:
         """Convert torques at joints to those that actuators must make for them [N·m], (..., n)."""
         return self._couple(joint_torque, [c.inverse.T for c in self.couplings])
 
+    def torque_at_joint(self, actuator_torque: Array) -> Array:
+        """Convert torques of actuators to those that they make at joints [N·m], (..., n)."""
+        return self._couple(actuator_torque, [c.matrix.T for c in self.couplings])
+
     def to_servo(self, joint_motion: Array) -> Array:
         """Convert angles [rad] or speeds [rad/s] of joints to those of servos, (..., n)."""
         return self.to_actuator(joint_motion) * self.gear

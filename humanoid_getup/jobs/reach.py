@@ -18,6 +18,7 @@ from humanoid_getup.jobs.inverse_kinematics import (
     Ranges,
     Solution,
 )
+from humanoid_getup.jobs.pose_robot import mirror_turned
 from robots import Posture, Robot, quaternion
 from robots.body.limb import LIMB_NAMES, Limb, LimbName
 from robots.body.limbs import Limbs
@@ -289,21 +290,3 @@ class Drag:
         """Bound the next joint angles."""
         robot, angles = self._reach.robot, self._posture.joint_pos
         return np.maximum(robot.lower, angles - LEAP), np.minimum(robot.upper, angles + LEAP)
-
-
-def turn_joint(
-    robot: Robot, posture: Posture, joint: int, angle: float, *, mirrored: bool
-) -> Posture:
-    """Turn a joint to an angle [rad] within its range; mirrored, its partner turns as well."""
-    angles = posture.joint_pos.copy()
-    angles[joint] = np.clip(angle, robot.lower[joint], robot.upper[joint])
-    turned = replace(posture, joint_pos=angles)
-    return mirror_turned(robot, turned, (joint,)) if mirrored else turned
-
-
-def mirror_turned(robot: Robot, posture: Posture, joints: tuple[int, ...]) -> Posture:
-    """Give the partners of joints their angles, mirrored; joints in the middle stay."""
-    paired = np.array([k for k in joints if robot.mirror_index[k] != k], dtype=int)
-    partners, angles = robot.mirror_index[paired], posture.joint_pos.copy()
-    angles[partners] = robot.mirror_joints(angles)[partners]
-    return replace(posture, joint_pos=np.clip(angles, robot.lower, robot.upper))

@@ -12,6 +12,7 @@ import viser
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.studio.keyframe_tab import KeyframeTab
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
 from humanoid_getup.studio.pose_tab import PoseTab
@@ -74,7 +75,7 @@ class Studio:
         camera.look_at = (0.0, 0.0, 0.3 * height)
 
 
-TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab}
+TABS: dict[str, Callable[[Page], object]] = {"Pose": PoseTab, "Keyframes": KeyframeTab}
 
 
 def find_port(host: str, port: int) -> int:

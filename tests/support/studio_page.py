@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from robots import quaternion
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -52,6 +55,26 @@ class StudioPage:
     def see(self, text: str) -> None:
         """Wait until a text is visible."""
         self.page.get_by_text(text).first.wait_for()
+
+    def drag(self, server: Any, start: Any, end: Any) -> None:
+        """Drag what is drawn at a point of the scene to another one, (3,) [m] each."""
+        (client,) = server.get_clients().values()
+        mouse, steps = self.page.mouse, 8
+        mouse.move(*self._project(client.camera, start))
+        mouse.down()
+        mouse.move(*self._project(client.camera, end), steps=steps)
+        mouse.up()
+
+    def _project(self, camera: Any, point: Any) -> tuple[float, float]:
+        """Project a point of the scene [m] to the pixel of the window at which it is drawn."""
+        box = self.page.locator("canvas").first.bounding_box()
+        assert box is not None
+        right, down, ahead = quaternion.rotate(
+            quaternion.inverse(camera.wxyz), point - camera.position
+        )
+        scale = 0.5 * box["height"] / math.tan(0.5 * camera.fov) / ahead
+        middle = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+        return middle[0] + scale * right, middle[1] + scale * down
 
     def take_picture(self, file: Path) -> None:
         self.page.screenshot(path=str(file))

@@ -18,7 +18,7 @@ from robots.quaternion import Array
 if TYPE_CHECKING:
     import viser
 
-NO_KEYS = "none"
+NO_KEYS: str = "none"
 SLOWER = 0.005  # s by which servos stretch a duration that is told
 
 
@@ -39,7 +39,7 @@ class KeyList:
         self._page, self._draft, self._editor, self._show = page, draft, editor, show
         gui, answer = page.gui, page.answer
         self._state = gui.add_markdown("")
-        self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown("Key", (NO_KEYS,))
+        self._choice = gui.add_dropdown("Key", (NO_KEYS,))
         self._duration = gui.add_number(
             "Duration [s]", LEAST_DURATION, min=LEAST_DURATION, max=MAX_DURATION, step=0.01
         )
@@ -48,11 +48,11 @@ class KeyList:
         self._duration.on_update(lambda event: _if_by_hand(event, time))
         gui.add_button("Add key").on_click(answer(self._add))
         change = {"Replace": self._replace, "Delete": self._delete, "Show": self._choose}
-        add_button_row(page, "Key", change)
+        add_button_row(page, "Chosen key", change)
         move = {"Earlier": lambda: self._swap(-1), "Later": lambda: self._swap(1)}
-        add_button_row(page, "Move", move)
+        add_button_row(page, "Exchange", move)
         whole = {"Mirror motion": self._mirror, "Undo": draft.undo}
-        add_button_row(page, "Motion", whole)
+        add_button_row(page, "All keys", whole)
         draft.when_changed.append(self._update)
 
     @property
@@ -77,7 +77,8 @@ class KeyList:
         if len(keyframes.keys) > 1:
             took = np.diff(keyframes.times(self._page.world.robot))
             slower = np.flatnonzero(took > keyframes.duration + SLOWER)
-            lines += [f"The servos need {took[k]:.2f} s to key {k + 2}." for k in slower]
+            needed = ", ".join(f"{took[k]:.2f} s to key {k + 2}" for k in slower)
+            lines += [f"The servos need longer: {needed}."] if needed else []
         return "\n\n".join(lines)
 
     def _show_duration(self, keyframes: Keyframes) -> None:

@@ -18,12 +18,12 @@ from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
 
 if TYPE_CHECKING:
-    import viser
+    pass
 
-OWN = "the robot"
+OWN: str = "the robot"
 """Source of the robot's own keyframes."""
 SUFFIX = ".toml"
-NO_MOTION = "none"
+NO_MOTION: str = "none"
 KINDS = "A .csv table, a .json animation or a .bin action file; pickles are not opened."
 
 
@@ -43,8 +43,8 @@ class KeyStore:
         self._file: Path | None = None  # in which it is stored; None for the robot's own
         gui = page.gui
         with gui.add_folder("Open"):
-            self._source: viser.GuiDropdownHandle[str] = gui.add_dropdown("From", (OWN,))
-            self._name: viser.GuiDropdownHandle[str] = gui.add_dropdown("Motion", (NO_MOTION,))
+            self._source = gui.add_dropdown("From", (OWN,))
+            self._name = gui.add_dropdown("Motion", (NO_MOTION,))
             gui.add_button("Open").on_click(page.answer(self._open))
         self._source.on_update(page.answer(self._list_motions))
         self._list_files()

@@ -39,8 +39,7 @@ class KeyframeTab:
             self._add_beginning()
         with page.gui.add_folder("Keys"):
             self._list = KeyList(page, self.draft, self._editor, self._show)
-        with page.gui.add_folder("Physics"):
-            add_button_row(page, "Keys", {"Play keys": self._play, "Cancel": self._cancel})
+            add_button_row(page, "Physics", {"Play keys": self._play, "Cancel": self._cancel})
         with page.gui.add_folder("Squat"):
             self._height = page.gui.add_slider("Height [%]", SQUAT[0], SQUAT[1], 1, SQUAT[2])
             page.gui.add_button("Squat").on_click(page.answer(self._squat))

@@ -59,7 +59,11 @@ def list_facts(played: PlayedKeys) -> tuple[str, ...]:
         f"Speed of a joint: up to {math.degrees(figures.peak_velocity_rad_s):.0f} deg/s.",
     ]
     if figures.self_collisions:
-        lines.append(f"The robot hit itself {figures.self_collisions} times.")
+        lines.append(f"The robot hit itself {_count(figures.self_collisions)}.")
     if figures.limit_violations:
-        lines.append(f"A joint left its range {figures.limit_violations} times.")
+        lines.append(f"A joint left its range {_count(figures.limit_violations)}.")
     return tuple(lines)
+
+
+def _count(times: int) -> str:
+    return "once" if times == 1 else f"{times} times"

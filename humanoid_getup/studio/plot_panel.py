@@ -53,11 +53,12 @@ class _DrawnPlot:
         values = np.concatenate(list(self._curves.values()))
         known = values[np.isfinite(values)]
         self._range = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+        # Without a range of its own, a chart has none where a value is unknown.
         self.chart = gui.add_uplot(
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
             title=plot.title,
-            scales={"x": {"time": False}},
+            scales={"x": {"time": False}, "y": {"auto": False, "range": self._range}},
             height=HEIGHT,
         )
 

@@ -67,6 +67,10 @@ class Reach:
         """Locate a handle in a posture."""
         return self._locate_site(posture, self._sites[handle])
 
+    def list_joints(self, limb: LimbName) -> tuple[int, ...]:
+        """List the joints of a limb, as places in the robot's order."""
+        return self._limbs[limb].joints
+
     def turns(self, handle: Handle) -> bool:
         """Return whether a handle has an orientation of its own to be dragged to."""
         limb = None if handle == "torso" else self._limbs[handle]

@@ -46,9 +46,14 @@ class DragGizmo:
         page.when_posed.append(self._follow)
 
     @property
-    def gizmo(self) -> viser.TransformControlsHandle | None:
+    def shown(self) -> viser.TransformControlsHandle | None:
         """Return the gizmo that is shown."""
         return self._gizmo
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether it is being dragged."""
+        return self._drag is not None
 
     def _choose(self) -> None:
         """Show the gizmo of the chosen handle."""
@@ -67,6 +72,7 @@ class DragGizmo:
             depth_test=False,
         )
         self._gizmo.on_update(self._note)
+        self._page.say(f"Drag the {self._handle.replace('_', ' ')} by its arrows.")
 
     @property
     def _handle(self) -> Handle:
@@ -81,12 +87,11 @@ class DragGizmo:
         if (gizmo := self._gizmo) is None or not self._is_new:
             return
         ends, self._is_new, self._ends = self._ends, False, False
-        drag = self._drag = self._drag or self._begin()
+        drag = self._drag or self._begin()
         target = EndPose(position=np.array(gizmo.position), orientation=np.array(gizmo.wxyz))
-        self._page.pose(drag.finish(target) if ends else drag.to(target))
-        if ends:
-            self._drag = None
-            self._put_back()
+        posture = drag.finish(target) if ends else drag.to(target)
+        self._drag = None if ends else drag
+        self._page.pose(posture)
 
     def _begin(self) -> Drag:
         return Drag(

@@ -44,9 +44,10 @@ class Studio:
         self.timeline = Timeline(self.server, Stage(self.server, world))
         self.page = Page(request, self.server, world, self.timeline)
         tabs = self.server.gui.add_tab_group()
+        self.tabs: dict[str, object] = {}
         for name, tab in TABS.items():
             with tabs.add_tab(name):
-                tab(self.page)
+                self.tabs[name] = tab(self.page)
         self.server.gui.main_panel.dock_right()
 
     @property

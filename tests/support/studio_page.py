@@ -56,13 +56,17 @@ class StudioPage:
         """Wait until a text is visible."""
         self.page.get_by_text(text).first.wait_for()
 
+    def tick(self, label: str) -> None:
+        self.find_input(label).click()
+
     def drag(self, server: Any, start: Any, end: Any) -> None:
         """Drag what is drawn at a point of the scene to another one, (3,) [m] each."""
         (client,) = server.get_clients().values()
-        mouse, steps = self.page.mouse, 8
+        client.get_render(height=8, width=8)  # what was added before is drawn now
+        mouse = self.page.mouse
         mouse.move(*self._project(client.camera, start))
         mouse.down()
-        mouse.move(*self._project(client.camera, end), steps=steps)
+        mouse.move(*self._project(client.camera, end), steps=8)
         mouse.up()
 
     def _project(self, camera: Any, point: Any) -> tuple[float, float]:

@@ -73,7 +73,8 @@ class KeyList:
         self.choose(number)
 
     def _describe(self, keyframes: Keyframes) -> str:
-        lines = [f"**{keyframes.name}**, {keyframes.start_class} to {keyframes.end_class}"]
+        way = f"{keyframes.start_class} to {keyframes.end_class}"
+        lines = [f"**{keyframes.name}**, {way}, {keyframes.duration.sum():.2f} s"]
         if len(keyframes.keys) > 1:
             took = np.diff(keyframes.times(self._page.world.robot))
             slower = np.flatnonzero(took > keyframes.duration + SLOWER)

@@ -25,6 +25,7 @@ OWN: str = "the robot"
 SUFFIX = ".toml"
 NO_MOTION: str = "none"
 KINDS = "A .csv table, a .json animation or a .bin action file; pickles are not opened."
+CLIP = "Angles outside a joint's range become its end, instead of being refused."
 
 
 class KeyStore:
@@ -64,6 +65,7 @@ class KeyStore:
         gui = self._page.gui
         self._foreign = gui.add_text("Key file", "", hint=KINDS)
         self._pages = gui.add_text("Pages", "", hint="Of an action file, such as 1,2.")
+        self._clip = gui.add_checkbox("Clip", False, hint=CLIP)
         gui.add_button("Import").on_click(self._page.answer(self._import))
 
     # Open -------------------------------------------------------------------------------------
@@ -139,6 +141,7 @@ class KeyStore:
             robot=self._page.request.robot,
             file=self._page.folders.resolve(self._foreign.value),
             page=parse_pages(self._pages.value),
+            clip=self._clip.value,
             out=self._find_target(),
         )
         self._page.say(f"Keys of {request.file.name} are imported …")

@@ -59,6 +59,12 @@ class StudioPage:
     def tick(self, label: str) -> None:
         self.find_input(label).click()
 
+    def see_value(self, label: str, text: str) -> None:
+        """Wait until the input beside a label has a value."""
+        from playwright.sync_api import expect
+
+        expect(self.find_input(label)).to_have_value(text, timeout=PATIENCE)
+
     def drag(self, server: Any, start: Any, end: Any) -> None:
         """Drag what is drawn at a point of the scene to another one, (3,) [m] each."""
         (client,) = server.get_clients().values()

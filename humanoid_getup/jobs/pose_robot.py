@@ -1,17 +1,32 @@
-"""Poses a robot: drops it, mirrors it, and measures how it lies."""
+"""Poses a robot: drops it, mirrors it, turns its joints, and measures how it lies."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, classify, drop_from
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import find_start
+from humanoid_getup.experiments.starts.falls import (
+    CLASSES,
+    UNCLASSED,
+    Fall,
+    classify,
+    drop_from,
+    sample_fall_set,
+)
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.jobs.requests.shared import SceneOptions
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.simulation.clearance import Clearance
+from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
-from robots import Posture
+from robots import Posture, Robot
+from robots.body.limbs import Limbs
+from robots.body.squats import Squat, list_squats
+from robots.body.statics import Statics
 from robots.kinematics import mirror_positions, place, read_posture
 
 
@@ -29,13 +44,37 @@ class PoseFigures:
     """Greatest depth to which it is inside itself [m]."""
 
 
-def sample_start(world: World, side: str, seed: int) -> Fall:
-    """Sample a settled fall of a class.
+@dataclass(frozen=True, kw_only=True)
+class FallsToSample:
+    """Falls of a class."""
+
+    options: SceneOptions
+    """Robot and scene; the seed is that of the falls."""
+    side: str
+    count: int
+
+
+def sample_starts(
+    request: FallsToSample, report: Report | None = None, cancel: Cancel | None = None
+) -> list[Fall]:
+    """Sample settled falls of a class; of one seed, the first ones are the same for any count.
 
     Raises:
         BadInputError: if there is no such class, or it does not occur.
+        CancelledError: if ``cancel`` ended it.
     """
-    return find_start(world, side, np.random.default_rng(seed))
+    if request.side not in CLASSES or request.count < 1:
+        found = f"{request.count} of class '{request.side}'"
+        raise BadInputError(f"falls: {found}, expected 1 or more of {', '.join(CLASSES)}")
+    world, monitor = load_world(request.options), ProgressMonitor(report, cancel)
+    advance = monitor.count(f"falls ({request.side})", request.count)
+    with refusing():
+        sampled = sample_fall_set(
+            world, {request.side: request.count}, request.options.seed, report=advance
+        )
+        for fall in sampled.falls:
+            check_standing_place(world, fall.posture.position)
+    return list(sampled.falls)
 
 
 def drop_robot(world: World, posture: Posture) -> Fall:
@@ -46,6 +85,24 @@ def drop_robot(world: World, posture: Posture) -> Fall:
     """
     with refusing():
         return drop_from(world, posture)
+
+
+def turn_joint(
+    robot: Robot, posture: Posture, joint: int, angle: float, *, mirrored: bool
+) -> Posture:
+    """Turn a joint to an angle [rad] within its range; mirrored, its partner turns as well."""
+    angles = posture.joint_pos.copy()
+    angles[joint] = np.clip(angle, robot.lower[joint], robot.upper[joint])
+    turned = replace(posture, joint_pos=angles)
+    return mirror_turned(robot, turned, (joint,)) if mirrored else turned
+
+
+def mirror_turned(robot: Robot, posture: Posture, joints: Sequence[int]) -> Posture:
+    """Give the partners of joints their angles, mirrored; joints in the middle stay."""
+    paired = np.array([k for k in joints if robot.mirror_index[k] != k], dtype=int)
+    partners, angles = robot.mirror_index[paired], posture.joint_pos.copy()
+    angles[partners] = robot.mirror_joints(angles)[partners]
+    return replace(posture, joint_pos=np.clip(angles, robot.lower, robot.upper))
 
 
 def mirror_pose(world: World, posture: Posture) -> Posture:
@@ -59,6 +116,35 @@ def put_down(world: World, posture: Posture) -> Posture:
     qpos = Clearance(world).rest_where(place(world.robot, world.model, posture))
     root = world.robot.layout(world.model).root_position
     return replace(posture, position=qpos[root].copy())
+
+
+class Squats:
+    """Balanced squats of a robot on flat soles, from high to deep."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare; the search is made when they are first asked for."""
+        self._robot = robot
+
+    def find(self, neck_share: float) -> tuple[Squat, Posture]:
+        """Find the squat whose neck is nearest to a share of its height in the stance.
+
+        Raises:
+            BadInputError: if the robot has none.
+        """
+        with refusing():
+            squats = self._squats
+        if not squats:
+            raise BadInputError(f"robot '{self._robot.name}' has no balanced squat on flat soles")
+        nearest = min(squats, key=lambda squat: abs(squat.neck_share - neck_share))
+        return nearest, self._statics.make_posture(nearest.joint_pos)
+
+    @cached_property
+    def _squats(self) -> list[Squat]:
+        return list_squats(Limbs(self._robot), self._statics)
+
+    @cached_property
+    def _statics(self) -> Statics:
+        return Statics(self._robot)
 
 
 def measure_pose(world: World, posture: Posture) -> PoseFigures:

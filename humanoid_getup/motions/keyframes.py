@@ -51,6 +51,10 @@ class Keyframes:
         moving = np.clip(curve(time), robot.lower, robot.upper)
         return hold_last(moving, len(moving) + round(hold / robot.control_period))
 
+    def times(self, robot: Robot) -> Array:
+        """Compute the times from the start at which `targets` reaches the keys [s], (K,)."""
+        return np.concatenate([[0.0], np.cumsum(self._slow_down(robot, STRETCHES)[0])])
+
     def stretch(self, robot: Robot) -> Keyframes:
         """Give all segments the time that the servos need, so that none is stretched any more."""
         return replace(self, duration=self._slow_down(robot, MOST_STRETCHES)[0])

@@ -60,10 +60,8 @@ class _DrawnPlot:
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
             title=plot.title,
-            scales={
-                "x": {"time": False},
-                "y": {"range": self._range},
-            },  # unknown samples hide others
+            # Without a range, one sample that is not known hides all that are.
+            scales={"x": {"time": False}, "y": {"range": self._range}},
             height=HEIGHT,
         )
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.pose_robot import (
     drop_robot,
     measure_pose,
     mirror_pose,
     put_down,
-    sample_start,
+    turn_joint,
 )
+from humanoid_getup.studio.button_row import add_button_row
+from humanoid_getup.studio.drag_gizmo import DragGizmo
+from humanoid_getup.studio.fall_list import FallList
 from humanoid_getup.studio.page import Page
 from robots import Posture, load_posture
 from robots.description.posture_file import format_posture
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 SLIDER_STEP = 0.5  # degrees
 FIRM = 0.001  # m of overlap that is told
 SUFFIX = ".json"
+MIRRORED = "A joint or limb that is moved moves that of the other side as well."
 
 
 class PoseTab:
@@ -37,14 +37,13 @@ class PoseTab:
         self._page, gui, answer = page, page.gui, page.answer
         self._state = gui.add_markdown("")
         with gui.add_folder("Fall"):
-            self._side = gui.add_dropdown("Class", CLASSES)
-            self._seed = gui.add_number("Seed", page.request.seed, min=0, step=1)
-            gui.add_button("Random fall").on_click(answer(self._fall))
+            FallList(page)
         with gui.add_folder("Posture"):
+            self._mirrored = gui.add_checkbox("Mirrored", False, hint=MIRRORED)
+            self.gizmo = DragGizmo(page, self._mirrored)
             gui.add_button("Drop and settle").on_click(answer(self._drop))
-            gui.add_button("Put down").on_click(answer(self._put_down))
-            gui.add_button("Mirror").on_click(answer(self._mirror))
-            gui.add_button("Stand").on_click(answer(self._stand))
+            row = {"Put down": self._put_down, "Mirror": self._mirror, "Stand": self._stand}
+            add_button_row(page, "Set", row)
         with gui.add_folder("File"):
             self._file = gui.add_text("Name", f"posture{SUFFIX}")
             gui.add_button("Load").on_click(answer(self._load))
@@ -63,9 +62,9 @@ class PoseTab:
         return slider
 
     def _turn(self, number: int, degrees: float) -> None:
-        robot, angles = self._page.world.robot, self._page.start.joint_pos.copy()
-        angles[number] = np.clip(math.radians(degrees), robot.lower[number], robot.upper[number])
-        self._page.pose(replace(self._page.start, joint_pos=angles))
+        page, mirrored = self._page, self._mirrored.value
+        angle = math.radians(degrees)
+        page.pose(turn_joint(page.world.robot, page.start, number, angle, mirrored=mirrored))
 
     def _show(self, posture: Posture) -> None:
         """Show how the robot lies, and its joint angles."""
@@ -78,11 +77,6 @@ class PoseTab:
         self._state.content = ", ".join(parts)
         for slider, angle in zip(self._sliders, posture.joint_pos, strict=True):
             slider.value = math.degrees(angle)
-
-    def _fall(self) -> None:
-        fall = sample_start(self._page.world, self._side.value, int(self._seed.value))
-        self._page.pose(fall.posture)
-        self._page.say(f"A fall that settled {fall.start_class}, seed {int(self._seed.value)}.")
 
     def _drop(self) -> None:
         fall = drop_robot(self._page.world, self._page.start)

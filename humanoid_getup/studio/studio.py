@@ -17,6 +17,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
 from humanoid_getup.studio.flight_tab import FlightTab
+from humanoid_getup.studio.keyframe_tab import KeyframeTab
 from humanoid_getup.studio.live_tab import LiveTab
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
@@ -105,6 +106,7 @@ class Studio:
 
 TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
+    "Keyframes": KeyframeTab,
     "Plan": PlanTab,
     "Style": StyleTab,
     "Flight": FlightTab,

@@ -75,6 +75,22 @@ class StudioPage:
         x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
         return x + scale * right, y + scale * down
 
+    def tick(self, label: str) -> None:
+        self.find_input(label).click()
+
+    def see_value(self, label: str, text: str) -> None:
+        """Wait until the input beside a label has a value."""
+        from playwright.sync_api import expect
+
+        expect(self.find_input(label)).to_have_value(text, timeout=PATIENCE)
+
+    def drag_point(self, server: Any, start: Any, end: Any) -> None:
+        """Drag what is drawn at a point of the scene to another one, (3,) [m] each."""
+        (client,) = server.get_clients().values()
+        client.get_render(height=8, width=8)  # what was added before is drawn now
+        pixels = (self.find_pixel(client.camera, point) for point in (start, end))
+        self.drag(*pixels)
+
     def take_picture(self, file: Path) -> None:
         self.page.screenshot(path=str(file))
 

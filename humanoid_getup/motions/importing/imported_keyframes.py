@@ -96,7 +96,7 @@ def make_keyframes(
         keys, after = _end_in_stance(keys, after, robot)
     if len(keys) < 2:
         raise ValueError(f"{sequence.source} has one key and no time, expected two or more")
-    free, mirrored = _choose_free(keys, robot)
+    free, mirrored = choose_free(keys, robot)
     keyframes = Keyframes(
         name=name,
         start_class=start_class,
@@ -127,7 +127,7 @@ def _end_in_stance(keys: Array, after: Array, robot: Robot) -> tuple[Array, Arra
     return np.vstack([keys, stance]), np.append(after, find_travel_time(keys[-1], stance))
 
 
-def _choose_free(keys: Array, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+def choose_free(keys: Array, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     """Choose the joints that may be optimized: those that move or are not at 0, as in a file."""
     is_used = np.abs(keys).max(axis=0) > SYMMETRIC
     is_used |= is_used[robot.mirror_index]

@@ -128,7 +128,7 @@ def replay_flight(
             record=record,
             world=world,
             report=compared,
-            measured=FlightPostures.of(world, place_measured(world, record, compared.twin_qpos)),
+            measured=FlightPostures.of(world, place_measured(world, record, compared)),
             twin=FlightPostures.of(world, compared.twin_qpos),
             torque=estimate_torques(world, record),
             cuts=find_cuts(record),

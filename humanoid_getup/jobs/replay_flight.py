@@ -191,7 +191,6 @@ def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple
         monitor.begin("drawing")
         write_atomically(folder / FIGURES, to_json(flight.describe()))
         plots.save_flight(record, folder / FLIGHT, title=title)
-        monitor.check()
         plots.save_difference(flight.report, folder / DIFFERENCE, title=f"{title}: replay")
         style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
         monitor.check()

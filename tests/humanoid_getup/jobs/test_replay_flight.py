@@ -76,6 +76,9 @@ def test_a_cancelled_replay_ends_within_it_and_writes_nothing(swing: Path, tmp_p
         with pytest.raises(CancelledError):
             replay_flight(request, report, lambda last=last: phases[-1] == last)
         assert phases[-1] == last
+    drawn = iter((False, True))  # called as the drawing begins, and once it is done
+    with pytest.raises(CancelledError):
+        replay_flight(request, report, lambda: phases[-1] == "drawing 0" and next(drawn))
     assert list(tmp_path.iterdir()) == []
 
 

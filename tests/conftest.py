@@ -13,8 +13,6 @@ from hypothesis import settings
 with contextlib.suppress(ImportError):
     import triton  # noqa: F401  # pyright: ignore[reportMissingImports]
 
-from flight_recording import record_swing, twin_of
-
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.plan_cache import FOLDER_VARIABLE
@@ -61,6 +59,8 @@ def tiny() -> Robot:
 @pytest.fixture(scope="session")
 def swing(tiny: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight log of the tiny robot."""
+    from flight_recording import record_swing, twin_of  # not before a GL is chosen, above
+
     path = tmp_path_factory.mktemp("swing") / "swing.mcap"
     record_swing(path, tiny, twin_of(tiny), tiny.standing)
     return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -128,7 +129,9 @@ class Content:
         if isinstance(record, Message):
             topic, message = self._topic_of[record.channel_id], orjson.loads(record.data)
             if topic == EVENT:
-                self.events.append(Event(**message, cycle=record.sequence))
+                time = message.pop("time")
+                time = math.nan if time is None else float(time)
+                self.events.append(Event(time=time, **message, cycle=record.sequence))
             else:
                 if topic not in self._topics:
                     self._topics[topic] = _Columns(message)

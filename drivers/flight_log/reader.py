@@ -21,6 +21,11 @@ from robots.storage.files import read_bounded
 
 MOST_BYTES = 1 << 29  # of a file
 NEEDED = ("state", "asked", "sent")
+OF_JOINTS = {
+    "state": ("joint_pos", "joint_vel", "joint_current"),
+    "sent": ("joint_pos", "torque_limit"),
+}
+"""Fields of a number for each joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,10 +182,10 @@ def _check_tracks(tracks: dict[str, Track], n: int) -> None:
     for name in NEEDED:
         if not np.array_equal(tracks[name].cycle, cycles):
             raise ValueError(f"not every cycle has its '{name}'")
-    for name in ("state", "sent"):
-        shape = tracks[name]["joint_pos"].shape
+    for name, field in ((name, field) for name, these in OF_JOINTS.items() for field in these):
+        shape = tracks[name][field].shape
         if shape != (len(cycles), n):
-            raise ValueError(f"{name} has angles of shape {shape}, expected {(len(cycles), n)}")
+            raise ValueError(f"{name} has {field} of shape {shape}, expected {(len(cycles), n)}")
 
 
 def _parse_posture(text: str, joint_names: tuple[str, ...]) -> Posture | None:

@@ -128,7 +128,7 @@ def replay_flight(
             record=record,
             world=world,
             report=compared,
-            measured=FlightPostures.of(world, place_measured(world, record, compared.twin_qpos)),
+            measured=FlightPostures.of(world, place_measured(world, record, compared)),
             twin=FlightPostures.of(world, compared.twin_qpos),
             torque=estimate_torques(world, record),
             cuts=find_cuts(record),
@@ -191,7 +191,6 @@ def _write(flight: ReplayedFlight, out: Path, monitor: ProgressMonitor) -> tuple
         monitor.begin("drawing")
         write_atomically(folder / FIGURES, to_json(flight.describe()))
         plots.save_flight(record, folder / FLIGHT, title=title)
-        monitor.check()
         plots.save_difference(flight.report, folder / DIFFERENCE, title=f"{title}: replay")
         style_plot.save_flight(record, folder / STYLE, title=f"{title}: style")
         monitor.check()

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.experiments.judging.torque import estimate_torque
 from humanoid_getup.playback.estimation import SINKING
+from humanoid_getup.reporting.replay import ReplayReport
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.kinematics import lowest_points, place_postures, torso_orientation
+from robots.kinematics import GeomReach, lowest_points, place_postures, torso_orientation
 from robots.quaternion import Array
+
+APART = 0.3  # rad between the tilts of two robots of which one may fall
+TOUCHING = 0.003  # m above the lowest point, at which a part still touches the ground
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,30 +43,36 @@ class FlightPostures:
         )
 
 
-def place_measured(world: World, record: FlightRecord, twin_qpos: Array) -> Array:
+def place_measured(world: World, record: FlightRecord, report: ReplayReport) -> Array:
     """Compute the MuJoCo positions of the robot as it was measured, (T, nq).
 
-    Joint angles and attitude are measured; place and heading are not, and are taken from the
-    twin: the place in every cycle, the heading once, as an IMU counts its yaw from an arbitrary
-    zero. On flat ground the height is such that the robot touches the ground, so that it neither
-    floats nor sinks where the twin has fallen and the robot has not. What a log lacks, such as the
-    angle of a servo that was silent, is the twin's.
+    Joint angles and attitude are measured; place and heading are not. The heading is the twin's at
+    the first cycle, as an IMU counts its yaw from an arbitrary zero. The place is the twin's. On
+    flat ground its height is such that the robot touches the ground; and once their tilts are far
+    apart, as when the twin falls and the robot does not, what touches the ground stays where it
+    is, so that the robot does not slide with its twin. What a log lacks, such as the angle of a
+    servo that was silent, is the twin's.
 
     Args:
         world: Its world.
         record: Flight log of T cycles.
-        twin_qpos: MuJoCo positions of the twin that replays it, (T, nq).
+        report: Its replay.
     """
-    layout = world.robot.layout(world.model)
+    layout, twin = world.robot.layout(world.model), report.twin_qpos
     angles = record.state["joint_pos"]
     qpos = place_postures(
         world.robot,
         world.model,
-        twin_qpos[:, layout.root_position],
-        _find_orientation(world, record, twin_qpos[:, layout.root_orientation]),
-        np.where(np.isfinite(angles), angles, twin_qpos[:, layout.qpos]),
+        twin[:, layout.root_position],
+        _find_orientation(world, record, twin[:, layout.root_orientation]),
+        np.where(np.isfinite(angles), angles, twin[:, layout.qpos]),
     )
     if world.scene.is_flat:
+        apart = np.flatnonzero(np.nan_to_num(report.tilt_difference) > APART)
+        first = int(apart[0]) if len(apart) else len(qpos)
+        place = qpos[first:, layout.root_position]
+        place[:, :2] = place[:1, :2]
+        place[:, :2] += _stay_on_ground(world, qpos[first:])
         qpos[:, layout.root_qpos + 2] -= lowest_points(world.model, qpos) + SINKING
     return qpos
 
@@ -68,6 +80,30 @@ def place_measured(world: World, record: FlightRecord, twin_qpos: Array) -> Arra
 def estimate_torques(world: World, record: FlightRecord) -> Array:
     """Estimate the torque of every servo from its current [N·m], (T, n); NaN where unknown."""
     return estimate_torque(world.robot, record.state["joint_current"])
+
+
+def _stay_on_ground(world: World, qpos: Array) -> Array:
+    """Compute shifts of MuJoCo positions (T, nq) by which what touches the ground stays, (T, 2).
+
+    From one cycle to the next the point of the ground under each geom that touches it stays, on
+    average. A body that tilts about its edge lifts this point, but does not move it sideways.
+    """
+    data, reach = mujoco.MjData(world.model), GeomReach(world.model)
+    shift, down = np.zeros((len(qpos), 2)), np.zeros((len(reach.geoms), 3))
+    last, touching = None, np.zeros(len(reach.geoms), dtype=bool)
+    for k, row in enumerate(qpos):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(world.model, data)
+        center, turn = data.geom_xpos[reach.geoms], data.geom_xmat[reach.geoms].reshape(-1, 3, 3)
+        if last is not None:
+            moved = center + np.einsum("gij,gj->gi", turn, down) - last
+            shift[k] = shift[k - 1] - moved[touching, :2].mean(axis=0)
+        depth = reach(turn[:, 2])  # (g,)
+        height = center[:, 2] - depth
+        touching = height < height.min() + TOUCHING
+        down = -turn[:, 2] * depth[:, np.newaxis]  # in the geoms' frames, (g, 3)
+        last = center - depth[:, np.newaxis] * UP
+    return shift
 
 
 def _find_orientation(world: World, record: FlightRecord, twin: Array) -> Array:

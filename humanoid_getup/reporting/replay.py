@@ -176,6 +176,8 @@ def replay(
     """
     record.check_robot(twin.robot)
     periods = _count_periods(record, twin.period)
+    if record.state["orientation"].shape != (record.cycles, 4):
+        raise ValueError(f"flight log {record.path}: it has no orientation, expected an IMU's")
     twin.place(start)
     replayed: list[State] = []
     positions: list[Array] = []

@@ -97,7 +97,7 @@ class FlightTab:
     # Result -----------------------------------------------------------------------------------
 
     def _show(self, request: ReplayRequest, flight: ReplayedFlight) -> None:
-        _check_body(flight, self._page.world)
+        check_body(flight, self._page.world)
         self._page.timeline.load(make_take(flight, self._page.world), play=False)
         self._table.content = write_table(flight.report)
         is_own = flight.record.robot == request.robot
@@ -134,7 +134,7 @@ def _unless(value: float, default: float) -> float | None:
     return None if value == default else float(value)
 
 
-def _check_body(flight: ReplayedFlight, world: World) -> None:
+def check_body(flight: ReplayedFlight, world: World) -> None:
     """Refuse the flight of another body than that on the page."""
     body, shown = flight.world.robot.body, world.robot.body
     if body != shown:

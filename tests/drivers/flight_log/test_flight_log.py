@@ -505,6 +505,28 @@ def test_a_message_that_is_no_object_is_refused_in_one_line(logged, tmp_path, me
         FlightRecord.load(tmp_path / "f")
 
 
+@pytest.mark.parametrize("time", [b'"soon"', b"[]", b"{}"])
+def test_an_event_at_no_time_is_refused_in_one_line(logged, tmp_path, time):
+    message = b'{"time": %b, "kind": "phase", "text": ""}' % time
+    rewrite(logged, tmp_path / "f", [message], topic="/event")
+    with pytest.raises(ValueError, match=r"flight log .*f: damaged \("):
+        FlightRecord.load(tmp_path / "f")
+
+
+def test_an_event_at_an_unknown_time_is_read(tmp_path, robot):
+    with FlightLog(tmp_path / "f", robot) as log:
+        log.event(np.nan, "phase", "over")
+    (event,) = FlightRecord.load(tmp_path / "f").events
+    assert np.isnan(event.time)
+
+
+def test_currents_of_another_number_of_joints_are_refused(tmp_path, robot, flight):
+    state = replace(flight[0].state, joint_current=np.zeros(7))
+    write_flight(tmp_path / "f", robot, [replace(flight[0], state=state)])
+    with pytest.raises(ValueError, match=r"state has joint_current of shape \(1, 7\), expected"):
+        FlightRecord.load(tmp_path / "f")
+
+
 def test_a_description_that_was_altered_is_refused(logged, tmp_path):
     data = logged.read_bytes()
     (tmp_path / "f").write_bytes(data.replace(b"0.008", b"0.004", 1))  # the control period

@@ -11,7 +11,7 @@ import pytest
 from flight_recording import record_swing, twin_of
 from paths import TINY
 
-from drivers import Cycle
+from drivers import Cycle, Twin
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli.main import main
@@ -21,6 +21,7 @@ from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
 from humanoid_getup.progress.callback import CancelledError, Progress
 from humanoid_getup.reporting.cut_commands import CutKind
 from humanoid_getup.scenes.named_scenes import FOLDER
+from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import lowest_points
 from robots.quaternion import multiply
@@ -75,6 +76,9 @@ def test_a_cancelled_replay_ends_within_it_and_writes_nothing(swing: Path, tmp_p
         with pytest.raises(CancelledError):
             replay_flight(request, report, lambda last=last: phases[-1] == last)
         assert phases[-1] == last
+    drawn = iter((False, True))  # called as the drawing begins, and once it is done
+    with pytest.raises(CancelledError):
+        replay_flight(request, report, lambda: phases[-1] == "drawing 0" and next(drawn))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -92,6 +96,30 @@ def test_the_measured_robot_lies_over_its_twin_where_both_moved_the_same(flight:
     np.testing.assert_allclose(lowest_points(world.model, measured), -0.0005, atol=1e-9)
     assert np.ptp(flight.twin.tilt) > 0.1
     np.testing.assert_allclose(flight.measured.tilt, flight.twin.tilt, atol=0.1)
+
+
+def test_a_robot_that_stands_still_does_not_slide_with_a_twin_that_falls(
+    tiny: Robot, tmp_path: Path
+):
+    """It is placed as its twin until that leans by more than 0.3 rad."""
+
+    def stand(cycle: Cycle) -> Cycle:
+        upright = np.array([1.0, 0.0, 0.0, 0.0])
+        state = replace(cycle.state, joint_pos=tiny.standing.joint_pos, orientation=upright)
+        return replace(cycle, state=state)
+
+    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, stand)
+    flight = replayed(tmp_path / "f")
+    apart = flight.report.tilt_difference > 0.3
+    assert 10 < apart.argmax() < len(apart) - 10
+    place = flight.world.robot.layout(flight.world.model).root_position
+    measured, twin = flight.measured.qpos[:, place], flight.twin.qpos[:, place]
+    np.testing.assert_array_equal(
+        measured[: apart.argmax(), :2], twin[: apart.argmax(), :2], "together"
+    )
+    assert np.ptp(twin[apart.argmax() :, :2], axis=0).max() > 0.01
+    assert np.ptp(measured[apart.argmax() :], axis=0).max() < 1e-9
+    assert np.ptp(measured[:, 2]) < 1e-9
 
 
 def test_an_imu_with_another_zero_of_its_yaw_changes_nothing(tiny: Robot, tmp_path: Path):
@@ -194,6 +222,13 @@ def test_a_log_without_cycles_is_refused(tiny: Robot, tmp_path: Path):
     with FlightLog(tmp_path / "f", tiny):
         pass
     with pytest.raises(BadInputError, match="contains no cycle, expected at least one"):
+        replayed(tmp_path / "f")
+
+
+def test_a_log_of_a_flight_without_an_imu_is_refused(tiny: Robot, tmp_path: Path):
+    blind = Twin(World(tiny), without_imu=True)
+    record_swing(tmp_path / "f", tiny, blind, tiny.standing)
+    with pytest.raises(BadInputError, match="it has no orientation, expected an IMU's"):
         replayed(tmp_path / "f")
 
 

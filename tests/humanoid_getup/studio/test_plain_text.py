@@ -1,0 +1,28 @@
+"""Text of a log is shown, never interpreted."""
+
+import html
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from humanoid_getup.studio.plain_text import escape, make_block, make_table
+
+
+@given(st.text())
+def test_all_punctuation_is_escaped_and_nothing_else_changes(text: str):
+    shown = escape(text)
+    assert re.sub(r"\\(.)", r"\1", shown) == " ".join(text.split())
+    assert not re.search(r"[!-/:-@\[-`{-~]", re.sub(r"\\.", "", shown))
+
+
+@given(st.text())
+def test_a_block_is_one_piece_of_html_without_pictures(text: str):
+    inside = make_block(text).removeprefix("<pre><code>").removesuffix("</code></pre>")
+    assert html.unescape(inside) == html.unescape(html.escape(text))
+    assert not set(inside) & set("<>!\n")
+
+
+def test_a_table_has_a_row_for_each_and_no_cell_more():
+    table = make_table(("Joint", "Largest"), [("a|b", "0.1")])
+    assert table.splitlines() == ["| Joint | Largest |", "| --- | --: |", r"| a\|b | 0\.1 |"]

@@ -210,3 +210,11 @@ def test_a_coupled_joint_has_its_gear_in_the_matrix(own_robot):
     assert "joint 'l_hip': gear is 1.5, expected none: it is in its coupling" in complaint(
         own_robot
     )
+
+
+@given(torque=PAIRS, velocity=PAIRS)
+def test_coupled_actuators_give_their_power_to_the_joints(coupled: Robot, torque, velocity):
+    way = coupled.transmission
+    at_joints = way.torque_at_joint(torque)
+    assert at_joints @ velocity == pytest.approx(torque @ way.to_actuator(velocity), abs=1e-9)
+    assert way.torque_for_joint(at_joints) == pytest.approx(torque)

@@ -105,6 +105,16 @@ def test_targets_run_from_first_to_last_key_and_never_too_fast(tmp_path, op3):
     assert np.all(targets[-50:] == targets[-1])
 
 
+def test_targets_are_the_keys_at_their_times_which_servos_may_delay(op3):
+    for keyframes in nonempty(load_robot_keyframes(op3)):
+        times, targets = keyframes.times(op3), keyframes.targets(op3, 1.0)
+        assert np.all(np.diff(times) >= keyframes.duration - 1e-9)
+        clock = op3.control_period * np.arange(len(targets))
+        for key, time in zip(keyframes.keys[:-1], times[:-1], strict=True):
+            sampled = [np.interp(time, clock, column) for column in targets.T]
+            np.testing.assert_allclose(sampled, key, atol=0.03)
+
+
 def test_genes_go_there_and_back(op3):
     for keyframes in nonempty(load_robot_keyframes(op3)):
         again = keyframes.with_genes(keyframes.genes, op3)

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
 
 GHOST = "ghost/"
 """Prefix of the ghost's names."""
-GHOST_COLOR = (0.35, 0.55, 0.95, 0.35)
+GHOST_COLOR = (0.35, 0.55, 0.95, 0.2)
+GRAVITY = 9.81  # m/s²
+ARROW = 0.35  # standing neck heights, of a force as large as the robot's weight
 
 
 def build_model(world: World) -> mujoco.MjModel:
@@ -28,6 +30,9 @@ def build_model(world: World) -> mujoco.MjModel:
     if _list_joints(model) != expected:
         raise RuntimeError(f"joints of the stage are {_list_joints(model)}, expected {expected}")
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    weight = world.model.body_subtreemass[world.robot.layout(world.model).torso] * GRAVITY
+    length = ARROW * world.robot.standing_neck_height  # MuJoCo divides by the mean mass of a body
+    model.vis.map.force = length / weight * model.stat.meanmass
     return model
 
 

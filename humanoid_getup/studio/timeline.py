@@ -120,7 +120,10 @@ class Timeline:
 
     def _slide(self, event: viser.GuiEvent) -> None:
         if event.client_id is not None:  # moved by a person, not by the playback
-            self.scrub(self._slider.value, by_slider=True)
+            seconds = self._slider.value
+            self.scrub(seconds, by_slider=True)
+            if self._slider.value != seconds:  # the playback moved it meanwhile
+                self._slider.value = seconds
 
     def _toggle(self) -> None:
         with self._changed:
@@ -211,8 +214,9 @@ class Timeline:
     def _show_time(self, take: Take) -> None:
         """Move the slider, and the line in the plots, to the time that is shown."""
         now = time.perf_counter()
-        if not self._is_dragged:
-            self._slider.value = min(self._at, self._slider.max)
+        with self._changed:
+            if not self._is_dragged:
+                self._slider.value = min(self._at, self._slider.max)
         if not self._playing or now - self._marked >= MARK_EVERY:
             self._marked = now
             self._plots.mark(float(take.time[0]) + self._at)

@@ -11,6 +11,7 @@ from mjviser import ViserMujocoScene
 from scipy.spatial import ConvexHull, QhullError
 
 from humanoid_getup.reporting.film_strip import paint
+from humanoid_getup.studio.ghost import Ghost
 from humanoid_getup.studio.stage_model import build_model
 from robots.quaternion import Array
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from humanoid_getup.simulation.world import World
 
-AWAY = -50.0  # m under the ground, where a ghost is not seen
 ABOVE = 0.002  # m over its contacts at which the balance is drawn
 COM_RADIUS = 0.02  # of the standing neck height
 BALANCED, FALLING = (40, 160, 70), (220, 50, 40)
@@ -52,12 +52,11 @@ class Stage:
         self.shows_balance = True
         self._model = paint(world.robot, build_model(world))
         self._data = mujoco.MjData(self._model)
-        self._away = world.model.qpos0.copy()
-        self._away[world.robot.layout(world.model).root_qpos + 2] = AWAY
         self.view = ViserMujocoScene(server, self._model, num_envs=1)
         """The scene of mjviser, with its own controls."""
         self.view.camera_tracking_enabled = False
         self.view.show_contact_points = self.view.show_contact_forces = True
+        self._ghost = Ghost(server, self._model)
         self._com = server.scene.add_icosphere(
             "/balance/com", COM_RADIUS * world.robot.standing_neck_height, color=BALANCED
         )
@@ -71,8 +70,8 @@ class Stage:
 
     def show(self, picture: Picture) -> None:
         """Show the robot, and its ghost if there is one."""
-        data, ghost = self._data, self._away if picture.ghost is None else picture.ghost
-        data.qpos[:] = np.concatenate([picture.qpos, ghost])
+        data, ghost = self._data, picture.ghost
+        data.qpos[:] = np.concatenate([picture.qpos, picture.qpos if ghost is None else ghost])
         data.qvel[:] = data.qfrc_applied[:] = 0.0
         if picture.velocity is not None:
             data.qvel[: self.world.model.nv] = picture.velocity
@@ -81,6 +80,10 @@ class Stage:
             data.qfrc_applied[dof] = picture.joint_torque
         mujoco.mj_forward(self._model, data)
         self._draw_balance()
+        if ghost is None:
+            self._ghost.hide()
+        else:
+            self._ghost.show(data)
         self.view.update_from_mjdata(data)
 
     def _draw_balance(self) -> None:

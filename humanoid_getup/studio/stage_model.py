@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 GHOST = "ghost/"
 """Prefix of the ghost's names."""
-GHOST_COLOR = (0.35, 0.55, 0.95, 0.2)
+HIDDEN = 5  # group of geoms that are not seen
 GRAVITY = 9.81  # m/s²
 ARROW = 0.35  # standing neck heights, of a force as large as the robot's weight
 
@@ -45,8 +45,9 @@ def _make_ghost(world: World) -> mujoco.MjSpec:
         ghost.delete(element)
     for geom in ghost.geoms:
         geom.contype = geom.conaffinity = 0
-        geom.material = ""
-        geom.rgba = GHOST_COLOR if geom.rgba[3] > 0.0 else (0.0, 0.0, 0.0, 0.0)
+        if geom.rgba[3] == 0.0:
+            geom.group = HIDDEN
+        geom.material, geom.rgba = "", (0.0, 0.0, 0.0, 0.0)  # `Ghost` draws it
     return ghost
 
 

@@ -24,6 +24,7 @@ FRAME = 1.0 / 60.0  # s between two pictures while a take plays
 MARK_EVERY = 0.1  # s between two positions of the line in the plots
 SPEEDS = {"1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
 STEP = 0.001  # s, of the slider
+REST = 0.5  # s after which a slider that is dragged has come to rest
 WIDTH = 340  # pixels
 
 
@@ -192,8 +193,7 @@ class Timeline:
         """Draw until the end: while a take plays at a steady rate, else what is requested."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._wanted or self._playing or self._ended)
-                if self._ended:
+                if not self._wait():
                     return
                 self._wanted = False
                 self._advance()
@@ -210,6 +210,17 @@ class Timeline:
                 self._changed.notify_all()
             if playing:
                 time.sleep(FRAME)
+
+    def _wait(self) -> bool:
+        """Wait for what is to be drawn; return whether there is something, not the end.
+
+        A slider that has come to rest gets the time that is shown: an older one, sent while the
+        take played, may have reached the page after it was moved.
+        """
+        rest = REST if self._is_dragged else None
+        if not self._changed.wait_for(lambda: self._wanted or self._playing or self._ended, rest):
+            self._is_dragged = False
+        return not self._ended
 
     def _show_time(self, take: Take) -> None:
         """Move the slider, and the line in the plots, to the time that is shown."""

@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+pytest.importorskip("mjviser", reason="needs the studio extra")
+
+from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.stage import contains, find_hull
+from humanoid_getup.studio.stage_model import build_model
+from robots import Robot, load_robot
+from robots.kinematics import place
+
+SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [1.0, 0.5]])
+
+
+def test_the_support_is_the_hull_of_the_contacts():
+    hull = find_hull(SQUARE)
+    assert hull is not None
+    assert sorted(map(tuple, hull)) == [(0.0, 0.0), (0.0, 2.0), (2.0, 0.0), (2.0, 2.0)]
+    assert contains(hull, np.array([1.9, 0.1]))
+    assert not contains(hull, np.array([2.1, 0.1]))
+    assert not contains(hull, np.array([1.0, -0.1]))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_few_contacts_support_nothing(count: int):
+    assert find_hull(SQUARE[:count]) is None
+    assert find_hull(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])) is None
+
+
+@pytest.mark.parametrize("name", ["op3", "toddlerbot", "wolfgang", "human"])
+def test_the_ghost_has_the_positions_of_the_robot_and_touches_nothing(name: str):
+    import mujoco
+
+    robot: Robot = load_robot(name)
+    world = World(robot)
+    model = build_model(world)
+    data, standing = mujoco.MjData(model), place(robot, world.model, robot.standing)
+    data.qpos[:] = np.concatenate([standing, standing])
+    mujoco.mj_forward(model, data)
+    torso, ghost = model.body(robot.torso).id, model.body(f"ghost/{robot.torso}").id
+    np.testing.assert_array_equal(data.xpos[torso], data.xpos[ghost])
+    touching = model.body_rootid[model.geom_bodyid[data.contact.geom]]
+    assert ghost not in touching
+    assert torso in touching

@@ -25,6 +25,7 @@ MARK_EVERY = 0.1  # s between two positions of the line in the plots
 SPEEDS = {"1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
 STEP = 0.001  # s, of the slider
 REST = 0.5  # s after which a slider that is dragged has come to rest
+NUDGE = 1e-6  # s
 WIDTH = 340  # pixels
 
 
@@ -220,6 +221,7 @@ class Timeline:
         rest = REST if self._is_dragged else None
         if not self._changed.wait_for(lambda: self._wanted or self._playing or self._ended, rest):
             self._is_dragged = False
+            self._slider.value = self._at + NUDGE  # what does not change is not sent
         return not self._ended
 
     def _show_time(self, take: Take) -> None:

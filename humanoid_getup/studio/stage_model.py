@@ -13,7 +13,7 @@ GHOST = "ghost/"
 """Prefix of the ghost's names."""
 HIDDEN = 5  # group of geoms that are not seen
 GRAVITY = 9.81  # m/s²
-ARROW = 0.35  # standing neck heights, of a force as large as the robot's weight
+ARROW = 1.2  # standing neck heights, of a force as large as the robot's weight
 
 
 def build_model(world: World) -> mujoco.MjModel:

@@ -36,6 +36,11 @@ class PlotPanel:
         with self._folder:
             self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
 
+    @property
+    def charts(self) -> list[viser.GuiUplotHandle]:
+        """Return what is drawn."""
+        return [plot.chart for plot in self._plots]
+
     def mark(self, time: float) -> None:
         """Draw the line at a time of the take [s]."""
         for plot in self._plots:
@@ -51,11 +56,7 @@ class _DrawnPlot:
         self._curves = {name: values[kept] for name, values in plot.curves.items()}
         if plot.limit is not None:
             self._curves["limit"] = np.full(len(kept), plot.limit)
-        values = np.concatenate(list(self._curves.values()))
-        known = values[np.isfinite(values)]
-        low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-        margin = MARGIN * (high - low) or LEAST_MARGIN
-        self._range = (float(low - margin), float(high + margin))
+        self._range = find_range(np.concatenate(list(self._curves.values())))
         self.chart = gui.add_uplot(
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
@@ -87,3 +88,11 @@ class _DrawnPlot:
             ),
             np.insert(line, at, self._range),
         )
+
+
+def find_range(values: Array) -> tuple[float, float]:
+    """Find the range of an axis with a margin around its values, of which some may be unknown."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    margin = MARGIN * (high - low) or LEAST_MARGIN
+    return low - margin, high + margin

@@ -26,7 +26,7 @@ import numpy as np
 import tyro
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from drivers.live_feed.feed import list_feeds
+from drivers.live_feed.feed import find_feed
 from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import LiveSample
 from humanoid_getup.jobs.get_up.rise import play_motion
@@ -150,9 +150,9 @@ def _live_rise(folder: str) -> Iterator[tuple[Path, Path]]:
     command += ["--then", "limp", "--out", str(out)]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdout=quiet, stderr=quiet) as rise:
-        while not (feeds := [f for f in list_feeds() if f.stem.endswith(f"-{rise.pid}")]):
+        while (feed := find_feed(rise.pid)) is None:
             time.sleep(POLL)
-        yield feeds[0], out / "report.json"
+        yield feed, out / "report.json"
         rise.wait()
 
 

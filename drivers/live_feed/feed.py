@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 import threading
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from drivers.live_feed.messages import (
 )
 from robots import Robot
 
+BEGUN = ".begun"  # suffix of a feed that cannot be followed yet
 PERIOD = 1.0 / 30.0  # s between two samples to a follower
 SLOWEST = 2.0  # s that a follower may need for a sample; one that hangs is no longer served
 
@@ -48,9 +50,11 @@ class LiveFeed:
         self._phase = phase
 
     def __enter__(self) -> LiveFeed:
-        self.path.unlink(missing_ok=True)  # of a killed process with this number
-        self._listener.bind(str(self.path))
+        begun = self.path.with_suffix(BEGUN)
+        begun.unlink(missing_ok=True)  # of a killed process with this number
+        self._listener.bind(str(begun))
         self._listener.listen()
+        begun.replace(self.path)  # who finds it can connect
         threading.Thread(target=self._accept, name="live feed", daemon=True).start()
         return self
 
@@ -77,6 +81,8 @@ class LiveFeed:
         with connection, contextlib.suppress(OSError):
             send_message(connection, self._hello)
             while not self._ended.wait(PERIOD):
+                if not select.select([], [connection], [], 0.0)[1]:
+                    continue  # a slow follower misses samples, and keeps its stop
                 cycle, phase = self._newest, self._phase
                 if cycle is not None and (sent is None or sent[0] is not cycle or sent[1] != phase):
                     send_message(connection, LiveSample.of(cycle, phase))
@@ -99,13 +105,24 @@ class LiveFeed:
 
 def list_feeds() -> list[Path]:
     """List the feeds of this user's programs that run; remove those that were left behind."""
-    found = []
-    for path in sorted(find_feeds_folder().glob(f"*{SUFFIX}")):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as trial:
-            try:
-                trial.connect(str(path))
-            except OSError:
-                path.unlink(missing_ok=True)
-            else:
-                found.append(path)
-    return found
+    found = sorted(find_feeds_folder().glob(f"*{SUFFIX}"))
+    for path in found:
+        if not _runs(path):
+            path.unlink(missing_ok=True)
+    return [path for path in found if path.exists()]
+
+
+def find_feed(process: int) -> Path | None:
+    """Find the feed of a process by its number; None if it has none yet."""
+    return next((path for path in list_feeds() if path.stem.endswith(f"-{process}")), None)
+
+
+def _runs(path: Path) -> bool:
+    """Return whether the process that a feed is named after runs."""
+    try:
+        os.kill(int(path.stem.rpartition("-")[2]), 0)
+    except (ValueError, ProcessLookupError):
+        return False
+    except PermissionError:  # the number was given to another user's process
+        return False
+    return True

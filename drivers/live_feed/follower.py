@@ -72,7 +72,10 @@ class LiveFollower:
         problem = ""
         try:
             while (sample := receive_message(self._connection, LiveSample)) is not None:
-                self._on_sample(sample)
+                try:
+                    self._on_sample(sample)
+                except Exception as error:  # the feed goes on, and so does its stop
+                    problem = f"live feed: {type(error).__name__}: {error}"
         except FeedError as error:
             problem = str(error)
         except OSError:  # closed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -13,7 +14,8 @@ from typing import Any, Generic, TypeVar
 from humanoid_getup.progress.callback import CancelledError, Progress
 from humanoid_getup.progress.worker_pool import SPAWN
 
-GRACE = 1.0  # s that a cancelled job has to end by itself
+GRACE = 1.0  # s that a cancelled job has to end by itself, before it is interrupted
+RELEASE = 10.0  # s that an interrupted job has to release a robot
 
 Result = TypeVar("Result")
 
@@ -70,7 +72,7 @@ class BackgroundJob(Generic[Result]):
         return self._thread.is_alive()
 
     def cancel(self) -> None:
-        """End it; a job that does not end by itself within a second is terminated."""
+        """End it; a job that does not end by itself within a second is interrupted."""
         if self._cancelled.is_set():
             return
         self._cancelled.set()
@@ -78,9 +80,10 @@ class BackgroundJob(Generic[Result]):
             self._pipe.send(None)
         except OSError:  # it has ended
             return
-        timer = threading.Timer(GRACE, self._process.terminate)
-        timer.daemon = True
-        timer.start()
+        for delay, end in ((GRACE, self._process.terminate), (RELEASE, self._process.kill)):
+            timer = threading.Timer(delay, _ignore_ended(end))
+            timer.daemon = True
+            timer.start()
 
     def wait(self, timeout: float | None = None) -> JobEnd[Result] | None:
         """Wait up to a time [s] for its end; return how it ended, None if it has not."""
@@ -95,7 +98,10 @@ class BackgroundJob(Generic[Result]):
             self._end = message
         except (EOFError, OSError):  # it was killed
             pass
-        self._process.join(GRACE)
+        except Exception as error:
+            self._end = JobEnd(problem=f"{type(error).__name__}: {error}")
+            self.cancel()
+        self._process.join(RELEASE)
         self._process.kill()
         self._process.join()
         self._pipe.close()
@@ -104,23 +110,41 @@ class BackgroundJob(Generic[Result]):
         self._ended(self._end)
 
 
+def _ignore_ended(end: Callable[[], None]) -> Callable[[], None]:
+    """Make a call that ends a process harmless for one that has ended and is closed."""
+
+    def call() -> None:
+        with contextlib.suppress(ValueError, OSError):
+            end()
+
+    return call
+
+
 def _run(pipe: Connection, work: Callable[..., Any], request: object) -> None:
-    """Run a job in this process; it ends when the other end of the pipe closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its jobs
+    """Run a job in this process; it is cancelled when the other end of the pipe closes.
+
+    Signals interrupt it, so that it releases a robot; the parent ends its jobs after Ctrl-C.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler)
     cancelled = threading.Event()
 
     def listen() -> None:
         try:
             pipe.recv()
         except (EOFError, OSError):
-            os._exit(1)
+            threading.Timer(GRACE, os.kill, (os.getpid(), signal.SIGTERM)).start()
+            threading.Timer(RELEASE, os._exit, (1,)).start()
         cancelled.set()
 
     threading.Thread(target=listen, daemon=True).start()
     try:
         end = JobEnd(result=work(request, pipe.send, cancelled.is_set))
-    except CancelledError:
+    except (CancelledError, KeyboardInterrupt):
         end = JobEnd(cancelled=True)
     except Exception as error:
         end = JobEnd(problem=str(error) or type(error).__name__)
-    pipe.send(end)
+    with contextlib.suppress(OSError):  # the other end is gone
+        pipe.send(end)
+    os._exit(0)  # timers may be waiting

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -67,7 +68,8 @@ class LatestJob(Generic[Request, Result]):
             except Exception as error:
                 end = JobEnd[Result](problem=str(error) or type(error).__name__)
             if not cancelled.is_set():
-                self._ended(end)
+                with contextlib.suppress(Exception):  # the caller tells it; the thread goes on
+                    self._ended(end)
 
     def _take(self) -> list[Request] | None:
         """Return the request that waits, in a list; without one, end the thread."""

@@ -19,7 +19,7 @@ from humanoid_getup.progress.background_job import BackgroundJob
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.page import Page
-from humanoid_getup.studio.plain_text import escape, make_block, make_table
+from humanoid_getup.studio.plain_text import make_block, make_table
 from humanoid_getup.studio.take import Mark, Plot, Take
 from robots.kinematics import transfer_positions
 
@@ -113,10 +113,7 @@ class FlightTab:
 
     def _find_folder(self) -> Path:
         """Return the folder for the files, each of which lies within the folders of the page."""
-        folder = self._page.folders.resolve(self._folder.value)
-        for name in REPLAY_FILES:
-            self._page.folders.resolve(str(folder / name))
-        return shorten_path(folder)
+        return shorten_path(self._page.folders.resolve_folder(self._folder.value, REPLAY_FILES))
 
     def _save(self) -> None:
         if self._opened is None:
@@ -148,14 +145,14 @@ def make_take(flight: ReplayedFlight, world: World) -> Take:
     """Make a take of a flight in the world of the page: the measured robot, and its twin."""
     report, robot, own = flight.report, world.robot, flight.world.model
     return Take(
-        name=escape(flight.record.path.name),
+        name=flight.record.path.name,
         time=report.time,
         qpos=transfer_positions(robot, own, world.model, flight.measured.qpos),
         ghost=transfer_positions(robot, own, world.model, flight.twin.qpos),
         joint_torque=robot.transmission.torque_at_joint(np.nan_to_num(flight.torque)),
         plots=tuple(_make_plots(flight)),
         marks=tuple(sorted(_make_marks(flight), key=lambda mark: mark.time)),
-        facts=tuple(map(escape, _list_facts(flight, world))),
+        facts=tuple(_list_facts(flight, world)),
     )
 
 
@@ -184,13 +181,13 @@ def _make_marks(flight: ReplayedFlight) -> list[Mark]:
     """Make a mark of each event and each cut command, and of the divergence."""
     begin = float(flight.record.time[0])
     marks = [
-        Mark(time=event.time - begin, text=escape(f"{event.kind}: {event.text}"))
+        Mark(time=event.time - begin, text=f"{event.kind}: {event.text}")
         for event in flight.record.events[:MOST_EVENTS]
     ]
     longest = sorted(flight.cuts, key=lambda cut: cut.begin - cut.end)[:MOST_CUTS]
-    marks += [Mark(time=cut.begin, text=escape(str(cut))) for cut in longest]
+    marks += [Mark(time=cut.begin, text=str(cut)) for cut in longest]
     if (first := flight.report.divergence) is not None:
-        text = escape(f"diverged: {first.part} differs by {first.difference:+.3f} rad")
+        text = f"diverged: {first.part} differs by {first.difference:+.3f} rad"
         marks.append(Mark(time=first.time, text=text))
     return marks
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -36,6 +36,17 @@ class Folders:
             listed = ", ".join(map(str, self._roots))
             raise BadInputError(f"file {path}: expected a file in {listed} (see --folder)")
         return path
+
+    def resolve_folder(self, name: str, files: Iterable[str]) -> Path:
+        """Return the path of a folder in which files are written, each of them by its name.
+
+        Raises:
+            BadInputError: if the folder or one of the files is outside all folders.
+        """
+        folder = self.resolve(name)
+        for file in files:
+            self.resolve(str(folder / file))
+        return folder
 
     def list_files(self, suffix: str) -> list[str]:
         """List the files with a suffix, newest first, by names that `resolve` takes.

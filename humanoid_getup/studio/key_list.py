@@ -13,6 +13,7 @@ from humanoid_getup.motions.motion import MAX_DURATION
 from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.plain_text import escape
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class KeyList:
 
     def _describe(self, keyframes: Keyframes) -> str:
         way = f"{keyframes.start_class} to {keyframes.end_class}"
-        lines = [f"**{keyframes.name}**, {way}, {keyframes.duration.sum():.2f} s"]
+        lines = [f"**{escape(keyframes.name)}**, {way}, {keyframes.duration.sum():.2f} s"]
         if len(keyframes.keys) > 1:
             took = np.diff(keyframes.times(self._page.world.robot))
             slower = np.flatnonzero(took > keyframes.duration + SLOWER)

@@ -16,6 +16,7 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.plain_text import make_block
 
 if TYPE_CHECKING:
     pass
@@ -114,7 +115,7 @@ class KeyStore:
     def _show_command(self) -> None:
         """Show the commands that play and build the motion as it is stored."""
         lines = self._write_commands()
-        text = "\n".join(["```", *lines, "```"]) if lines else "A command plays stored keys."
+        text = make_block("\n".join(lines)) if lines else "A command plays stored keys."
         self._command.content = text
 
     def _write_commands(self) -> list[str]:

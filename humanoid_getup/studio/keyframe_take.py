@@ -52,7 +52,7 @@ def list_facts(played: PlayedKeys) -> tuple[str, ...]:
     """List how a rollout ended, and its figures, a line each."""
     figures = played.figures
     lines = [
-        f"**{'As it should' if played.succeeded else 'Not as it should'}**: {played.description}.",
+        f"{'As it should' if played.succeeded else 'Not as it should'}: {played.description}.",
         "On level ground, undisturbed, at full torque.",
         f"Torque: up to {figures.torque_use:.0%} of a servo's; "
         f"RMS of all joints {figures.rms_torque_nm:.2f} N·m.",

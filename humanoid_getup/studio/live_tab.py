@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.live_feed.feed import list_feeds
+from drivers.live_feed.feed import find_feed, list_feeds
 from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import FeedError, LiveSample
 from humanoid_getup.jobs.follow_robot import check_robot, estimate_sample
@@ -44,10 +44,13 @@ class LiveTab:
         """Add the elements where the caller is adding them."""
         self._page, gui, answer = page, page.gui, page.answer
         self._follower: LiveFollower | None = None
+        self._own_follower: LiveFollower | None = None  # of the rise that was started here
+        self._job: BackgroundJob[FinishedRise] | None = None
+        self._stops = 0
         self._samples = 0
         self._last: LiveSample | None = None
         stop = gui.add_button("STOP", color="red")
-        stop.on_click(lambda _: self.stop())  # it waits for no other callback
+        stop.on_click(self._stop_at_once)
         with gui.add_folder("Program"):
             self._programs: viser.GuiDropdownHandle[str] = gui.add_dropdown("Feed", NO_PROGRAM)
             gui.add_button("Refresh").on_click(answer(self._refresh))
@@ -65,16 +68,31 @@ class LiveTab:
         return self._last
 
     def stop(self) -> None:
-        """Stop the robot that is followed: the latch of its guard switches torque off."""
-        if self._follower is None:
-            self._page.refuse("no program is followed, so no robot was stopped")
-            return
+        """Stop the robot that is followed, and a rise that was started here.
+
+        The latch of the guard switches torque off; a rise that is not followed is cancelled, which
+        switches it off as well.
+        """
+        self._stops += 1
+        if self._armed is not None:
+            self._armed.value = False
+        own, follower = self._job, self._follower
         try:
-            self._follower.stop()
+            if follower is not None:
+                follower.stop()
+            if own is not None and own.is_running and follower is not self._own_follower:
+                own.cancel()
+            elif follower is None:
+                self._page.refuse("no program is followed, so no robot was stopped")
+                return
         except FeedError as error:
             self._page.refuse(str(error))
         else:
             self._page.say("STOP: torque is off from the next cycle on, and stays off.")
+
+    async def _stop_at_once(self, _: object) -> None:
+        """Stop in the server's event loop: plain callbacks wait for a free thread."""
+        self.stop()
 
     # Following --------------------------------------------------------------------------------
 
@@ -109,6 +127,10 @@ class LiveTab:
         self._follower = follower
         self._page.say(f"Follows {path.name}.")
 
+    def close(self) -> None:
+        """Stop to follow."""
+        self._leave()
+
     def _leave(self) -> None:
         if self._follower is not None:
             self._follower.close()
@@ -123,6 +145,9 @@ class LiveTab:
     def _show(self, sample: LiveSample) -> None:
         """Show a sample: the robot, and from time to time its numbers."""
         self._last = sample
+        if not np.isfinite([*sample.joint_pos, *sample.orientation]).all():
+            self._page.refuse("the robot measures values that are no numbers")
+            return
         posture = estimate_sample(self._page.world, sample)
         self._page.timeline.pose(place(self._page.world.robot, self._page.world.model, posture))
         if sample.orientation:
@@ -165,12 +190,18 @@ class LiveTab:
         else:
             gui.add_markdown("Servos on a virtual bus, from the posture of the page.")
             self._realtime = gui.add_checkbox("Real time", True)
-        gui.add_button("Rise").on_click(self._page.answer(self._rise))
-        gui.add_button("Cancel").on_click(self._page.answer(self._cancel))
-        self._job: BackgroundJob[FinishedRise] | None = None
+        gui.add_button("Rise").on_click(self._click_rise)
+        gui.add_button("Cancel").on_click(lambda _: self._cancel())
 
-    def _rise(self) -> None:
+    async def _click_rise(self, _: object) -> None:
+        """Begin a rise, unless STOP is pressed while it waits for other callbacks."""
+        begin = self._page.answer(partial(self._rise, self._stops))
+        threading.Thread(target=begin, args=(None,), daemon=True).start()
+
+    def _rise(self, stops: int) -> None:
         page = self._page
+        if stops != self._stops:
+            raise ValueError("STOP was pressed after Rise, so no rise was begun")
         if self._armed is not None:
             if not self._armed.value:
                 raise ValueError("the robot is not armed, expected Armed first")
@@ -200,11 +231,14 @@ class LiveTab:
     def _await_feed(self, job: BackgroundJob[FinishedRise]) -> None:
         """Follow a rise that was started here, once it has a feed."""
         while job.is_running:
-            path = next((p for p in list_feeds() if p.stem.endswith(f"-{job.pid}")), None)
-            if path is not None:
-                self._page.answer(partial(self.follow, path))(None)
+            if job.pid is not None and (path := find_feed(job.pid)) is not None:
+                self._page.answer(partial(self._follow_own, path))(None)
                 return
             threading.Event().wait(POLL)
+
+    def _follow_own(self, path: Path) -> None:
+        self.follow(path)
+        self._own_follower = self._follower
 
     def _cancel(self) -> None:
         if self._job is not None:

@@ -83,6 +83,9 @@ class Page:
                         work()
                 except BadInputError as error:
                     self.refuse(str(error))
+                except Exception as error:
+                    self.refuse(f"{type(error).__name__}: {error}")
+                    raise
 
         return run
 

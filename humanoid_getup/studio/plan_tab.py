@@ -12,6 +12,7 @@ from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.shared import Prefer
+from humanoid_getup.studio.plain_text import make_block
 from humanoid_getup.studio.rise_take import make_rise_take
 from robots import Posture
 from robots.description.posture_file import format_posture
@@ -206,10 +207,11 @@ class PlanTab:
             key=tuple(str(folder / Path(file).name) for file in request.key),
             out=folder,
         )
-        self._command.content = f"`{write_command('rise', moved)}`"
+        self._command.content = make_block(write_command("rise", moved))
 
     def _choose_folder(self) -> tuple[Path, KeptRise]:
         kept = self._kept.get(self._shown.value)
         if kept is None:
             raise ValueError("no rise is shown, expected a planned one")
-        return self._page.folders.resolve(self._folder.value), kept
+        names = [path.name for path in kept.folder.iterdir()]
+        return self._page.folders.resolve_folder(self._folder.value, names), kept

@@ -136,6 +136,6 @@ def _list_facts(outcome: Outcome, result: RiseResult) -> tuple[str, ...]:
         f"peak torque {float(outcome.peak_torque):.2f} N·m "
         f"({float(outcome.torque_use):.0%} of its limit), RMS {float(outcome.rms_torque):.2f} N·m"
     )
-    facts = [f"**{'Stands' if result.stood else 'Does not stand'}**: {result.reason}"]
+    facts = [f"{'Stands' if result.stood else 'Does not stand'}: {result.reason}"]
     facts += [str(result.plan), *([str(verdict)] if verdict else []), loads]
     return tuple(facts)

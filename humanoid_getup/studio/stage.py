@@ -110,6 +110,7 @@ class Stage:
 def find_hull(points: Array) -> Array | None:
     """Find the corners of the hull of points (m, 2), in order; None if they span no area."""
     try:
+        points = points[np.isfinite(points).all(axis=1)]
         return points[ConvexHull(points).vertices] if len(points) > 2 else None
     except QhullError:
         return None

@@ -28,6 +28,7 @@ from humanoid_getup.studio.style_tab import StyleTab
 from humanoid_getup.studio.timeline import Timeline
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
+PATIENCE = 12.0  # s for jobs to release a robot and to end
 LEFT_OPEN = 5.0  # s after which a closed page leaves nothing running; a reload is quicker
 
 
@@ -59,8 +60,6 @@ class Studio:
             with tabs.add_tab(name):
                 self.tabs[name] = tab(self.page)
         self.server.gui.main_panel.dock_right()
-        self._leaving: threading.Timer | None = None
-        self.server.on_client_connect(lambda _: self._stay())
         self.server.on_client_disconnect(lambda _: self._leave())
 
     @property
@@ -72,8 +71,10 @@ class Studio:
 
     def close(self) -> None:
         """Cancel all jobs, and stop to serve."""
-        self._stay()
         self.page.rest()
+        for job in self.page.jobs:
+            job.wait(PATIENCE)
+        self.tabs["Live"].close()
         self.timeline.close()
         with redirect_stdout(io.StringIO()):
             self.server.stop()
@@ -85,18 +86,15 @@ class Studio:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _stay(self) -> None:
-        """Keep jobs running: a page is open."""
-        if self._leaving is not None:
-            self._leaving.cancel()
-
     def _leave(self) -> None:
-        """End all jobs soon, unless another page is open or this one is opened again."""
-        self._stay()
+        """End all jobs soon, unless a page is open by then."""
+        leaving = threading.Timer(LEFT_OPEN, self._rest_if_left)
+        leaving.daemon = True
+        leaving.start()
+
+    def _rest_if_left(self) -> None:
         if not self.server.get_clients():
-            self._leaving = threading.Timer(LEFT_OPEN, self.page.rest)
-            self._leaving.daemon = True
-            self._leaving.start()
+            self.page.rest()
 
     def _aim_camera(self, height: float) -> None:
         camera = self.server.initial_camera

@@ -24,6 +24,7 @@ from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.studio.curve_board import CurveBoard, Drag
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.rollout_take import make_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.edits import rise_time
@@ -181,7 +182,9 @@ class StyleTab:
 
     def _extract(self) -> None:
         name = self._source.value
-        is_file = name.endswith(SOURCES)
+        is_file = name.lower().endswith(SOURCES)
+        if name not in self._source.options:
+            raise BadInputError(f"source {name}: expected one of the list")
         source = str(self._page.folders.resolve(name)) if is_file else name
         with tempfile.TemporaryDirectory() as scratch:
             request = ExtractRequest(
@@ -212,13 +215,13 @@ class StyleTab:
     def _copy(self) -> None:
         """Save style and start, and show the command that has the same joint path."""
         style = self._write_style()
-        start = style.with_name(style.stem + START)
+        start = self._page.folders.resolve(str(style.with_name(style.stem + START)))
         write_atomically(start, format_posture(self._page.start, self._page.world.robot))
         words = ["getup", "run", self._policy.value, "--robot", self._page.request.robot]
         if not self._page.world.scene.is_flat:
             words += ["--scene", self._page.request.scene, "--seed", str(self._page.request.seed)]
         words += ["--style", _shorten(style), "--from", _shorten(start)]
-        self._command.content = f"```\n{shlex.join(words)}\n```"
+        self._command.content = make_block(shlex.join(words))
         self._page.say(f"Saved {style.name} and {start.name}; the command is below.")
 
     # Edits -------------------------------------------------------------------------------------
@@ -289,6 +292,8 @@ class StyleTab:
         if self._stands:
             raise BadInputError(f"{STANDS}: sample a fall on the Pose tab")
         self._asked_at = time.monotonic()
+        if self._policy.value not in self._policy.options:
+            raise BadInputError(f"policy {self._policy.value}: expected one of the list")
         request = RolloutRequest(policy=self._policy.value, start=self._page.start, style=style)
         self.rollouts.ask(request, at_once=at_once)
 
@@ -334,9 +339,8 @@ class StyleTab:
     def _describe(self) -> str:
         """Describe the style, and which of its curves the start follows."""
         editor, curves = self.editor, self.editor.curves
-        text = (
-            f"**{editor.style.name}**: rises at {rise_time(curves):.2f} of {curves.duration:.2f} s"
-        )
+        times = f"{rise_time(curves):.2f} of {curves.duration:.2f} s"
+        text = f"**{escape(editor.style.name)}**: rises at {times}"
         if self._stands:
             return f"{text}. {STANDS.capitalize()} (Pose tab)."
         followed, is_mirrored = editor.style.find(self._features)
@@ -344,7 +348,7 @@ class StyleTab:
         if len(editor.style.curves) == 1 and not is_mirrored:
             return f"{text}."
         name = _name(followed, editor.style.curves[followed].start)
-        these = "these" if followed == editor.chosen else f"'{name}'"
+        these = "these" if followed == editor.chosen else f"'{escape(name)}'"
         return f"{text}. From this start it follows {these}{mirrored}."
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,8 +44,8 @@ class Take:
     """Torques at the joints [N·m], (T, n), by which contact forces are computed."""
     plots: tuple[Plot, ...] = ()
     marks: tuple[Mark, ...] = ()
-    facts: tuple[str, ...] = field(default=())
-    """Lines about its result, first the headline."""
+    facts: tuple[str, ...] = ()
+    """Lines of plain text about its result, first the headline."""
 
     def __post_init__(self) -> None:
         if not len(self.time) or np.any(np.diff(self.time) < 0.0):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
+from humanoid_getup.studio.plain_text import escape
 from humanoid_getup.studio.plot_panel import PlotPanel
 from humanoid_getup.studio.stage import Picture, Stage
 from humanoid_getup.studio.take import Take
@@ -137,12 +138,12 @@ class Timeline:
 
     def _describe(self, take: Take) -> None:
         """Show name, facts, marks and plots of a take."""
-        self._title.content = f"**{take.name}**"
+        self._title.content = f"**{escape(take.name)}**"
         self._slider.max, self._slider.disabled = max(take.duration, STEP), False
         self._button.disabled = False
         begin = float(take.time[0])
         marks = [f"{mark.time - begin:.2f} s: {mark.text}" for mark in take.marks]
-        self._facts.content = "\n\n".join([*take.facts, *marks])
+        self._facts.content = "\n\n".join(map(escape, [*take.facts, *marks]))
         self._plots.show(take)
         self._described = take
 
@@ -200,17 +201,23 @@ class Timeline:
                 self._advance()
                 picture, playing = self._pose or self._sample(), self._playing
                 take = self._take
-            if take is not None and take is not self._described:
-                self._describe(take)
-            if picture is not None:
-                self._stage.show(picture)
-            if take is not None and self._pose is None:
-                self._show_time(take)
+            try:
+                self._show(take, picture)
+            except Exception as error:  # one picture is missing, the next one may not be
+                self._title.content = escape(f"not drawn: {type(error).__name__}: {error}")
             with self._changed:
                 self.pictures += 1
                 self._changed.notify_all()
             if playing:
                 time.sleep(FRAME)
+
+    def _show(self, take: Take | None, picture: Picture | None) -> None:
+        if take is not None and take is not self._described:
+            self._describe(take)
+        if picture is not None:
+            self._stage.show(picture)
+        if take is not None and self._pose is None:
+            self._show_time(take)
 
     def _wait(self) -> bool:
         """Wait for what is to be drawn; return whether there is something, not the end.

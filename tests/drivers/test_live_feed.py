@@ -1,5 +1,7 @@
 import queue
 import socket
+import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -116,7 +118,9 @@ def test_the_end_of_the_program_ends_the_feed(
 
 
 def test_a_feed_that_a_killed_program_left_behind_is_removed():
-    path = find_feeds_folder() / "tiny-1.feed"
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    path = find_feeds_folder() / f"tiny-{ended.pid}.feed"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left:
         left.bind(str(path))
     assert path.exists()

@@ -8,7 +8,7 @@ import pytest
 from studio_page import StudioPage, open_studio
 from waiting import LONGEST_WAIT, wait_until
 
-pytest.importorskip("onnxruntime")
+pytest.importorskip("viser", reason="needs the studio extra")
 
 from humanoid_getup.studio.style_tab import StyleTab
 from humanoid_getup.studio.take import Take

@@ -55,9 +55,8 @@ class FlightTab:
         with gui.add_folder("Differences [rad]"):
             self._table = gui.add_markdown("No flight log yet.")
         self._choose()
-        choose, write = answer(self._choose), answer(self._write_command)
-        self._list.on_update(lambda event: choose(event) if event.client_id is not None else None)
-        self._folder.on_update(lambda event: write(event) if event.client_id is not None else None)
+        page.on_change(self._list, self._choose)
+        page.on_change(self._folder, self._write_command)
 
     # Choice -----------------------------------------------------------------------------------
 

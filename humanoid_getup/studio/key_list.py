@@ -17,7 +17,7 @@ from humanoid_getup.studio.plain_text import escape
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
-    import viser
+    pass
 
 NO_KEYS: str = "none"
 SLOWER = 0.005  # s by which servos stretch a duration that is told
@@ -44,9 +44,8 @@ class KeyList:
         self._duration = gui.add_number(
             "Duration [s]", LEAST_DURATION, min=LEAST_DURATION, max=MAX_DURATION, step=0.01
         )
-        choose, time = answer(self._choose), answer(self._time)
-        self._choice.on_update(lambda event: _if_by_hand(event, choose))
-        self._duration.on_update(lambda event: _if_by_hand(event, time))
+        page.on_change(self._choice, self._choose)
+        page.on_change(self._duration, self._time)
         gui.add_button("Add key").on_click(answer(self._add))
         change = {"Replace": self._replace, "Delete": self._delete, "Show": self._choose}
         add_button_row(page, "Chosen key", change)
@@ -126,9 +125,3 @@ def list_keys(keyframes: Keyframes, count: int) -> list[str]:
     names = [f"{number}" if number <= count else "stand" for number in range(1, len(times) + 1)]
     after = ["", *(f" (+{duration:.2f})" for duration in keyframes.duration)]
     return [f"{name}: {t:.2f} s{d}" for name, t, d in zip(names, times, after, strict=True)]
-
-
-def _if_by_hand(event: viser.GuiEvent, answer: Callable[[object], None]) -> None:
-    """Answer an event of a person, and none of the program's own."""
-    if event.client_id is not None:
-        answer(event)

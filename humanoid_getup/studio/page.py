@@ -89,6 +89,11 @@ class Page:
 
         return run
 
+    def on_change(self, element: viser.GuiInputHandle[Any], work: Callable[[], None]) -> None:
+        """Answer a person's changes of an element, and not those of this program."""
+        answer = self.answer(work)
+        element.on_update(lambda event: answer(event) if event.client_id is not None else None)
+
     def run(
         self,
         work: Callable[..., Result],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from shutil import copytree
+from shutil import copytree, rmtree
 from typing import TYPE_CHECKING, get_args
 
 from humanoid_getup.jobs.get_up.rise import rise
@@ -80,7 +80,7 @@ class PlanTab:
         self._plan.on_click(answer(self._begin))
         self._cancel.on_click(answer(self._end))
         for element in (self._shown, self._ghost, self._apart):
-            element.on_update(answer(self._show))
+            page.on_change(element, self._show)
         self._list_keys()
 
     # Key postures -----------------------------------------------------------------------------
@@ -158,7 +158,7 @@ class PlanTab:
             raise ValueError(f"nothing was played: {result.reason}")
         self._kept[name] = KeptRise(take=take, request=request, folder=folder)
         while len(self._kept) > MOST_KEPT:
-            del self._kept[next(iter(self._kept))]
+            rmtree(self._kept.pop(next(iter(self._kept))).folder)
         self._shown.options = tuple(self._kept)
         self._ghost.options = (*GHOSTS, *self._kept)
         self._shown.value = name

@@ -57,8 +57,7 @@ class PoseTab:
         joint = self._page.world.robot.joints[number]
         lower, upper = math.degrees(joint.lower), math.degrees(joint.upper)
         slider = self._page.gui.add_slider(joint.name, lower, upper, SLIDER_STEP, lower)
-        turn = self._page.answer(lambda: self._turn(number, slider.value))
-        slider.on_update(lambda event: turn(event) if event.client_id is not None else None)
+        self._page.on_change(slider, lambda: self._turn(number, slider.value))
         return slider
 
     def _turn(self, number: int, degrees: float) -> None:

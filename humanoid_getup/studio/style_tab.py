@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.extract_style import extract_style
@@ -37,7 +37,7 @@ from robots.description.posture_file import format_posture
 from robots.storage.files import write_atomically
 
 if TYPE_CHECKING:
-    import viser
+    pass
 
 POLICY = "styled"
 """Name of the policy that is chosen first, if there is one."""
@@ -86,10 +86,10 @@ class StyleTab:
         self._curves = gui.add_dropdown("Curves", self._name_curves())
         self._shown = gui.add_checkbox("Show curves", False)
         gui.add_button("Run").on_click(self._page.answer(self._run))
-        self._on(self._policy, self._run_if_lying)
-        self._on(self._style, self._choose_style)
-        self._on(self._curves, self._choose_curves)
-        self._on(self._shown, self._show_board)
+        self._page.on_change(self._policy, self._run_if_lying)
+        self._page.on_change(self._style, self._choose_style)
+        self._page.on_change(self._curves, self._choose_curves)
+        self._page.on_change(self._shown, self._show_board)
         with gui.add_folder("Time"):
             self._add_times()
         with gui.add_folder("Point"):
@@ -107,7 +107,7 @@ class StyleTab:
     def _add_times(self) -> None:
         gui = self._page.gui
         self._duration = gui.add_slider("Duration [s]", SHORTEST, 10.0, 0.05, 3.0)
-        self._on(self._duration, lambda: self._edit(self._last))
+        self._page.on_change(self._duration, lambda: self._edit(self._last))
         self._step = gui.add_number("Step [s]", STEP, min=0.01, max=LONGEST, step=0.01)
         self._add_group(
             "Rise",
@@ -143,14 +143,9 @@ class StyleTab:
         self._point = gui.add_slider("Point", 1, POINTS, 1, 1)
         self.value = gui.add_number("Value", 0.0, step=0.001)
         """Value of the chosen control point, as a share of standing or in degrees."""
-        self._on(self._feature, self._show)
-        self._on(self._point, self._show)
+        self._page.on_change(self._feature, self._show)
+        self._page.on_change(self._point, self._show)
         gui.add_button("Set").on_click(self._page.answer(self._set_point))
-
-    def _on(self, element: viser.GuiInputHandle[Any], work: Callable[[], None]) -> None:
-        """Answer a person's changes of an element, and not those of this page."""
-        run = self._page.answer(work)
-        element.on_update(lambda event: run(event) if event.client_id is not None else None)
 
     # Styles ------------------------------------------------------------------------------------
 

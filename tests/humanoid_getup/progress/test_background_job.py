@@ -1,9 +1,13 @@
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+from waiting import wait_until
 
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
@@ -69,3 +73,47 @@ def test_a_cancelled_job_ends_even_if_it_does_not_listen(work: Callable[..., Non
     if work is ignore:
         with pytest.raises(ProcessLookupError):
             os.kill(int(phases[0]), 0)
+
+
+def hold(file: str, report: Callable[[Progress], None], *_: object) -> None:
+    """Hold a robot: what stands for its release is a file."""
+    try:
+        report(Progress(phase=str(os.getpid())))
+        threading.Event().wait()
+    finally:
+        Path(file).write_text("released")
+
+
+def test_a_job_that_is_interrupted_releases_the_robot(tmp_path: Path):
+    begun = threading.Event()
+    job = BackgroundJob(hold, str(tmp_path / "robot"), report=lambda _: begun.set())
+    assert begun.wait(PATIENCE)
+    job.cancel()
+    assert job.wait(PATIENCE) == JobEnd(cancelled=True)
+    assert (tmp_path / "robot").read_text() == "released"
+
+
+PARENT = """
+import sys, threading
+from test_background_job import hold
+from humanoid_getup.progress.background_job import BackgroundJob
+
+if __name__ == "__main__":
+    BackgroundJob(hold, sys.argv[1], report=lambda progress: print(progress.phase, flush=True))
+    threading.Event().wait()
+"""
+
+
+def test_a_job_whose_parent_is_killed_releases_the_robot(tmp_path: Path):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    paths = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    with subprocess.Popen(
+        [sys.executable, str(script), str(tmp_path / "robot")],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": paths},
+    ) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline()  # the job has begun
+        parent.kill()
+    wait_until(lambda: (tmp_path / "robot").exists())

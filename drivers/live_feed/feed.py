@@ -76,11 +76,13 @@ class LiveFeed:
                 threading.Thread(target=serve, args=(connection,), daemon=True).start()
 
     def _send(self, connection: socket.socket) -> None:
-        """Send what is new, until the follower or the feed ends."""
+        """Send what is new, until the follower or the feed ends; the last cycle, too."""
         sent: tuple[Cycle, str] | None = None
         with connection, contextlib.suppress(OSError):
             send_message(connection, self._hello)
-            while not self._ended.wait(PERIOD):
+            is_over = False
+            while not is_over:
+                is_over = self._ended.wait(PERIOD)
                 if not select.select([], [connection], [], 0.0)[1]:
                     continue  # a slow follower misses samples, and keeps its stop
                 cycle, phase = self._newest, self._phase

@@ -104,6 +104,16 @@ def test_a_follower_that_leaves_or_hangs_changes_nothing(
     hanging.close()
 
 
+def test_the_last_cycle_is_seen_even_if_the_program_ends_with_it(
+    tiny: Robot, samples: "queue.Queue[LiveSample]", stops: "queue.Queue[str]"
+):
+    with LiveFeed(tiny, stops.put) as feed:
+        follower = LiveFollower(feed.path, samples.put)
+        feed.show(make_cycle(tiny, 7.0))
+    assert samples.get(timeout=PATIENCE).time == 7.0
+    follower.close()
+
+
 def test_the_end_of_the_program_ends_the_feed(
     tiny: Robot, samples: "queue.Queue[LiveSample]", stops: "queue.Queue[str]"
 ):

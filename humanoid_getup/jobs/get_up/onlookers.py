@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from typing import Protocol
 
 import mujoco
@@ -15,7 +16,7 @@ from drivers.live_feed.feed import LiveFeed
 from drivers.twin.simulation import Simulation
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.rise import MoveOptions
+from humanoid_getup.jobs.requests.rise import MP4, MoveOptions
 
 VIEW_PERIOD = 1.0 / 60.0  # s between two pictures in the viewer
 
@@ -39,8 +40,9 @@ def inviting(
     """Open the onlookers of a request while a robot moves.
 
     Raises:
-        BadInputError: if there is no display for the viewer.
+        BadInputError: if there is no display for the viewer, or a package for the video is missing.
     """
+    check_video(request)
     with ExitStack() as opened:
         onlookers: list[Onlooker] = []
         if request.live:
@@ -81,6 +83,19 @@ class _Viewer:
 
     def close(self) -> None:
         self._window.close()
+
+
+def check_video(request: MoveOptions) -> None:
+    """Check that a video can be made, before the robot moves.
+
+    Raises:
+        BadInputError: if its package is missing.
+    """
+    if request.video is not None and request.video.suffix.lower() == MP4 and not find_spec("av"):
+        raise BadInputError(
+            f"--video {request.video} requires package 'av', expected .gif without it: "
+            "pip install 'humanoid-getup[studio]'"
+        )
 
 
 def check_display() -> None:

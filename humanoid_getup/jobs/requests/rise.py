@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -74,11 +73,6 @@ class MoveOptions(TorqueOptions, BackendOptions):
         problems = []
         if self.video is not None and self.video.suffix.lower() not in VIDEOS:
             problems.append(f"--video is {self.video}, expected a name that ends with .mp4 or .gif")
-        elif self.video is not None and self.video.suffix.lower() == MP4 and not find_spec("av"):
-            problems.append(
-                f"--video {self.video} requires package 'av', expected .gif without it: "
-                "pip install 'humanoid-getup[studio]'"
-            )
         if self.view and self.is_real:
             problems.append("--view is given, expected a simulated robot with it")
         return problems

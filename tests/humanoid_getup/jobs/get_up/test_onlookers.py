@@ -58,9 +58,9 @@ def test_a_video_of_another_format_is_refused(name: str):
 def test_mp4_without_its_package_is_refused_before_the_robot_moves(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("humanoid_getup.jobs.requests.rise.find_spec", lambda _: None)
+    monkeypatch.setattr("humanoid_getup.jobs.get_up.onlookers.find_spec", lambda _: None)
     with pytest.raises(BadInputError, match=r"requires package 'av'.*humanoid-getup\[studio\]"):
-        PlayRequest.accept(PlayRequest(motion=MOTION, video=Path("rise.mp4")))
+        play_motion(PlayRequest(motion=MOTION, video=Path("rise.mp4")))
 
 
 def test_a_video_shows_the_whole_run_at_its_own_speed(tmp_path: Path):

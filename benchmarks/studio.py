@@ -1,4 +1,4 @@
-"""Measures the studio: first picture, scrubbing, memory, stop of a live rise, cycles beside it.
+"""Measures the studio: first picture, scrubbing, memory, edited curves, stop, cycles beside it.
 
     python benchmarks/studio.py --n 20 --scrubs 10000 --json studio.json
 
@@ -29,17 +29,24 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from drivers.live_feed.feed import find_feed
 from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import LiveSample
+from humanoid_getup.experiments.starts.falls import sample_fall
+from humanoid_getup.jobs.follow_style import RolloutRequest, StyledTwin
 from humanoid_getup.jobs.get_up.rise import play_motion
 from humanoid_getup.jobs.requests.rise import PlayRequest
 from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.rise_take import make_rise_take
 from humanoid_getup.studio.studio import Studio
+from humanoid_getup.style.style_editor import StyleEditor
+from humanoid_getup.style.style_file import load_style
+from robots import load_robot
 
 GETUP = [sys.executable, "-m", "humanoid_getup.cli.main"]
 MOTION = "prone_push_up_gentle"
 CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 PATIENCE = 60.0  # s
 POLL = 0.005  # s
+POINT = 6  # control point of the neck height that is edited, counted from 0
 PLAYED = 1.0  # s of the motion before the stop
 
 
@@ -63,6 +70,7 @@ def main(options: Options) -> None:
         figures = {
             "first_picture_s": summarize([_time_first_picture(browser) for _ in range(options.n)]),
             **_measure_scrubbing(browser, options.scrubs),
+            "edited_curve_s": summarize(_time_edits(options.n)),
             "stop_to_limp_s": summarize([_time_stop() for _ in range(options.n)]),
             "overruns": _count_overruns(browser, options.n),
         }
@@ -133,6 +141,19 @@ def _measure_scrubbing(browser: Browser, scrubs: int) -> dict[str, Any]:
             "picture_s": summarize(took),
             "memory_grown_mib": round((_read_memory() - before) / 1024, 1),
         }
+
+
+def _time_edits(n: int) -> list[float]:
+    """Time from an edited curve to the rise that follows it [s], from one fall on the back."""
+    world = World(load_robot("op3"))
+    start, style = sample_fall(world, "supine").posture, load_style("side-sit", world.robot)
+    twin, editor, took = StyledTwin(world), StyleEditor(world.robot, style), list[float]()
+    for edit in range(n + 1):
+        editor.change(editor.move_point(0, POINT, 0.3 + 0.01 * (edit % 10)))
+        began = time.perf_counter()
+        twin.roll_out(RolloutRequest(policy="styled", start=start, style=editor.style))
+        took.append(time.perf_counter() - began)
+    return took[1:]  # the first one loads the policy and lets the robot settle
 
 
 def _read_memory() -> int:

@@ -3,7 +3,7 @@
     python benchmarks/studio.py --n 20 --scrubs 10000 --json studio.json
 
 A headless Chromium is the browser, which draws in software where there is no GPU. `getup play`
-plays a motion on a virtual bus in real time, in a process of its own.
+plays a motion in real time on a virtual bus, in processes of their own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from humanoid_getup.style.style_file import load_style
 from robots import load_robot
 
 GETUP = [sys.executable, "-m", "humanoid_getup.cli.main"]
-MOTION = "prone_push_up_gentle"
+MOTION, SIDE = "prone_push_up_gentle", "prone"
 CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 PATIENCE = 60.0  # s
 POLL = 0.005  # s
@@ -165,16 +165,24 @@ def _read_memory() -> int:
 
 @contextmanager
 def _live_rise(folder: str) -> Iterator[tuple[Path, Path]]:
-    """Play the motion in real time on a virtual bus; yield its feed and its report to be."""
-    out = Path(folder, "rise")
-    command = [*GETUP, "play", MOTION, "--backend", "virtual", "--realtime", "--live"]
-    command += ["--then", "limp", "--out", str(out)]
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdout=quiet, stderr=quiet) as rise:
-        while (feed := find_feed(rise.pid)) is None:
+    """Play the motion in real time; yield its feed and its report to be.
+
+    The virtual bus is served by a process of its own: one process cannot keep both in time.
+    """
+    link, out, quiet = Path(folder, "bus"), Path(folder, "rise"), subprocess.DEVNULL
+    serve = [*GETUP, "bus", "--from", SIDE, "--link", str(link)]
+    play = [*GETUP, "play", MOTION, "--backend", "virtual", "--port", str(link), "--live"]
+    with subprocess.Popen(serve, stdout=quiet, stderr=quiet) as bus:
+        while not link.exists():
             time.sleep(POLL)
-        yield feed, out / "report.json"
-        rise.wait()
+        with subprocess.Popen(
+            [*play, "--then", "limp", "--out", str(out)], stdout=quiet, stderr=quiet
+        ) as rise:
+            while (feed := find_feed(rise.pid)) is None:
+                time.sleep(POLL)
+            yield feed, out / "report.json"
+            rise.wait()
+        bus.terminate()
 
 
 def _time_stop() -> float:

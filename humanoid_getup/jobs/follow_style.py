@@ -25,9 +25,6 @@ from robots import Posture
 from robots.kinematics import place
 from robots.quaternion import Array
 
-# A robot that has stood without a break for this time, and hardly moves at its end, stands.
-STEADY_TIME = 1.0  # s
-STEADY_SPEED = 0.1  # rad/s and m/s of every degree of freedom
 STANDS = "the start stands, expected a robot that lies"
 
 
@@ -55,8 +52,7 @@ class StyledRollout:
     @property
     def joint_torque(self) -> Array:
         """Return the torques at the joints [N·m], (T, n)."""
-        robot = self.outcome.robot
-        return self.outcome.record.torque @ robot.transmission.to_actuator(np.eye(robot.n)).T
+        return self.outcome.robot.transmission.torque_at_joint(self.outcome.record.torque)
 
     @property
     def stand_time(self) -> float | None:

@@ -38,7 +38,7 @@ CAMERA_DISTANCE, CAMERA_HEIGHT, CAMERA_AIM = 3.8, 2.0, 1.4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drag:
+class PointDrag:
     """A control point that is dragged."""
 
     feature: int
@@ -59,7 +59,7 @@ class CurveBoard:
         self,
         server: viser.ViserServer,
         size: float,
-        dragged: Callable[[Drag], None],
+        dragged: Callable[[PointDrag], None],
         answer: Callable[[Callable[[], None]], Callable[[object], None]],
     ) -> None:
         """Add a hidden board, for a robot of a standing neck height [m].
@@ -72,7 +72,7 @@ class CurveBoard:
         """
         self._server, self._scene, self._size = server, server.scene, size
         self._dragged, self._answer = dragged, answer
-        self._drags: deque[Drag] = deque()
+        self._drags: deque[PointDrag] = deque()
         self._grips: dict[tuple[int, int], float] = {}
         """From the pointer to the value of each point that is dragged."""
         self._values = np.zeros((POINTS, 3))
@@ -243,7 +243,7 @@ class CurveBoard:
         released = event.phase == "end"
         if released:
             del self._grips[key]
-        drag = Drag(feature=feature, point=point, value=value, released=released)
+        drag = PointDrag(feature=feature, point=point, value=value, released=released)
         self._drags.append(drag)
 
     def _take_drags(self) -> None:
@@ -254,7 +254,7 @@ class CurveBoard:
                 self._lift(drag)
                 self._dragged(drag)
 
-    def _lift(self, drag: Drag) -> None:
+    def _lift(self, drag: PointDrag) -> None:
         """Move a control point to where it is dragged."""
         spots = self._locate(drag.feature, PLACES[[drag.point]], np.array([drag.value]))
         self._points[drag.feature][drag.point].position = spots[0]

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.edit_keys import store_keyframes
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.inputs import find_keyframes
 from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.motions import BuildRequest, ImportKeysRequest, PreviewRequest
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block
-
-if TYPE_CHECKING:
-    pass
 
 OWN: str = "the robot"
 """Source of the robot's own keyframes."""
@@ -122,7 +119,7 @@ class KeyStore:
         if self._stored is None or self._draft.keyframes is not self._stored:
             return []
         name, robot, own = self._stored.name, self._page.request.robot, self._is_own
-        file = None if own or self._file is None else _shorten(self._file)
+        file = None if own or self._file is None else shorten_path(self._file)
         preview = PreviewRequest(name=name, robot=robot, keyframes=file)
         lines = [write_command("motions preview", preview)]
         if own:
@@ -170,9 +167,3 @@ def parse_pages(text: str) -> tuple[int, ...]:
         return tuple(int(word) for word in text.split(",")) if text.strip() else ()
     except ValueError as error:
         raise BadInputError(f"pages: {text!r}, expected numbers such as 1,2") from error
-
-
-def _shorten(path: Path) -> Path:
-    """Return a path as it is typed in the working folder."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path

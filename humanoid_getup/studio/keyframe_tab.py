@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import get_args
 
 from humanoid_getup.jobs.edit_keys import KeyEditor, place_key
-from humanoid_getup.jobs.play_keys import KeysToPlay, PlayedKeys, play_keys
+from humanoid_getup.jobs.play_keys import KeysToPlay, play_keys
 from humanoid_getup.jobs.pose_robot import Squats
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, START_CLASSES, EndClass
+from humanoid_getup.motions.trial import Trial
 from humanoid_getup.progress.background_job import BackgroundJob
 from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.key_list import KeyList
 from humanoid_getup.studio.key_store import KeyStore
-from humanoid_getup.studio.keyframe_take import make_take
+from humanoid_getup.studio.keyframe_take import locate_key, make_take
 from humanoid_getup.studio.page import Page
 
 ENDS: tuple[EndClass, ...] = get_args(EndClass)
@@ -32,8 +32,8 @@ class KeyframeTab:
         self._page, robot = page, page.world.robot
         self._editor, self._squats = KeyEditor(robot=robot), Squats(robot)
         self.draft = KeyDraft()
-        self._played: PlayedKeys | None = None
-        self._job: BackgroundJob[PlayedKeys] | None = None
+        self._played: tuple[Keyframes, Trial] | None = None
+        self._job: BackgroundJob[Trial] | None = None
         self._store = KeyStore(page, self.draft, self._open)
         with page.gui.add_folder("New motion"):
             self._add_beginning()
@@ -71,8 +71,8 @@ class KeyframeTab:
     def _show(self, number: int) -> None:
         """Pose the robot in a key; after a rollout of these keys, where it was then."""
         keyframes, played = self.draft.keyframes, self._played
-        if played is not None and played.keyframes is keyframes:
-            self._page.pose(played.locate(number))
+        if played is not None and played[0] is keyframes:
+            self._page.pose(locate_key(played[1], number))
         else:
             self._page.pose(place_key(self._page.world, keyframes, number))
 
@@ -81,10 +81,10 @@ class KeyframeTab:
         keyframes = self.draft.keyframes
         request = KeysToPlay(robot=self._page.world.robot, keyframes=keyframes)
 
-        def show(played: PlayedKeys) -> None:
-            self._page.timeline.load(make_take(played, self._page.world))
-            self._page.say(f"{keyframes.name} {played.description}.")
-            self._played = replace(played, keyframes=keyframes)
+        def show(trial: Trial) -> None:
+            self._page.timeline.load(make_take(trial, self._page.world))
+            self._page.say(f"{keyframes.name} {trial.describe()}.")
+            self._played = keyframes, trial
 
         self._page.say(f"{keyframes.name} is played in physics …")
         self._job = self._page.run(play_keys, request, show)

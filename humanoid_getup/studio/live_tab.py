@@ -188,8 +188,9 @@ class LiveTab:
             gui.add_markdown(f"Robot at `{', '.join(request.robot_port)}`. It **will move**.")
             self._armed = gui.add_checkbox("Armed", False)
         else:
-            gui.add_markdown("Servos on a virtual bus, from the posture of the page.")
-            self._realtime = gui.add_checkbox("Real time", True)
+            gui.add_markdown(
+                "Servos on a virtual bus, in simulated time, from the posture of the page."
+            )
         gui.add_button("Rise").on_click(self._click_rise)
         gui.add_button("Cancel").on_click(lambda _: self._cancel())
 
@@ -223,7 +224,6 @@ class LiveTab:
             body=given.body,
             scene=given.scene,
             backend="virtual",
-            realtime=self._realtime.value,
             origin=str(file),
             then="limp",
         )

@@ -38,7 +38,7 @@ START, KEY = "start.json", "key_{}.json"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KeptRise:
+class ListedRise:
     """A rise that was planned."""
 
     take: Take
@@ -54,7 +54,7 @@ class PlanTab:
         """Add the elements where the caller is adding them."""
         self._page, gui, answer = page, page.gui, page.answer
         self._keys: list[Posture] = []
-        self._kept: dict[str, KeptRise] = {}
+        self._kept: dict[str, ListedRise] = {}
         self._job: BackgroundJob[FinishedRise] | None = None
         self._count = 0
         self._prefer = gui.add_dropdown("Prefer", get_args(Prefer))
@@ -156,7 +156,7 @@ class PlanTab:
         take = make_rise_take(self._page.world, result, name)
         if take is None:
             raise ValueError(f"nothing was played: {result.reason}")
-        self._kept[name] = KeptRise(take=take, request=request, folder=folder)
+        self._kept[name] = ListedRise(take=take, request=request, folder=folder)
         while len(self._kept) > MOST_KEPT:
             rmtree(self._kept.pop(next(iter(self._kept))).folder)
         self._shown.options = tuple(self._kept)
@@ -209,7 +209,7 @@ class PlanTab:
         )
         self._command.content = make_block(write_command("rise", moved))
 
-    def _choose_folder(self) -> tuple[Path, KeptRise]:
+    def _choose_folder(self) -> tuple[Path, ListedRise]:
         kept = self._kept.get(self._shown.value)
         if kept is None:
             raise ValueError("no rise is shown, expected a planned one")

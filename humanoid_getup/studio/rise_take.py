@@ -119,6 +119,14 @@ def plot_loads(record: Record, robot: Robot) -> tuple[Plot, ...]:
     )
 
 
+def describe_loads(outcome: Outcome) -> str:
+    """Describe the torques of a run in one line."""
+    return (
+        f"peak torque {float(outcome.peak_torque):.2f} N·m "
+        f"({float(outcome.torque_use):.0%} of its limit), RMS {float(outcome.rms_torque):.2f} N·m"
+    )
+
+
 def _find_marks(outcome: Outcome, result: RiseResult) -> tuple[Mark, ...]:
     marks = []
     if outcome.stood:
@@ -132,10 +140,6 @@ def _find_marks(outcome: Outcome, result: RiseResult) -> tuple[Mark, ...]:
 def _list_facts(outcome: Outcome, result: RiseResult) -> tuple[str, ...]:
     """Say how it ended, how it was planned, what the preflight found, and its loads."""
     verdict = result.attempts[-1].verdict
-    loads = (
-        f"peak torque {float(outcome.peak_torque):.2f} N·m "
-        f"({float(outcome.torque_use):.0%} of its limit), RMS {float(outcome.rms_torque):.2f} N·m"
-    )
     facts = [f"{'Stands' if result.stood else 'Does not stand'}: {result.reason}"]
-    facts += [str(result.plan), *([str(verdict)] if verdict else []), loads]
+    facts += [str(result.plan), *([str(verdict)] if verdict else []), describe_loads(outcome)]
     return tuple(facts)

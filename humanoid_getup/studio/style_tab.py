@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import shlex
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.extract_style import extract_style
@@ -20,9 +18,12 @@ from humanoid_getup.jobs.follow_style import (
     measure_start,
 )
 from humanoid_getup.jobs.policies import list_styled_policies
+from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.files import shorten_path
+from humanoid_getup.jobs.requests.rise import RunRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
-from humanoid_getup.studio.curve_board import CurveBoard, Drag
+from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.rollout_take import make_take
@@ -35,9 +36,6 @@ from humanoid_getup.style.style_file import SUFFIX, list_styles, load_style
 from robots import Posture
 from robots.description.posture_file import format_posture
 from robots.storage.files import write_atomically
-
-if TYPE_CHECKING:
-    pass
 
 POLICY = "styled"
 """Name of the policy that is chosen first, if there is one."""
@@ -212,11 +210,16 @@ class StyleTab:
         style = self._write_style()
         start = self._page.folders.resolve(str(style.with_name(style.stem + START)))
         write_atomically(start, format_posture(self._page.start, self._page.world.robot))
-        words = ["getup", "run", self._policy.value, "--robot", self._page.request.robot]
-        if not self._page.world.scene.is_flat:
-            words += ["--scene", self._page.request.scene, "--seed", str(self._page.request.seed)]
-        words += ["--style", _shorten(style), "--from", _shorten(start)]
-        self._command.content = make_block(shlex.join(words))
+        given = self._page.request
+        request = RunRequest(
+            policy=self._policy.value,
+            robot=given.robot,
+            scene=given.scene,
+            seed=0 if self._page.world.scene.is_flat else given.seed,
+            style=str(shorten_path(style)),
+            origin=str(shorten_path(start)),
+        )
+        self._command.content = make_block(write_command("run", request))
         self._page.say(f"Saved {style.name} and {start.name}; the command is below.")
 
     # Edits -------------------------------------------------------------------------------------
@@ -245,7 +248,7 @@ class StyleTab:
     def _move(self, feature: int, point: int, value: float) -> None:
         self._edit(lambda: self.editor.change(self.editor.move_point(feature, point, value)))
 
-    def _drag(self, drag: Drag) -> None:
+    def _drag(self, drag: PointDrag) -> None:
         """Let the curves follow a control point that is dragged."""
         self._feature.value, self._point.value = FEATURES[drag.feature], drag.point + 1
         if drag.released:
@@ -363,12 +366,6 @@ def _describe_ground(page: Page) -> str:
     scene = page.request.scene
     other = "rough:medium" if page.world.scene.is_flat else "flat"
     return f"Ground: {scene}. For another one: `getup studio --scene {other}`."
-
-
-def _shorten(path: Path) -> str:
-    """Return a path as a command in the present folder names it."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def _explain_lack(page: Page) -> str:

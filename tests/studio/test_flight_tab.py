@@ -1,4 +1,4 @@
-"""A flight log is opened, scrubbed and examined, and what is no log is refused in one line."""
+"""A flight log is opened, scrubbed and examined; other files are refused in one line."""
 
 import shlex
 import shutil

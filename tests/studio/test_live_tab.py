@@ -22,7 +22,6 @@ def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Br
         window.click("Random fall")
         window.see("A fall that settled prone")
         window.open_tab("Live")
-        window.page.get_by_text("Real time").click()  # off: two cores are shared with other tests
         window.click("Rise")
         window.see("playing")
         live = studio.tabs["Live"]

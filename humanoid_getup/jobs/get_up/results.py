@@ -188,7 +188,7 @@ def _draw(result: RiseResult, world: World, request: GetUpOptions, folder: Path)
     """Write the motion and the pictures; return why there is no film strip."""
     if not result.has_imu:
         return NO_ORIENTATION
-    if result.outcome is None:
+    if result.outcome is None or not len(result.outcome.qpos):
         return "nothing was played"
     robot, outcome, plan = world.robot, result.outcome, result.plan
     plan.save(folder)

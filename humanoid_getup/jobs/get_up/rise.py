@@ -57,7 +57,6 @@ def rise(
         _select_strategy(request, load_world(request), monitor),
         monitor,
         operator,
-        max_attempts=request.attempts,
         # Without the filter, the purpose is to see whether the raw path stands.
         preflight=request.filtering,
         settings=RiseSettings(

@@ -36,7 +36,6 @@ def run_session(
     *,
     settings: RiseSettings,
     motion: Motion | None = None,
-    max_attempts: int = 1,
     without_imu: bool = False,
     **options: Any,
 ) -> FinishedRise:
@@ -51,7 +50,6 @@ def run_session(
         operator: Watches while the robot moves; None for no operator.
         settings: Settings for the report.
         motion: The motion that is played, if it is known beforehand.
-        max_attempts: Number of failures after which the robot needs help.
         without_imu: Whether the robot has no IMU; it is taken to lie where the motion begins.
         options: Further options of the session.
     """
@@ -78,7 +76,7 @@ def run_session(
                 chosen = replace(chosen, assumed_start=find_rest(world, motion.posture(0)))
             session = hooks.begin(world, limit, _locate(request, chosen))
             with refusing():
-                manager = AttemptManager(session, strategy, max_attempts=max_attempts)
+                manager = AttemptManager(session, strategy, max_attempts=request.most_attempts)
             rise = hooks.work(session.guard, lambda: manager.get_up(rng))
     monitor.begin("drawing")
     return finish_rise(rise, start, world, request, settings, motion)

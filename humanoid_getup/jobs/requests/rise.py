@@ -95,6 +95,11 @@ class GetUpOptions(MoveOptions):
     needs_origin: ClassVar[bool] = True
     """Whether a simulated robot has no start of its own."""
 
+    @property
+    def most_attempts(self) -> int:
+        """Return the number of attempts before giving up."""
+        return 1
+
     def find_problems(self) -> list[str]:
         """Report a wrong start as well."""
         problems = super().find_problems()
@@ -139,6 +144,11 @@ class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
     plan_cache: bool = True
     """Try the stored plan with the nearest start first, and store new plans."""
     cache_folder: CacheFolder = None
+
+    @property
+    def most_attempts(self) -> int:
+        """Return the number of attempts before giving up."""
+        return self.attempts
 
     def find_problems(self) -> list[str]:
         """Report options that do not fit the backend or each other as well."""

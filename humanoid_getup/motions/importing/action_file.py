@@ -41,7 +41,7 @@ class ActionStep:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
+class ActionPage:
     """One page of an action file."""
 
     number: int
@@ -69,13 +69,13 @@ class ActionFile:
                 f"{path}: has {len(self._content)} bytes, expected {size} of an action file"
             )
 
-    def list_pages(self) -> list[Page]:
+    def list_pages(self) -> list[ActionPage]:
         """List the pages that are whole and have steps."""
         return [
             self.read_page(number) for number in range(1, PAGES) if not self._find_damage(number)
         ]
 
-    def read_page(self, number: int) -> Page:
+    def read_page(self, number: int) -> ActionPage:
         """Read a page.
 
         Raises:
@@ -84,7 +84,7 @@ class ActionFile:
         if damage := self._find_damage(number):
             raise ValueError(f"{self.path}: page {number} {damage}")
         page = self._page(number)
-        return Page(
+        return ActionPage(
             number=number,
             name=page[:14].split(b"\0")[0].decode("ascii", "replace").strip(),
             repeat=page[15],
@@ -108,7 +108,7 @@ class ActionFile:
             return f"has schedule {page[16]} and speed {page[22]}, expected {BY_TIME} and above 0"
         return ""
 
-    def play_order(self, number: int) -> Iterator[Page]:
+    def play_order(self, number: int) -> Iterator[ActionPage]:
         """Yield a page, as often as it repeats, and the pages that follow it.
 
         Raises:

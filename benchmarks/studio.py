@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from json import dumps, loads
 from pathlib import Path
@@ -206,17 +206,18 @@ def _time_stop() -> float:
 
 
 def _count_overruns(browser: Browser, n: int) -> dict[str, Any]:
-    """Play the motion without and with a page that follows it, by turns; count late cycles."""
-    reports: dict[str, list[dict[str, Any]]] = {"without": [], "with": []}
+    """Play the motion alone, with a follower of its feed, and with a page; count late cycles."""
+    reports: dict[str, list[dict[str, Any]]] = {"alone": [], "followed": [], "on the page": []}
     for _ in range(n):
-        with TemporaryDirectory() as folder:
-            with _live_rise(folder) as (_, report):
-                pass
-            reports["without"].append(loads(report.read_text()))
-        with TemporaryDirectory() as folder, _open(browser) as (studio, _):
-            with _live_rise(folder) as (feed, report):
-                studio.tabs["Live"].follow(feed)
-            reports["with"].append(loads(report.read_text()))
+        for how, found in reports.items():
+            with TemporaryDirectory() as folder, ExitStack() as watching:
+                studio = watching.enter_context(_open(browser))[0] if "page" in how else None
+                with _live_rise(folder) as (feed, report):
+                    if studio is not None:
+                        studio.tabs["Live"].follow(feed)
+                    elif how == "followed":
+                        watching.callback(LiveFollower(feed, lambda _: None).close)
+                found.append(loads(report.read_text()))
     return {
         how: {
             "n": n,

@@ -47,7 +47,9 @@ class Studio:
         self._guard = PageGuard.for_address(request.host, port)
         self._host, self._port = request.host, port
         with self._guard.protecting(), redirect_stdout(io.StringIO()):
-            self.server = viser.ViserServer(host=request.host, port=port, label="getup studio")
+            self.server = viser.ViserServer(
+                host=request.host, port=port, label="getup studio", verbose=False
+            )
         self._aim_camera(world.robot.standing_neck_height)
         self.server.gui.configure_theme(show_share_button=False, control_width="large")
         self.timeline = Timeline(self.server, Stage(self.server, world))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from robots.storage.files import atomic_path
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-RATE, GIF_RATE = 30, 15  # pictures a second
+RATE, GIF_RATE = 30, 20  # pictures a second; GIF counts in hundredths of a second
 SIZE, GIF_SIZE = (720, 720), (360, 360)  # pixels
 GIF = ".gif"
 # In software, a picture takes a fifth of the time without multisampling and with small shadows.
@@ -33,30 +34,49 @@ def save_video(robot: Robot, model: mujoco.MjModel, time: Array, qpos: Array, pa
         NoRendererError: if OpenGL cannot be opened.
         OSError: if the file cannot be written.
     """
-    is_gif = path.suffix.lower() == GIF
-    rate, size = (GIF_RATE, GIF_SIZE) if is_gif else (RATE, SIZE)
+    rate, size = find_rate(path), GIF_SIZE if _is_gif(path) else SIZE
     at = np.arange(time[0], time[-1] + 0.5 / rate, 1.0 / rate)
     rows = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
     model = copy.copy(model)
     model.vis.quality.offsamples, model.vis.quality.shadowsize = 0, SHADOW
-    frames = iterate_frames(robot, model, qpos[rows], size=size)
+    write_video(iterate_frames(robot, model, qpos[rows], size=size), rate, path)
+
+
+def find_rate(path: Path) -> int:
+    """Return the pictures a second of a video in the format that its suffix names."""
+    return GIF_RATE if _is_gif(path) else RATE
+
+
+def write_video(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
+    """Write pictures (height, width, 3) of one size, even for MP4, as a video.
+
+    Raises:
+        ModuleNotFoundError: if the package ``av``, of the extra ``studio``, is missing for MP4.
+        OSError: if the file cannot be written.
+    """
     with atomic_path(path) as partial:
-        (_write_gif if is_gif else _write_mp4)(frames, rate, size, partial)
+        (_write_gif if _is_gif(path) else _write_mp4)(frames, rate, partial)
 
 
-def _write_mp4(frames: Iterable[np.ndarray], rate: int, size: tuple[int, int], path: Path) -> None:
+def _is_gif(path: Path) -> bool:
+    return path.suffix.lower() == GIF
+
+
+def _write_mp4(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
     import av
 
+    frames = iter(frames)
+    first = next(frames)
     with av.open(str(path), "w", format="mp4") as file:
         stream = file.add_stream("libx264", rate=rate, options={"crf": "20"})
-        stream.width, stream.height = size
+        stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
-        for frame in frames:
+        for frame in chain([first], frames):
             file.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         file.mux(stream.encode(None))
 
 
-def _write_gif(frames: Iterable[np.ndarray], rate: int, _: tuple[int, int], path: Path) -> None:
+def _write_gif(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
     from PIL import Image
 
     images: list[Image] = [Image.fromarray(frame) for frame in frames]

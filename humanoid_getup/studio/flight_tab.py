@@ -136,7 +136,7 @@ def check_body(flight: ReplayedFlight, world: World) -> None:
     if body != shown:
         raise BadInputError(
             f"flight log {flight.record.path}: it is of the body '{body}', expected '{shown}': "
-            "see getup studio --body"
+            "choose the body at the top of the page"
         )
 
 
@@ -198,7 +198,7 @@ def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
     if flight.scene != world.scene.name:
         facts.append(
             f"recorded in the scene '{flight.scene}', shown in '{world.scene.name}': "
-            "see getup studio --scene"
+            "choose the scene at the top of the page"
         )
     left_out = len(record.events[MOST_EVENTS:]), len(flight.cuts[MOST_CUTS:])
     if any(left_out):

@@ -51,6 +51,7 @@ class Page:
         self.when_posed: list[Callable[[Posture], None]] = []
         """Called after the start has changed."""
         self._lock = threading.RLock()
+        self._is_closed = False
         self._status = server.gui.add_markdown("Ready.")
         self.jobs: list[BackgroundJob[Any]] = []
         """Those that were begun last, the last one first."""
@@ -78,6 +79,8 @@ class Page:
 
         def run(_: object) -> None:
             with self._lock:
+                if self._is_closed:
+                    return
                 try:
                     with refusing():
                         work()
@@ -152,6 +155,11 @@ class Page:
         for job in (*self.jobs, *self._latest):
             job.cancel()
         self.timeline.pause()
+
+    def close(self) -> None:
+        """Cancel all jobs, and answer no callback from now on."""
+        self._is_closed = True
+        self.rest()
 
     def _show_progress(self, progress: Progress) -> None:
         if progress.message:

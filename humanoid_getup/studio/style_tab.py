@@ -78,7 +78,6 @@ class StyleTab:
     def _add_elements(self, policies: list[str]) -> None:
         gui, first = self._page.gui, POLICY if POLICY in policies else policies[0]
         self._state = gui.add_markdown("")
-        gui.add_markdown(_describe_ground(self._page))
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
         self._style = gui.add_dropdown("Preset", self._list_styles())
         self._curves = gui.add_dropdown("Curves", self._name_curves())
@@ -360,12 +359,6 @@ def _is_style(file: Path) -> bool:
         return STYLE_KEY in file.read_bytes()
     except OSError:
         return False
-
-
-def _describe_ground(page: Page) -> str:
-    scene = page.request.scene
-    other = "rough:medium" if page.world.scene.is_flat else "flat"
-    return f"Ground: {scene}. For another one: `getup studio --scene {other}`."
 
 
 def _explain_lack(page: Page) -> str:

@@ -108,16 +108,16 @@ class Timeline:
     # Controls ---------------------------------------------------------------------------------
 
     def _add_controls(self, gui: viser.GuiApi) -> None:
-        panel = gui.add_panel()
-        with panel.add_tab("Timeline"):
+        self.panel = gui.add_panel()
+        with self.panel.add_tab("Timeline"):
             self._title = gui.add_markdown("Nothing on the timeline yet.")
             self._slider = gui.add_slider("Time [s]", 0.0, STEP, STEP, 0.0, disabled=True)
             self._button = gui.add_button("Play", disabled=True)
             self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
             self._facts = gui.add_markdown("")
             self._plots = PlotPanel(gui)
-        panel.dock_left()
-        panel.set_width(WIDTH)
+        self.panel.dock_left()
+        self.panel.set_width(WIDTH)
         self._button.on_click(lambda _: self._toggle())
         self._slider.on_update(self._slide)
 

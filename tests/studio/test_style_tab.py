@@ -137,7 +137,7 @@ def test_a_saved_style_is_the_same_when_it_is_loaded_again(browser: "Browser", t
         first, again = ((tmp_path / name).read_text() for name in ("mine.toml", "again.toml"))
         assert first == again
         desk.window.click("Copy as command")
-        desk.window.see("getup run styled --robot op3 --style")
+        desk.window.see("getup run styled")
         assert (tmp_path / "again-start.json").exists()
 
 

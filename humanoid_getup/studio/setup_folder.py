@@ -1,0 +1,79 @@
+"""Setup folder: robot, body and scene of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.scenes.named_scenes import SUFFIX, list_scenes
+from humanoid_getup.scenes.scene_file import read_scene_table
+from robots import list_robots
+
+if TYPE_CHECKING:
+    from humanoid_getup.jobs.requests.studio import StudioRequest
+    from humanoid_getup.studio.folders import Folders
+    from humanoid_getup.studio.page import Page
+
+ROBOT_FILE = "robot.toml"
+BODY = "Factors on the lengths of shoulders, arms, torso or legs, such as arms=1.6,torso=2.2."
+
+
+class SetupFolder:
+    """Elements that choose robot, body and scene; a change empties the page."""
+
+    def __init__(self, page: Page, change: Callable[[StudioRequest], None]) -> None:
+        """Add the elements where the caller is adding them."""
+        self._page, self._change = page, change
+        given, gui, folders = page.request, page.gui, page.folders
+        robots = _unite(given.robot, [*list_robots(), *find_robots(folders)])
+        scenes = _unite(given.scene, [*(s.name for s in list_scenes()), *find_scenes(folders)])
+        title = f"{page.world.robot.name}, {page.world.scene.name}"
+        with gui.add_folder(title, expand_by_default=False):
+            self._robot = gui.add_dropdown("Robot", robots, initial_value=given.robot)
+            self._body = gui.add_text("Body", given.body, hint=BODY)
+            self._scene = gui.add_dropdown("Scene", scenes, initial_value=given.scene)
+            self._ground = gui.add_number("Ground seed", given.seed, min=0, step=1)
+            gui.add_button("Open").on_click(page.answer(self._open))
+
+    def _open(self) -> None:
+        given, robot, scene = self._page.request, self._robot.value, self._scene.value
+        if robot not in (given.robot, *list_robots()):
+            robot = str(self._page.folders.resolve(robot))
+        if scene != given.scene and scene.endswith(SUFFIX):
+            scene = str(self._page.folders.resolve(scene))
+        if given.robot_port and robot != given.robot:
+            raise BadInputError(
+                f"robot '{given.robot}' is connected by --robot-port, expected a studio without it "
+                "for another robot"
+            )
+        seed = int(self._ground.value)
+        self._page.say(f"Opens {self._robot.value} …")
+        changed = replace(given, robot=robot, body=self._body.value, scene=scene, seed=seed)
+        self._change(changed)
+
+
+def find_robots(folders: Folders) -> list[str]:
+    """Find the robot folders within the folders of a page, by names that these resolve."""
+    files = [Path(name) for name in folders.list_files(".toml")]
+    return [str(file.parent) for file in files if file.name == ROBOT_FILE]
+
+
+def find_scenes(folders: Folders) -> list[str]:
+    """Find the scene files within the folders of a page, by names that these resolve."""
+    names = folders.list_files(SUFFIX)
+    return [name for name in names if _is_scene(folders.resolve(name))]
+
+
+def _is_scene(file: Path) -> bool:
+    try:
+        read_scene_table(file)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _unite(first: str, others: list[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([*others, first]))

@@ -29,9 +29,21 @@ STANDS = "the start stands, expected a robot that lies"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RolloutRequest:
+    """Roll out a rise."""
+
+    policy: str
+    """Name of a policy of the robot that follows style curves, or an .onnx file."""
+    start: Posture
+    """Posture from which it rises, once it has settled there."""
+    style: Style
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class StyledRollout:
     """A rise on the twin that followed style curves, sampled every control period."""
 
+    request: RolloutRequest
     outcome: Outcome
     """How it ended, with its record; a stand counts as held once it is steady."""
     begin: Array
@@ -60,17 +72,6 @@ class StyledRollout:
         return float(self.outcome.stand_time) if self.outcome.stood else None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RolloutRequest:
-    """Roll out a rise."""
-
-    policy: str
-    """Name of a policy of the robot that follows style curves, or an .onnx file."""
-    start: Posture
-    """Posture from which it rises, once it has settled there."""
-    style: Style
-
-
 class StyledTwin:
     """A twin in a world, whose policies follow styles.
 
@@ -95,7 +96,7 @@ class StyledTwin:
         twin = self._settle(request.start).copy()
         monitor.check()
         run = _Run(twin, self.world, policy.following(request.style), monitor)
-        return run.roll_out(request.style)
+        return run.roll_out(request)
 
     def _load(self, name: str) -> OnnxPolicy:
         if name not in self._policies:
@@ -130,7 +131,7 @@ class _Run:
         self._twin, self._world, self._policy, self._monitor = twin, world, policy, monitor
         self._features: list[tuple[Array, Array]] = []
 
-    def roll_out(self, style: Style) -> StyledRollout:
+    def roll_out(self, request: RolloutRequest) -> StyledRollout:
         """Run the policy until the robot stands steadily, or to its end."""
         supervisor, begin = supervise_policy(self._policy), self._twin.truth.qpos
         report, outcome = play_in_simulation(
@@ -148,12 +149,13 @@ class _Run:
         followed = self._policy.followed
         assert followed is not None  # it follows a style
         return StyledRollout(
+            request=request,
             outcome=outcome,
             begin=begin,
             time=self._twin.period * np.arange(1.0, len(features) + 1.0, dtype=float),
             wanted=features[:, 0],
             measured=features[:, 1],
-            curves=style.choose(features[0, 1]),
+            curves=request.style.choose(features[0, 1]),
             followed=followed,
             reason=str(supervisor.aborted) if supervisor.aborted else report.reason,
         )

@@ -54,10 +54,7 @@ class MotionPlayer:
         """Begin at the held targets, or at the measured joint angles."""
         self._begin = self._clock = state.time
         self._from = state.joint_pos if self._held is None else self._held
-        distance = np.abs(self._motion.joint_target[0] - self._from)
-        reach = self._robot.max_velocity * self._robot.control_period  # in one cycle
-        near = np.all(distance <= reach)
-        self.approach_time = 0.0 if near else float(distance.max()) / APPROACH_SPEED
+        self.approach_time = find_approach_time(self._robot, self._motion, self._from)
         if self._balance is not None:
             self._balance.reset(self._from)
 
@@ -79,3 +76,10 @@ class MotionPlayer:
         if time < 0.0:
             return first + (time / self.approach_time) * (first - self._from)
         return self._motion.sample(self._motion.time[0] + time)
+
+
+def find_approach_time(robot: Robot, motion: Motion, joint_pos: Array) -> float:
+    """Compute the time of the approach to a motion's first targets [s] from angles [rad], (n,)."""
+    distance = np.abs(motion.joint_target[0] - joint_pos)
+    reach = robot.max_velocity * robot.control_period  # in one cycle
+    return 0.0 if np.all(distance <= reach) else float(distance.max()) / APPROACH_SPEED

@@ -8,6 +8,7 @@ import numpy as np
 
 from humanoid_getup.experiments.judging.standing import MAX_TILT, MIN_NECK_SHARE
 from humanoid_getup.experiments.judging.torque import find_available
+from humanoid_getup.playback.motion_player import find_approach_time
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.studio.take import Mark, Plot, Take
@@ -36,7 +37,7 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
     time = np.arange(1.0, len(record.qpos) + 1.0) * record.period
     ghost = None
     if isinstance(plan, MotionPlan):
-        ghost = place_motion(world, plan.motion, time, record.qpos[0])
+        ghost = _place_plan(world, plan.motion, record, time)
     return Take(
         name=name,
         time=time,
@@ -49,13 +50,21 @@ def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
     )
 
 
-def place_motion(world: World, motion: Motion, time: Array, start: Array) -> Array:
-    """Compute MuJoCo positions of a motion at times [s], (T,), each that of the last frame before.
+def _place_plan(world: World, motion: Motion, record: Record, time: Array) -> Array:
+    """Place the plan of a run where it was when the player sent it, after its approach."""
+    begin = read_posture(world.robot, world.model, record.qpos[0])
+    approach = find_approach_time(world.robot, motion, begin.joint_pos)
+    return place_motion(world, motion, time - approach, record.qpos[0])
 
-    On ground that is the same everywhere a plan does not know where the robot lies: it is moved to
-    where the run begins, the positions ``start``, (nq,).
+
+def place_motion(world: World, motion: Motion, time: Array, start: Array) -> Array:
+    """Compute MuJoCo positions of a motion at times since its begin [s], (T,).
+
+    Each is that of the last frame before; before it begins, that of the first. On ground that is
+    the same everywhere a plan does not know where the robot lies: it is moved to where the run
+    begins, the positions ``start``, (nq,).
     """
-    frame = np.searchsorted(motion.time, time - time[0] + motion.time[0], side="right") - 1
+    frame = np.searchsorted(motion.time, time + motion.time[0], side="right") - 1
     frame = np.clip(frame, 0, len(motion.time) - 1)
     position, orientation = motion.position, motion.orientation
     if world.scene.is_flat:

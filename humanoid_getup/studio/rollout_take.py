@@ -11,10 +11,10 @@ from robots.quaternion import Array
 TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
 
 
-def make_take(name: str, rollout: StyledRollout) -> Take:
+def make_take(rollout: StyledRollout) -> Take:
     """Make the take of a rollout."""
     wanted, followed = (
-        _in_units(_prepend(features[0], features))
+        _in_units(np.append(features, features[-1:], axis=0))
         for features in (rollout.wanted, rollout.measured)
     )
     plots = [
@@ -23,7 +23,7 @@ def make_take(name: str, rollout: StyledRollout) -> Take:
     ]
     stand = rollout.stand_time
     return Take(
-        name=name,
+        name=f"{rollout.request.style.name}, {rollout.request.policy}",
         time=np.concatenate([[0.0], rollout.time]),
         qpos=_prepend(rollout.begin, rollout.outcome.record.qpos),
         joint_torque=_prepend(np.zeros(rollout.outcome.robot.n), rollout.joint_torque),

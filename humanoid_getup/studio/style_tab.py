@@ -296,7 +296,7 @@ class StyleTab:
 
     def _show_rollout(self, rollout: StyledRollout) -> None:
         """Play a rollout, and draw what it followed over the curves that are edited."""
-        take = make_take(f"{self.editor.style.name}, {self._policy.value}", rollout)
+        take = make_take(rollout)
         self._page.timeline.load(take)
         _, is_mirrored = self.editor.style.find(rollout.measured[0])
         self.board.show_followed(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.scenes.named_scenes import SUFFIX, list_scenes
-from humanoid_getup.scenes.scene_file import read_scene_table
 from robots import list_robots
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from humanoid_getup.studio.page import Page
 
 ROBOT_FILE = "robot.toml"
+SCENE_KEYS = re.compile(rb"^\[*(ground|boxes|capsules|spheres|starts)\b", re.MULTILINE)
+"""One of them is in every scene file that is not level ground."""
 BODY = "Factors on the lengths of shoulders, arms, torso or legs, such as arms=1.6,torso=2.2."
 
 
@@ -69,10 +71,9 @@ def find_scenes(folders: Folders) -> list[str]:
 
 def _is_scene(file: Path) -> bool:
     try:
-        read_scene_table(file)
-    except (OSError, ValueError):
+        return SCENE_KEYS.search(file.read_bytes()) is not None
+    except OSError:
         return False
-    return True
 
 
 def _unite(first: str, others: list[str]) -> tuple[str, ...]:

@@ -16,32 +16,29 @@ import viser
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.requests.studio import StudioRequest
-from humanoid_getup.studio.flight_tab import FlightTab
-from humanoid_getup.studio.keyframe_tab import KeyframeTab
-from humanoid_getup.studio.live_tab import LiveTab
-from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.page_guard import TOKEN, PageGuard
-from humanoid_getup.studio.plan_tab import PlanTab
-from humanoid_getup.studio.pose_tab import PoseTab
-from humanoid_getup.studio.recorder import Recorder
-from humanoid_getup.studio.setup_folder import SetupFolder
-from humanoid_getup.studio.stage import Stage
-from humanoid_getup.studio.style_tab import StyleTab
-from humanoid_getup.studio.timeline import Timeline
 
 if TYPE_CHECKING:
     from humanoid_getup.simulation.world import World
+    from humanoid_getup.studio.page import Page
+    from humanoid_getup.studio.timeline import Timeline
+    from humanoid_getup.studio.workspace import Workspace
 
-CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
-PATIENCE = 12.0  # s for jobs to release a robot and to end
 LEFT_OPEN = 5.0  # s after which a closed page leaves nothing running; a reload is quicker
 
 
 class Studio:
     """A page that is served; a context manager that ends everything it began."""
 
-    def __init__(self, request: StudioRequest) -> None:
+    def __init__(
+        self, request: StudioRequest, announce: Callable[[str], None] = lambda _: None
+    ) -> None:
         """Load the robot, and serve the page.
+
+        Args:
+            request: What is asked for.
+            announce: Called with the address once it is served; the page is filled while a
+                browser opens it.
 
         Raises:
             BadInputError: if robot or scene cannot be used, or the port is taken.
@@ -58,7 +55,8 @@ class Studio:
                 host=request.host, port=port, label="getup studio", verbose=False
             )
         self.server.gui.configure_theme(show_share_button=False, control_width="large")
-        self._build(request, world)
+        announce(self.address)
+        self._workspace = self._fill(request, world)
         self.server.on_client_disconnect(lambda _: self._leave())
 
     @property
@@ -67,6 +65,21 @@ class Studio:
         host = f"[{self._host}]" if ":" in self._host else self._host
         token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
         return f"http://{host}:{self._port}/{token}"
+
+    @property
+    def page(self) -> Page:
+        """Return what all tabs share."""
+        return self._workspace.page
+
+    @property
+    def timeline(self) -> Timeline:
+        """Return the timeline."""
+        return self._workspace.timeline
+
+    @property
+    def tabs(self) -> dict[str, Any]:
+        """Return the tabs by their names."""
+        return self._workspace.tabs
 
     def change(self, request: StudioRequest) -> None:
         """Show another robot, body or scene; what was on the page is gone.
@@ -78,18 +91,15 @@ class Studio:
             raise BadInputError("a job is running, expected its end, or Cancel first")
         world = load_world(request)
         with self._changing:
-            self._clear()
+            self._workspace.close()
             self.server.gui.reset()
             self.server.scene.reset()
-            self._build(request, world)
-        for client in self.server.get_clients().values():
-            client.camera.position = self.server.initial_camera.position
-            client.camera.look_at = self.server.initial_camera.look_at
+            self._workspace = self._fill(request, world)
 
     def close(self) -> None:
         """Cancel all jobs, and stop to serve."""
         with self._changing:
-            self._clear()
+            self._workspace.close()
         with redirect_stdout(io.StringIO()):
             self.server.stop()
         self._scratch.cleanup()
@@ -100,29 +110,11 @@ class Studio:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _build(self, request: StudioRequest, world: World) -> None:
+    def _fill(self, request: StudioRequest, world: World) -> Workspace:
         """Fill the page."""
-        self._aim_camera(world.robot.standing_neck_height)
-        self.timeline = Timeline(self.server, Stage(self.server, world))
-        self.page = Page(request, self.server, world, self.timeline, Path(self._scratch.name))
-        with self.timeline.panel.add_tab("Picture"):
-            self.recorder = Recorder(self.page)
-        SetupFolder(self.page, self.change)
-        tabs = self.server.gui.add_tab_group()
-        self.tabs: dict[str, Any] = {}
-        """What was made of `TABS`."""
-        for name, tab in TABS.items():
-            with tabs.add_tab(name):
-                self.tabs[name] = tab(self.page)
-        self.server.gui.main_panel.dock_right()
+        from humanoid_getup.studio.workspace import Workspace  # slow to import
 
-    def _clear(self) -> None:
-        """Cancel all jobs, and stop to draw."""
-        self.page.close()
-        for job in self.page.jobs:
-            job.wait(PATIENCE)
-        self.tabs["Live"].close()
-        self.timeline.close()
+        return Workspace(request, self.server, world, Path(self._scratch.name), self.change)
 
     def _leave(self) -> None:
         """End all jobs soon, unless a page is open by then."""
@@ -133,21 +125,6 @@ class Studio:
     def _rest_if_left(self) -> None:
         if not self.server.get_clients():
             self.page.rest()
-
-    def _aim_camera(self, height: float) -> None:
-        camera = self.server.initial_camera
-        camera.position = (CAMERA[0] * height, CAMERA[1] * height, CAMERA[2] * height)
-        camera.look_at = (0.0, 0.0, 0.3 * height)
-
-
-TABS: dict[str, Callable[[Page], object]] = {
-    "Pose": PoseTab,
-    "Keyframes": KeyframeTab,
-    "Plan": PlanTab,
-    "Style": StyleTab,
-    "Flight": FlightTab,
-    "Live": LiveTab,
-}
 
 
 def find_port(host: str, port: int) -> int:

@@ -16,12 +16,15 @@ def studio(command: StudioRequest) -> int:
     with needing("studio"), phase("opening the studio"):
         from humanoid_getup.studio.studio import Studio
 
-        opened = Studio(command)
+        opened = Studio(command, _announce)
     with opened:
-        print(opened.address, flush=True)
-        print("getup: open this address in a browser; Ctrl-C ends the studio", file=sys.stderr)
         try:
             threading.Event().wait()
         except KeyboardInterrupt:
             return DID_IT
     return DID_IT
+
+
+def _announce(address: str) -> None:
+    print(address, flush=True)
+    print("getup: open this address in a browser; Ctrl-C ends the studio", file=sys.stderr)

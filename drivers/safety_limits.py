@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ HOT_MARGIN = 5.0  # °C
 # From here on torque is derated, so that a servo cools before it switches itself off.
 DERATE_MARGIN = 15.0  # °C
 DERATED_SHARE = 0.4  # of the torque limit that is left at the highest temperature
+LIMP_SILENCE = 3.0  # s of silence of servos or IMU: harmless without torque
 
 
 def find_max_temperature(robot: Robot) -> Array:
@@ -80,6 +81,13 @@ class GuardLimits:
             derate_temperature=find_derate_temperature(robot),
             min_voltage=robot.supply_range[0],
         )
+
+    @staticmethod
+    def of_limp(robot: Robot) -> GuardLimits:
+        """Build the limits of a robot that stays limp, which may be silent for longer."""
+        cycles = round(LIMP_SILENCE / robot.control_period)
+        limits = GuardLimits.of(robot)
+        return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LIMP_SILENCE)
 
     def derate(self, temperature: Array) -> Array:
         """Compute the torque limits [N·m] at servo temperatures [°C], (n,).

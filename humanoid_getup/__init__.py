@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.extract_style import extract_style
     from humanoid_getup.jobs.get_up.rise import play_motion, rise, run_policy
     from humanoid_getup.jobs.get_up.stand import hold, sit
+    from humanoid_getup.jobs.get_up.watch import watch
     from humanoid_getup.jobs.import_clip import import_clip
     from humanoid_getup.jobs.import_keys import import_keys
     from humanoid_getup.jobs.import_robot import import_robot
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     )
     from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
     from humanoid_getup.jobs.requests.style import ExtractRequest
+    from humanoid_getup.jobs.requests.watch import WatchRequest
     from humanoid_getup.jobs.retarget_motions import retarget
     from humanoid_getup.jobs.train_policy import export, train
     from humanoid_getup.motions.motion import Motion
@@ -156,6 +158,7 @@ _HOMES = {
     "TorqueLimit": "robots.torque_limit",
     "TrainRequest": "humanoid_getup.jobs.requests.learning",
     "Twin": "drivers.twin.backend",
+    "WatchRequest": "humanoid_getup.jobs.requests.watch",
     "World": "humanoid_getup.simulation.world",
     "benchmark": "humanoid_getup.jobs.benchmark",
     "build_motions": "humanoid_getup.jobs.build_motions",
@@ -185,6 +188,7 @@ _HOMES = {
     "sample_fall": "humanoid_getup.experiments.starts.falls",
     "sit": "humanoid_getup.jobs.get_up.stand",
     "train": "humanoid_getup.jobs.train_policy",
+    "watch": "humanoid_getup.jobs.get_up.watch",
 }
 
 __all__ = [
@@ -239,6 +243,7 @@ __all__ = [
     "TorqueLimit",
     "TrainRequest",
     "Twin",
+    "WatchRequest",
     "World",
     "benchmark",
     "build_motions",
@@ -268,6 +273,7 @@ __all__ = [
     "sample_fall",
     "sit",
     "train",
+    "watch",
 ]
 
 

@@ -63,6 +63,12 @@ class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
     """IMU frame to world, w x y z; empty without an IMU."""
     gyro: list[float]
     """Angular velocity in the IMU frame [rad/s]; empty without an IMU."""
+    joint_age: list[float]
+    """Age of each joint's angle and current [s], (n,)."""
+    imu_age: float
+    """Age of gyro and orientation [s]."""
+    alert: list[int]
+    """`HardwareError` bits of each servo, (n,); 0 for none."""
     clips: int
     """Number of commands that the guard has cut."""
     busy: float
@@ -83,6 +89,9 @@ class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
             voltage=float(state.voltage),
             orientation=state.orientation.tolist(),
             gyro=state.gyro.tolist(),
+            joint_age=state.joint_age.tolist(),
+            imu_age=float(state.imu_age),
+            alert=state.alert.tolist(),
             clips=cycle.clips.total,
             busy=timing.read + timing.step + timing.write,
         )

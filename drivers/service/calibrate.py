@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-import mujoco
 import numpy as np
 
 from drivers.dynamixel.bus import Request
@@ -21,7 +19,7 @@ from drivers.service.session import RobotBus
 from drivers.servo_units import fits_one_turn, tick_range
 from robots import Joint, Robot
 from robots.description.calibration import Calibration, JointCalibration
-from robots.kinematics import place
+from robots.joint_directions import find_directions
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN
 from robots.storage.validation import Sign
@@ -34,10 +32,6 @@ TURN = 20  # degrees to turn a joint by
 LEAST_TURN = 5.0  # degrees; less may be a wobble
 TRIES = 3  # measurements of a robot that is not held still; reads of a silent servo
 DEG_PER_TICK = 360.0 / TICKS_PER_TURN
-
-VERTICAL_AXIS = 0.8  # vertical share of a joint axis above which its motion is called a turn
-DIRECTIONS = (("backward", "forward"), ("to its right", "to its left"), ("down", "up"))
-"""Negative and positive of the robot's x, y and z when it stands."""
 
 
 class Prompt(Protocol):
@@ -289,31 +283,8 @@ def is_yes(answer: str) -> bool:
 
 
 def describe_direction(robot: Robot, joint: Joint) -> str:
-    """Describe which way the limb behind a joint moves as its angle grows, for a standing robot.
-
-    x points forward and y to the left.
-    """
-    axis, lever = _find_axis(robot, joint)
-    if abs(axis[2]) > VERTICAL_AXIS:
-        way = "counter-clockwise" if axis[2] > 0.0 else "clockwise"
-        return f"seen from above, its limb turns {way}"
-    motion = np.cross(axis, lever)
-    largest = int(np.abs(motion).argmax())
-    return f"the far end of its limb goes {DIRECTIONS[largest][int(motion[largest] > 0.0)]}"
-
-
-def _find_axis(robot: Robot, joint: Joint) -> tuple[Array, Array]:
-    """Return a joint's axis, (3,), and the far end of its limb relative to it [m], (3,)."""
-    spec = robot.spec()
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = place(robot, model, robot.standing)
-    mujoco.mj_kinematics(model, data)
-    number = model.joint(joint.name).id
-    limb = [geom.id for geom in spec.joint(joint.name).parent.find_all("geom")]
-    levers = data.geom_xpos[limb] - data.xanchor[number]
-    lever = max(levers, key=lambda v: math.hypot(*v), default=np.array([0.0, 0.0, -1.0]))
-    return data.xaxis[number].copy(), lever
+    """Describe which way the limb behind a joint moves as its angle grows, for a standing robot."""
+    return str(find_directions(robot)[joint.name])
 
 
 def _describe_small_turn(joint: Joint, turns: dict[str, float]) -> str:

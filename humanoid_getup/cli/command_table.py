@@ -8,7 +8,7 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "prior"),
-    "robot": ("robots", "scan", "doctor", "calibrate", "bus"),
+    "robot": ("robots", "scan", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
@@ -182,6 +182,12 @@ COMMANDS = {
         "Measure the zeros and signs of the servos.",
         "options.hardware.Calibrate",
         "calibrate.calibrate",
+    ),
+    "watch": TableEntry(
+        "Show a limp robot while a person turns it by hand.",
+        "requests.watch.WatchRequest",
+        "watch.watch",
+        json=True,
     ),
     "plan-cache": TableEntry(
         "List the stored plans of rises, or remove them.",

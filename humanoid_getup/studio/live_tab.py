@@ -1,12 +1,11 @@
-"""Live tab: follows a robot that a program moves, stops it, and starts a rise where permitted."""
+"""Live tab: follows a robot, stops it, reads it limp, and starts a rise where permitted."""
 
 from __future__ import annotations
 
-import math
 import threading
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +14,17 @@ from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import FeedError, LiveSample
 from humanoid_getup.jobs.follow_robot import check_robot, estimate_sample
 from humanoid_getup.jobs.get_up.rise import rise
+from humanoid_getup.jobs.get_up.watch import watch
 from humanoid_getup.jobs.requests.rise import RiseRequest
-from robots import quaternion
+from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.reporting.live_figures import (
+    TorsoFigures,
+    describe_program,
+    describe_torso,
+    format_degrees,
+    list_joints,
+)
+from robots import Robot, quaternion
 from robots.description.posture_file import format_posture
 from robots.kinematics import imu_in_torso, place
 from robots.storage.files import write_atomically
@@ -26,11 +34,12 @@ if TYPE_CHECKING:
 
     from humanoid_getup.jobs.get_up.results import FinishedRise
     from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.reporting.watched_robot import WatchReport
     from humanoid_getup.studio.page import Page
 
 NO_PROGRAM: tuple[str, ...] = ("none",)
 TABLE_EVERY = 6  # samples between two tables of numbers
-POLL = 0.05  # s between two looks for the feed of a rise that begins
+POLL = 0.05  # s between two looks for the feed of a job that begins
 AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
 GYRO_COLOR = (230, 60, 200)
@@ -44,8 +53,8 @@ class LiveTab:
         """Add the elements where the caller is adding them."""
         self._page, gui, answer = page, page.gui, page.answer
         self._follower: LiveFollower | None = None
-        self._own_follower: LiveFollower | None = None  # of the rise that was started here
-        self._job: BackgroundJob[FinishedRise] | None = None
+        self._own_follower: LiveFollower | None = None  # of the job that was started here
+        self._job: BackgroundJob[Any] | None = None
         self._stops = 0
         self._samples = 0
         self._last: LiveSample | None = None
@@ -56,8 +65,8 @@ class LiveTab:
             gui.add_button("Refresh").on_click(answer(self._refresh))
             gui.add_button("Follow").on_click(answer(self._follow_chosen))
             gui.add_button("Leave").on_click(answer(self._leave))
-        with gui.add_folder("Rise"):
-            self._add_rise(gui)
+        with gui.add_folder("Robot"):
+            self._add_robot(gui)
         self._numbers = gui.add_markdown("")
         self._add_imu()
         self._refresh()
@@ -68,27 +77,36 @@ class LiveTab:
         return self._last
 
     def stop(self) -> None:
-        """Stop the robot that is followed, and a rise that was started here.
+        """Stop the robot that is followed, and what was started here.
 
-        The latch of the guard switches torque off; a rise that is not followed is cancelled, which
+        The latch of the guard switches torque off; what is not followed is cancelled, which
         switches it off as well.
         """
         self._stops += 1
         if self._armed is not None:
             self._armed.value = False
-        own, follower = self._job, self._follower
+        is_cancelled, problem = self._cancel_unfollowed(), ""
         try:
-            if follower is not None:
-                follower.stop()
-            if own is not None and own.is_running and follower is not self._own_follower:
-                own.cancel()
-            elif follower is None:
-                self._page.refuse("no program is followed, so no robot was stopped")
-                return
+            if self._follower is not None:
+                self._follower.stop()
+            else:
+                problem = "no program is followed, so no robot was stopped"
         except FeedError as error:
-            self._page.refuse(str(error))
+            problem = str(error)
+        if problem and not is_cancelled:
+            self._page.refuse(problem)
         else:
             self._page.say("STOP: torque is off from the next cycle on, and stays off.")
+
+    def _cancel_unfollowed(self) -> bool:
+        """Cancel what was started here and is not followed yet; return whether there was any."""
+        own, is_followed = self._job, self._own_follower is not None
+        if own is None or not own.is_running:
+            return False
+        if is_followed and self._follower is self._own_follower:
+            return False
+        own.cancel()
+        return True
 
     async def _stop_at_once(self, _: object) -> None:
         """Stop in the server's event loop: plain callbacks wait for a free thread."""
@@ -153,12 +171,15 @@ class LiveTab:
         if sample.orientation:
             self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
         if self._samples % TABLE_EVERY == 0 or sample.is_limp:
-            self._numbers.content = describe(sample, self._page.world.robot.joint_names)
+            torso = TorsoFigures.of(sample, self._mounting)
+            self._numbers.content = describe(sample, torso, self._page.world.robot)
         self._samples += 1
 
     def _add_imu(self) -> None:
         """Add the axes of the IMU, and an arrow along which the gyro measures a turn."""
-        scene, length = self._page.server.scene, AXES * self._page.world.robot.standing_neck_height
+        world = self._page.world
+        self._mounting = imu_in_torso(world.robot, world.model) if world.robot.imu_site else None
+        scene, length = self._page.server.scene, AXES * world.robot.standing_neck_height
         self._imu = scene.add_frame(
             "/imu", axes_length=length, axes_radius=0.02 * length, visible=False
         )
@@ -175,7 +196,23 @@ class LiveTab:
         self._gyro.points = np.array([[position, position + arrow]], dtype=np.float32)
         self._imu.visible = self._gyro.visible = True
 
-    # Rising -----------------------------------------------------------------------------------
+    # Reading and rising -----------------------------------------------------------------------
+
+    def _add_robot(self, gui: viser.GuiApi) -> None:
+        """Add what reads a limp robot, and what starts a rise if the command permits it."""
+        request = self._page.request
+        if request.robot_port:
+            gui.add_markdown(
+                f"Robot at `{', '.join(request.robot_port)}`. *Read* switches torque **off**: "
+                "support it."
+            )
+        else:
+            gui.add_markdown(
+                "Servos on a virtual bus, in simulated time, from the posture of the page."
+            )
+        gui.add_button("Read").on_click(self._page.answer(self._read))
+        self._add_rise(gui)
+        gui.add_button("Cancel").on_click(lambda _: self._cancel())
 
     def _add_rise(self, gui: viser.GuiApi) -> None:
         """Add what starts a rise: on a virtual bus, or on a robot if the command permits it."""
@@ -185,14 +222,14 @@ class LiveTab:
             gui.add_markdown("Moving this robot requires `--allow-motion`.")
             return
         if request.robot_port:
-            gui.add_markdown(f"Robot at `{', '.join(request.robot_port)}`. It **will move**.")
+            gui.add_markdown("With *Rise* it **will move**.")
             self._armed = gui.add_checkbox("Armed", False)
-        else:
-            gui.add_markdown(
-                "Servos on a virtual bus, in simulated time, from the posture of the page."
-            )
         gui.add_button("Rise").on_click(self._click_rise)
-        gui.add_button("Cancel").on_click(lambda _: self._cancel())
+
+    def _read(self) -> None:
+        self._check_idle()
+        request = WatchRequest(**self._make_common())
+        self._begin(self._page.run(watch, request, self._conclude_reading))
 
     async def _click_rise(self, _: object) -> None:
         """Begin a rise, unless STOP is pressed while it waits for other callbacks."""
@@ -207,29 +244,34 @@ class LiveTab:
             if not self._armed.value:
                 raise ValueError("the robot is not armed, expected Armed first")
             self._armed.value = False
+        self._check_idle()
+        then = None if page.request.robot_port else "limp"
+        request = RiseRequest(**self._make_common(), attempts=1, then=then)
+        self._begin(page.run(rise, request, self._conclude))
+
+    def _check_idle(self) -> None:
+        """Check that nothing that was started here has the robot."""
         if self._job is not None and self._job.is_running:
-            raise ValueError("a rise is running, expected its end, or Cancel first")
-        job = self._job = page.run(rise, self._make_request(), self._conclude)
+            raise ValueError("the robot rises or is read, expected its end, or Cancel first")
+
+    def _begin(self, job: BackgroundJob[Any]) -> None:
+        """Follow a job as soon as it has a feed."""
+        self._job, self._own_follower = job, None
         threading.Thread(target=self._await_feed, args=(job,), daemon=True).start()
 
-    def _make_request(self) -> RiseRequest:
+    def _make_common(self) -> dict[str, Any]:
+        """Make the fields of a request for the robot, real or on a virtual bus."""
         page, given = self._page, self._page.request
-        common = {"robot": given.robot, "seed": given.seed, "live": True, "attempts": 1}
+        common: dict[str, Any] = {"robot": given.robot, "seed": given.seed, "live": True}
         if given.robot_port:
-            return RiseRequest(**common, backend="dynamixel", port=given.robot_port)
+            return common | {"backend": "dynamixel", "port": given.robot_port}
         file = page.scratch / START
         write_atomically(file, format_posture(page.start, page.world.robot))
-        return RiseRequest(
-            **common,
-            body=given.body,
-            scene=given.scene,
-            backend="virtual",
-            origin=str(file),
-            then="limp",
-        )
+        virtual = {"backend": "virtual", "origin": str(file)}
+        return common | virtual | {"body": given.body, "scene": given.scene}
 
-    def _await_feed(self, job: BackgroundJob[FinishedRise]) -> None:
-        """Follow a rise that was started here, once it has a feed."""
+    def _await_feed(self, job: BackgroundJob[Any]) -> None:
+        """Follow a job that was started here, once it has a feed."""
         while job.is_running:
             if job.pid is not None and (path := find_feed(job.pid)) is not None:
                 self._page.answer(partial(self._follow_own, path))(None)
@@ -247,26 +289,29 @@ class LiveTab:
     def _conclude(self, done: FinishedRise) -> None:
         self._page.say(str(done.rise))
 
+    def _conclude_reading(self, done: WatchReport) -> None:
+        self._page.say(done.reason)
 
-def describe(sample: LiveSample, joint_names: tuple[str, ...]) -> str:
-    """Describe a sample: state of the robot, and a table of its joints."""
-    torque = "torque **off**" if sample.is_limp else "torque on"
+
+def describe(sample: LiveSample, torso: TorsoFigures | None, robot: Robot) -> str:
+    """Describe a sample: state of the robot, attitude, and a table of its joints."""
     lines = [
-        f"{sample.phase or 'waiting'}, {sample.time:.2f} s, {torque}, {sample.voltage:.1f} V, "
-        f"{sample.clips} cuts, {1000.0 * sample.busy:.1f} ms busy",
+        describe_program(sample),
         "",
-        "| joint | deg | target | A | °C |",
-        "|---|--:|--:|--:|--:|",
+        describe_torso(torso),
+        "",
+        "| joint | deg | target | A | °C | |",
+        "|---|--:|--:|--:|--:|---|",
     ]
-    rows = zip(
-        joint_names,
-        sample.joint_pos,
-        sample.target,
-        sample.joint_current,
-        sample.temperature,
-        strict=True,
-    )
-    for name, angle, target, current, heat in rows:
-        aim = "" if sample.is_limp else f"{math.degrees(target):.1f}"
-        lines.append(f"| {name} | {math.degrees(angle):.1f} | {aim} | {current:.2f} | {heat:.0f} |")
+    for name, joint in list_joints(sample, robot).items():
+        target = "" if joint.target_rad is None else format_degrees(joint.target_rad, 1)
+        cells = (
+            name,
+            format_degrees(joint.angle_rad, 1),
+            target,
+            f"{joint.current_a:.2f}",
+            f"{joint.temperature_c:.0f}",
+            ", ".join(joint.remarks),
+        )
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

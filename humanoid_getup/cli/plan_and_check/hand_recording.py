@@ -18,6 +18,7 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE
 from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
 from humanoid_getup.jobs.backends import open_backend
 from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.get_up.onlookers import begin_showing, inviting
 from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
@@ -30,7 +31,6 @@ from robots import FULL_TORQUE, Robot
 from robots.quaternion import Array
 
 LONGEST = 3600.0  # s
-LONGEST_SILENCE = 3.0  # s of silence of a servo, of the IMU or of all
 KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 
@@ -91,15 +91,15 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
     """Keep the robot limp until the person has finished; a simulated one waits in real time."""
     limit = FULL_TORQUE.on(world.robot)
     with open_backend(replace(command, realtime=True), world, limit) as choice:
-        guard = SafetyGuard(choice.backend, _tolerate_silence(world.robot))
-        return run(recorder, guard, max_time=LONGEST, realtime=choice.realtime)
-
-
-def _tolerate_silence(robot: Robot) -> GuardLimits:
-    """Tolerate a longer silence of a robot, which is harmless without torque."""
-    cycles = round(LONGEST_SILENCE / robot.control_period)
-    limits = GuardLimits.of(robot)
-    return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LONGEST_SILENCE)
+        guard = SafetyGuard(choice.backend, GuardLimits.of_limp(world.robot))
+        with inviting(command, choice, guard) as onlookers:
+            return run(
+                recorder,
+                guard,
+                max_time=LONGEST,
+                realtime=choice.realtime,
+                on_cycle=begin_showing(onlookers, "recording"),
+            )
 
 
 def _check_name(name: str) -> None:

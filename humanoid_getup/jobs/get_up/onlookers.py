@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 from typing import Protocol
@@ -16,6 +16,7 @@ from drivers.live_feed.feed import LiveFeed
 from drivers.twin.simulation import Simulation
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.rise import MP4, MoveOptions
 
 VIEW_PERIOD = 1.0 / 60.0  # s between two pictures in the viewer
@@ -35,14 +36,13 @@ class Onlooker(Protocol):
 
 @contextmanager
 def inviting(
-    request: MoveOptions, choice: BackendChoice, guard: SafetyGuard
+    request: OnlookerOptions, choice: BackendChoice, guard: SafetyGuard
 ) -> Iterator[list[Onlooker]]:
     """Open the onlookers of a request while a robot moves.
 
     Raises:
-        BadInputError: if there is no display for the viewer, or a package for the video is missing.
+        BadInputError: if there is no display for the viewer.
     """
-    check_video(request)
     with ExitStack() as opened:
         onlookers: list[Onlooker] = []
         if request.live:
@@ -52,6 +52,18 @@ def inviting(
             opened.callback(viewer.close)
             onlookers.append(viewer)
         yield onlookers
+
+
+def begin_showing(onlookers: Sequence[Onlooker], phase: str) -> Callable[[Cycle], None]:
+    """Note the beginning of a phase; return what shows its cycles to all onlookers."""
+    for onlooker in onlookers:
+        onlooker.note(phase)
+
+    def show(cycle: Cycle) -> None:
+        for onlooker in onlookers:
+            onlooker.show(cycle)
+
+    return show
 
 
 class _Viewer:

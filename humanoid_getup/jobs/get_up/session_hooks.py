@@ -12,7 +12,7 @@ from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.get_up.onlookers import Onlooker, inviting
+from humanoid_getup.jobs.get_up.onlookers import Onlooker, check_video, inviting
 from humanoid_getup.jobs.get_up.operator import Operator
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
 from humanoid_getup.jobs.requests.rise import MoveOptions
@@ -79,6 +79,7 @@ class SessionHooks:
 
         A robot that was handed over keeps its torque: then it is too late to cancel.
         """
+        check_video(self._request)
         with self._operator.watch(guard), inviting(self._request, self._choice, guard) as invited:
             self._onlookers = invited
             result = work()

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.requests.shared import SceneOptions
+from humanoid_getup.jobs.requests.shared import Origin, SceneOptions
 
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
@@ -44,3 +44,20 @@ class BackendOptions(SceneOptions):
     def is_realtime(self) -> bool:
         """Return whether cycles keep the deadlines of the wall clock."""
         return self.realtime or self.is_real
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginOption(BackendOptions):
+    """Start of a simulated robot."""
+
+    origin: Origin = None
+
+    def find_problems(self) -> list[str]:
+        """Report a start that is chosen for a real robot as well."""
+        problems = super().find_problems()
+        if self.is_real and self.origin is not None:
+            problems.append(
+                f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
+                "lies"
+            )
+        return problems

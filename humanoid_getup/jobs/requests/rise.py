@@ -10,8 +10,9 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.requests.backend import BackendOptions
+from humanoid_getup.jobs.requests.backend import OriginOption
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
+from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     NO_ORIGIN,
@@ -20,7 +21,6 @@ from humanoid_getup.jobs.requests.shared import (
     Count,
     Keys,
     MotionName,
-    Origin,
     PolicyName,
     PreferenceOptions,
     TorqueOptions,
@@ -46,7 +46,7 @@ StyleOption = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveOptions(TorqueOptions, BackendOptions):
+class MoveOptions(TorqueOptions, OnlookerOptions):
     """Options of every command that moves a robot."""
 
     out: Annotated[Path | None, Written(ARTEFACTS), arg(metavar="DIR")] = None
@@ -55,31 +55,21 @@ class MoveOptions(TorqueOptions, BackendOptions):
 
     video: Annotated[Path | None, WRITTEN, arg(metavar="FILE.mp4|FILE.gif")] = None
     """Video of how it moved; MP4 requires humanoid-getup[studio]."""
-    view: bool = False
-    """Show a simulated robot in MuJoCo's own viewer while it moves; best with --realtime."""
-    live: bool = False
-    """Let other programs of this user follow it, and stop it: the Live tab of `getup studio`."""
 
     def find_problems(self) -> list[str]:
         """Report a wrong torque limit, body or video as well."""
-        problems = super().find_problems() + self._find_problems_of_pictures()
+        problems = super().find_problems()
+        if self.video is not None and self.video.suffix.lower() not in VIDEOS:
+            problems.append(f"--video is {self.video}, expected a name that ends with .mp4 or .gif")
         if self.backend != "twin" and self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and isinstance(self, BodyOption):
             problems += self.refuse_body(A_REAL_ROBOT)
         return problems
 
-    def _find_problems_of_pictures(self) -> list[str]:
-        problems = []
-        if self.video is not None and self.video.suffix.lower() not in VIDEOS:
-            problems.append(f"--video is {self.video}, expected a name that ends with .mp4 or .gif")
-        if self.view and self.is_real:
-            problems.append("--view is given, expected a simulated robot with it")
-        return problems
-
 
 @dataclass(frozen=True, kw_only=True)
-class GetUpOptions(MoveOptions):
+class GetUpOptions(MoveOptions, OriginOption):
     """Options of every command that gets a robot up."""
 
     then: Literal["hold", "sit", "limp", "hand-over"] | None = None
@@ -91,7 +81,6 @@ class GetUpOptions(MoveOptions):
     at: Annotated[tuple[float, float, float] | None, arg(metavar="X,Y,DEG")] = None
     """Where in its scene a real robot lies: its torso [m], and the direction in which its head
     points, from +x [deg]."""
-    origin: Origin = None
     needs_origin: ClassVar[bool] = True
     """Whether a simulated robot has no start of its own."""
 
@@ -109,11 +98,6 @@ class GetUpOptions(MoveOptions):
             problems.append("--at is given, expected a real robot: a simulated one knows its place")
         if self.is_real and self.at is None and self.scene != "flat":
             problems.append(f"--scene {self.scene} on a real robot requires --at X,Y,DEG")
-        if self.is_real and self.origin is not None:
-            problems.append(
-                f"--from is '{self.origin}', expected a simulated robot: a real one starts as it "
-                "lies"
-            )
         is_simulated = self.backend != "dynamixel"
         if self.needs_origin and is_simulated and not self.is_real and self.origin is None:
             problems.append(NO_ORIGIN)

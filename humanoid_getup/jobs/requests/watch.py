@@ -1,0 +1,41 @@
+"""Request to watch a limp robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import arg
+
+from humanoid_getup.jobs.requests.backend import OriginOption
+from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
+from humanoid_getup.jobs.requests.rise import A_REAL_ROBOT
+from humanoid_getup.jobs.requests.shared import BodyOption
+from humanoid_getup.jobs.requests.values import between
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchRequest(BodyOption, OriginOption, OnlookerOptions):
+    """Read a limp robot while a person turns it by hand: torque goes off, and stays off.
+
+    A simulated robot lies on its back, or as --from says; a real one is supported by a person.
+    """
+
+    seconds: Annotated[float | None, between(0.001, 1e6, "s"), arg(metavar="S")] = None
+    """Time after which it ends [s], which is simulated as fast as possible without --realtime;
+    default: when q is pressed, with a simulated robot at the pace of the clock."""
+
+    def find_problems(self) -> list[str]:
+        """Report another body of a real robot as well."""
+        problems = super().find_problems()
+        return problems + (self.refuse_body(A_REAL_ROBOT) if self.is_real else [])
+
+    @property
+    def start(self) -> str:
+        """Start of a simulated robot."""
+        return self.origin or "supine"
+
+    @property
+    def is_paced(self) -> bool:
+        """Return whether cycles wait for the clock of the wall."""
+        return self.is_realtime or self.seconds is None

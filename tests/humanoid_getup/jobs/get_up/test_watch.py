@@ -1,0 +1,229 @@
+"""`watch`: a limp robot is read and never driven, whoever turns it."""
+
+import queue
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bus_stories import serving
+from paths import TINY
+from recording_backend import RecordingBackend
+
+from drivers import DriverError
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.clock import CycleClock
+from drivers.live_feed.feed import list_feeds
+from drivers.live_feed.follower import LiveFollower
+from drivers.live_feed.messages import LiveSample
+from drivers.virtual_bus.devices.servo import VirtualServo
+from humanoid_getup.jobs.backends import BackendChoice
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.get_up import watch as jobs
+from humanoid_getup.jobs.get_up.watch import watch
+from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.progress.callback import CancelledError
+from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchFigures
+from robots import Posture, Robot, quaternion
+
+PATIENCE = 60.0  # s; a wait ends with its event
+X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+HELD = 5  # cycles; what a virtual servo senses is read one or two later
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class Hand:
+    """Holds a robot in one posture after the other, some cycles each, and looks at each."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._postures = robot, list[Posture]()
+        self._cycle = 0
+        self.seen = list[WatchFigures]()
+        self.place: Callable[[Posture], None] = lambda _: None
+
+    def hold(self, *, degrees: tuple[float, ...] = (0.0, 0.0), torso: Any = UPRIGHT) -> None:
+        posture = replace(
+            self._robot.standing, joint_pos=np.radians(degrees), orientation=np.array(torso)
+        )
+        self._postures.append(posture)
+
+    def begin(self, watched: WatchedRobot) -> None:
+        self._watched = watched
+
+    def is_done(self) -> bool:
+        number, cycle = divmod(self._cycle, HELD)
+        self._cycle += 1
+        if cycle == 0 and number and (figures := self._watched.look()):
+            self.seen.append(figures)
+        if cycle == 0 and number < len(self._postures):
+            self.place(self._postures[number])
+        return number == len(self._postures)
+
+
+@pytest.fixture
+def hand(tiny: Robot, monkeypatch: pytest.MonkeyPatch) -> Hand:
+    """A hand for the robot that the job simulates."""
+    found, open_backend = Hand(tiny), jobs.open_backend
+
+    @contextmanager
+    def open_and_note(*arguments: Any, **options: Any) -> Iterator[BackendChoice]:
+        with open_backend(*arguments, **options) as choice:
+            assert choice.place is not None
+            found.place = choice.place
+            yield choice
+
+    monkeypatch.setattr(jobs, "open_backend", open_and_note)
+    return found
+
+
+def make_request(**options: Any) -> WatchRequest:
+    return WatchRequest(robot=str(TINY), seconds=30.0, **options)
+
+
+@pytest.fixture
+def torque(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Every value that is written to a servo's Torque Enable."""
+    written, check = list[int](), VirtualServo._check_torque
+
+    def note(servo: VirtualServo, value: int) -> int:
+        written.append(value)
+        return check(servo, value)
+
+    monkeypatch.setattr(VirtualServo, "_check_torque", note)
+    return written
+
+
+@pytest.mark.parametrize("backend", ["twin", "virtual"])
+def test_joints_turned_by_hand_are_seen_and_get_no_torque(
+    backend: str, hand: Hand, torque: list[int]
+):
+    hand.hold(degrees=(-60.0, 0.0))
+    hand.hold(degrees=(0.0, 30.0))
+    done = watch(make_request(backend=backend), is_released=hand.is_done, begin=hand.begin)
+    assert not done.by_fault
+    assert done.cycles == 2 * HELD
+    first, last = hand.seen
+    assert done.last is not None
+    assert np.degrees(first.joints["l_hip"].angle_rad) == pytest.approx(-60.0, abs=3.0)
+    assert np.degrees(last.joints["r_hip"].angle_rad) == pytest.approx(30.0, abs=3.0)
+    assert np.degrees(done.last.joints["l_hip"].lowest_rad) == pytest.approx(-60.0, abs=3.0)
+    assert not last.torque_on
+    assert last.findings == ()
+    assert (set(torque) == {0}) is (backend == "virtual"), "on the bus it is switched off"
+
+
+@pytest.mark.parametrize(
+    ("torso", "lies"),
+    [
+        (UPRIGHT, "upright"),
+        (quaternion.from_axis_angle(Y, np.pi), "head down"),
+        (quaternion.from_axis_angle(Y, np.pi / 2), "on its belly"),
+        (quaternion.from_axis_angle(Y, -np.pi / 2), "on its back"),
+        (quaternion.from_axis_angle(X, np.pi / 2), "on its right side"),
+        (quaternion.from_axis_angle(X, -np.pi / 2), "on its left side"),
+    ],
+)
+def test_a_robot_turned_by_hand_says_how_it_is_held(torso: np.ndarray, lies: str, hand: Hand):
+    hand.hold(torso=torso)
+    watch(make_request(), is_released=hand.is_done, begin=hand.begin)
+    (seen,) = hand.seen
+    assert seen.torso is not None
+    assert seen.torso.lies == lies
+
+
+def test_a_sign_that_is_wrong_is_found_where_the_joint_leaves_its_range(
+    tiny: Robot, torque: list[int], monkeypatch: pytest.MonkeyPatch
+):
+    left, right = tiny.joints
+    turned = replace(left, servo=replace(left.servo, sign=-left.servo.sign))
+    with serving(replace(tiny, joints=(turned, right))) as served:
+        hand = Hand(tiny)
+        hand.place = lambda posture: served.hold(posture.joint_pos)
+        hand.hold(degrees=(-85.0, 20.0))  # measured as +85, of a range up to +60
+        driver = DynamixelBackend(tiny, served.path, clock=CycleClock())
+        choice = BackendChoice(backend=driver, realtime=False)
+        monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+        done = watch(make_request(), is_released=hand.is_done, begin=hand.begin)
+    assert done.last is not None
+    (finding,) = done.last.findings
+    assert "joint 'l_hip' was seen from" in finding
+    assert "its zero or its sign is wrong (getup calibrate)" in finding
+    assert any("beyond its range" in remark for remark in done.last.joints["l_hip"].remarks)
+    assert set(torque) == {0}
+
+
+def test_a_limp_robot_is_followed_and_a_stop_ends_it_without_a_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    samples, followers = queue.Queue[LiveSample](), list[LiveFollower]()
+
+    def follow() -> bool:
+        """Follow from the first cycle on, and stop the robot after a sample."""
+        if not followers:
+            (feed,) = list_feeds()
+            followers.append(LiveFollower(feed, samples.put))
+        if not samples.empty():
+            followers[0].stop()
+        return False
+
+    done = watch(WatchRequest(robot=str(TINY), live=True), is_released=follow)
+    assert (done.by_fault, done.reason) == (
+        False,
+        "the robot was stopped: stopped from the live page",
+    )
+    sample = samples.get(timeout=PATIENCE)
+    assert sample.is_limp
+    assert sample.phase == "watching, torque off"
+    assert list_feeds() == []
+    followers[0].close()
+
+
+def test_a_fault_ends_it_and_is_one(tiny: Robot, monkeypatch: pytest.MonkeyPatch):
+    class Loose(RecordingBackend):
+        def read(self) -> Any:
+            if len(self.received) > 3:
+                raise DriverError("the cable is loose")
+            return super().read()
+
+    backend = Loose(tiny)
+    choice = BackendChoice(backend=backend, realtime=False)
+    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    done = watch(make_request())
+    assert (done.by_fault, done.reason, done.cycles) == (True, "the cable is loose", 4)
+    assert done.last is not None
+    assert all(command.is_limp for command in backend.received)
+    assert not backend.connected
+
+
+def test_it_is_cancelled():
+    with pytest.raises(CancelledError):
+        watch(make_request(), cancel=iter([False] * 5 + [True] * 9).__next__)
+
+
+def test_a_robot_without_an_imu_is_watched(own_robot: Path):
+    path = own_robot / "robot.toml"
+    kept = path.read_text("utf-8").split("[bus.board]")[0].replace('imu_site = "imu"\n', "")
+    path.write_text(kept, "utf-8")
+    done = watch(WatchRequest(robot=str(own_robot), seconds=0.05))
+    assert done.last is not None
+    assert done.last.torso is None
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ({"port": ("/dev/x",), "backend": "dynamixel", "origin": "prone"}, "--from is 'prone'"),
+        ({"port": ("/dev/x",), "backend": "dynamixel", "body": "arms=2"}, "--body is arms=2"),
+        ({"port": ("/dev/x",), "backend": "dynamixel", "view": True}, "--view is given"),
+        ({"backend": "dynamixel"}, "requires --port"),
+        ({"seconds": 0.0}, "--seconds is 0 s"),
+    ],
+)
+def test_what_does_not_fit_is_refused(options: dict[str, Any], problem: str):
+    with pytest.raises(BadInputError, match=problem):
+        watch(WatchRequest(**options))

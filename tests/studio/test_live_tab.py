@@ -32,6 +32,45 @@ def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Br
         assert live.last.is_limp
 
 
+def test_a_limp_robot_is_read_until_it_is_cancelled(browser: "Browser", tmp_path: Path):
+    with open_studio(browser) as (studio, window):
+        window.choose("Class", "prone")
+        window.click("Random fall")
+        window.see("A fall that settled prone")
+        window.open_tab("Live")
+        window.click("Read")
+        window.see("watching, ")
+        window.see("torso on its belly")
+        live = studio.tabs["Live"]
+        assert live.last.is_limp
+        window.click("Rise")
+        window.see("the robot rises or is read, expected its end, or Cancel first")
+        window.take_picture(tmp_path / "read.png")
+        window.click("Cancel")
+        window.see("The feed has ended.")
+        wait_until(lambda: not any(job.is_running for job in studio.page.jobs))
+        assert len(studio.page.jobs) == 1
+
+
+def test_stop_ends_what_is_not_followed_yet(browser: "Browser"):
+    with open_studio(browser) as (studio, window):
+        window.open_tab("Live")
+        live = studio.tabs["Live"]
+        live.follow = lambda _: None
+        window.click("Read")
+        wait_until(lambda: any(job.is_running for job in studio.page.jobs))
+        window.click("STOP")
+        window.see("Cancelled.")
+        wait_until(lambda: not any(job.is_running for job in studio.page.jobs))
+
+
+def test_a_port_without_a_robot_is_told_in_one_line(browser: "Browser"):
+    with open_studio(browser, robot_port=("/dev/null",)) as (_, window):
+        window.open_tab("Live")
+        window.click("Read")
+        window.see("port /dev/null")
+
+
 def test_stop_without_a_robot_says_so(browser: "Browser"):
     with open_studio(browser) as (_, window):
         window.open_tab("Live")

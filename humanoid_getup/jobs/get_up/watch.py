@@ -20,7 +20,7 @@ from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchReport
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot
 
-WATCHING = "watching, torque off"
+WATCHING, RELEASED = "watching", "a person ended it"
 
 
 def watch(
@@ -104,7 +104,7 @@ def _describe(
     return WatchReport(
         robot=robot.name,
         backend=request.backend,
-        reason=run.reason,
+        reason=RELEASED if run.ending is Ending.DONE else run.reason,
         by_fault=run.ending is Ending.FAULT and not is_stopped,
         watched_s=run.duration,
         cycles=run.cycles,

@@ -178,7 +178,7 @@ def test_a_limp_robot_is_followed_and_a_stop_ends_it_without_a_fault(
     )
     sample = samples.get(timeout=PATIENCE)
     assert sample.is_limp
-    assert sample.phase == "watching, torque off"
+    assert sample.phase == "watching"
     assert list_feeds() == []
     followers[0].close()
 

@@ -19,12 +19,17 @@ from humanoid_getup.simulation.world import World
 from robots.joint_directions import find_directions
 from robots.kinematics import imu_in_torso
 
+# A damaged reply now and then harms nothing.
+FEW_MISSED, MISSED_SHARE = 2, 0.01  # reads, and share of all reads
+
 
 @dataclass(frozen=True, kw_only=True)
 class WatchedJoint(JointFigures):
     """A joint, and the angles that were seen."""
 
     speed_rad_s: float
+    missed: int
+    """Number of reads that brought nothing new."""
     lowest_rad: float
     highest_rad: float
     lower_rad: float
@@ -39,6 +44,7 @@ class WatchFigures:
     """A limp robot now, and what was seen of it."""
 
     time_s: float
+    reads: int
     voltage_v: float
     torque_on: bool
     torso: TorsoFigures | None
@@ -58,11 +64,14 @@ class WatchedRobot:
         self._directions = find_directions(robot)
         self._newest: Cycle | None = None
         self._lowest, self._highest = np.full(robot.n, np.inf), np.full(robot.n, -np.inf)
+        self._reads, self._missed = 0, np.zeros(robot.n, dtype=int)
 
     def show(self, cycle: Cycle) -> None:
         """See a cycle."""
         self._lowest = np.minimum(self._lowest, cycle.state.joint_pos)
         self._highest = np.maximum(self._highest, cycle.state.joint_pos)
+        self._reads += 1
+        self._missed = self._missed + (cycle.state.joint_age > 0.0)
         self._newest = cycle
 
     def note(self, phase: str) -> None:
@@ -76,6 +85,7 @@ class WatchedRobot:
         joints = self._list_joints(self._newest, sample)
         return WatchFigures(
             time_s=sample.time,
+            reads=self._reads,
             voltage_v=sample.voltage,
             torque_on=not sample.is_limp,
             torso=TorsoFigures.of(sample, self._mounting),
@@ -85,20 +95,22 @@ class WatchedRobot:
 
     def _list_joints(self, cycle: Cycle, sample: LiveSample) -> dict[str, WatchedJoint]:
         speeds = cycle.state.joint_vel.tolist()
-        seen = zip(speeds, self._lowest.tolist(), self._highest.tolist(), strict=True)
+        spans = self._lowest.tolist(), self._highest.tolist()
+        seen = zip(speeds, self._missed.tolist(), *spans, strict=True)
         named = list_joints(sample, self._robot).items()
         rows = zip(self._robot.joints, named, seen, strict=True)
         return {
             name: WatchedJoint(
                 **vars(measured),
                 speed_rad_s=speed,
+                missed=missed,
                 lowest_rad=lowest,
                 highest_rad=highest,
                 lower_rad=joint.lower,
                 upper_rad=joint.upper,
                 positive=self._directions[name].way,
             )
-            for joint, (name, measured), (speed, lowest, highest) in rows
+            for joint, (name, measured), (speed, missed, lowest, highest) in rows
         }
 
     def _list_findings(self, joints: dict[str, WatchedJoint]) -> list[str]:
@@ -107,6 +119,11 @@ class WatchedRobot:
             seen = joints[joint.name]
             if measure_excess(joint, [seen.lowest_rad, seen.highest_rad]):
                 findings.append(f"joint '{joint.name}' {_contrast(seen)}")
+            if seen.missed > max(FEW_MISSED, MISSED_SHARE * self._reads):
+                findings.append(
+                    f"joint '{joint.name}' did not answer {seen.missed} of {self._reads} reads: "
+                    "check its cable and plug (getup doctor)"
+                )
         return findings
 
 

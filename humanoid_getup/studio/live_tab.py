@@ -207,9 +207,8 @@ class LiveTab:
                 "support it."
             )
         else:
-            gui.add_markdown(
-                "Servos on a virtual bus, in simulated time, from the posture of the page."
-            )
+            robot = "Servos on a virtual bus" if self._page.world.robot.bus else "The twin"
+            gui.add_markdown(f"{robot}, in simulated time, from the posture of the page.")
         gui.add_button("Read").on_click(self._page.answer(self._read))
         self._add_rise(gui)
         gui.add_button("Cancel").on_click(lambda _: self._cancel())
@@ -267,7 +266,8 @@ class LiveTab:
             return common | {"backend": "dynamixel", "port": given.robot_port}
         file = page.scratch / START
         write_atomically(file, format_posture(page.start, page.world.robot))
-        virtual = {"backend": "virtual", "origin": str(file)}
+        backend = "virtual" if page.world.robot.bus else "twin"
+        virtual = {"backend": backend, "origin": str(file)}
         return common | virtual | {"body": given.body, "scene": given.scene}
 
     def _await_feed(self, job: BackgroundJob[Any]) -> None:

@@ -29,21 +29,21 @@ RATE = 5.0  # tables per second
 TURNING = 0.2  # rad/s above which a joint is highlighted: creeping limbs are slower
 HEADINGS = ("joint", "°", "seen °", "range °", "A", "°C", "positive", "remark")
 LEFT = ("joint", "positive", "remark")
-SUPPORT = "torque goes off now, and stays off: support the robot"
+LIVE = "it can be followed: getup studio, tab Live"
 HINT = "torque is off: turn one joint after the other; q ends it"
 
 
 def watch(command: WatchRequest) -> int:
     """Show a limp robot until it is enough; return the exit code."""
     console, key = console_for(command), QuitKey()
-    if command.is_real:
-        console.print(SUPPORT)
     display = ProgressDisplay(console)
     with ExitStack() as shown:
         shown.callback(display.stop)
 
         def begin(watched: WatchedRobot) -> None:
             display.stop()
+            if command.live:
+                console.print(LIVE)
             if console.is_terminal:
                 shown.enter_context(_open_table(watched, console))
 

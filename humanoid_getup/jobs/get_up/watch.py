@@ -21,6 +21,7 @@ from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot
 
 WATCHING, RELEASED = "watching", "a person ended it"
+SUPPORT = "torque goes off now, and stays off: support the robot"
 
 
 def watch(
@@ -50,9 +51,10 @@ def watch(
     monitor.begin("loading")
     world = load_world(request)
     watched = WatchedRobot(world)
+    if request.is_real:
+        monitor.tell(SUPPORT)
     monitor.begin("opening the backend")
-    without_imu = world.robot.imu_kind is None
-    limit = FULL_TORQUE.on(world.robot)
+    limit, without_imu = FULL_TORQUE.on(world.robot), _lacks_imu(request, world.robot)
     with open_backend(request, world, limit, without_imu=without_imu) as choice:
         _place(request, world, choice)
         guard = CancellableGuard(choice.backend, GuardLimits.of_limp(world.robot), monitor.check)
@@ -89,6 +91,11 @@ class LimpController:
         """Keep every joint limp."""
         del state
         return self._limp
+
+
+def _lacks_imu(request: WatchRequest, robot: Robot) -> bool:
+    """Return whether no orientation is measured; a twin needs no sensor, only its place."""
+    return (robot.imu_site if request.backend == "twin" else robot.imu_kind) is None
 
 
 def _place(request: WatchRequest, world: World, choice: BackendChoice) -> None:

@@ -14,7 +14,7 @@ from bus_stories import serving
 from paths import TINY
 from recording_backend import RecordingBackend
 
-from drivers import DriverError
+from drivers import DriverError, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.live_feed.feed import list_feeds
@@ -200,18 +200,54 @@ def test_a_fault_ends_it_and_is_one(tiny: Robot, monkeypatch: pytest.MonkeyPatch
     assert not backend.connected
 
 
+@pytest.mark.parametrize(("silence", "by_fault"), [(2.9, False), (3.1, True)])
+def test_a_silence_of_seconds_is_harmless_without_torque(
+    silence: float, by_fault: bool, tiny: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    backend = RecordingBackend(tiny)
+    backend.state = replace(backend.state, joint_age=np.array([0.0, silence]), imu_age=silence)
+    choice = BackendChoice(backend=backend, realtime=False)
+    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    done = watch(WatchRequest(robot=str(TINY), seconds=0.1))
+    assert done.by_fault is by_fault
+    assert done.last is not None
+    assert done.last.joints["r_hip"].remarks == (f"silent for {silence:.1f} s",)
+
+
 def test_it_is_cancelled():
     with pytest.raises(CancelledError):
         watch(make_request(), cancel=iter([False] * 5 + [True] * 9).__next__)
 
 
-def test_a_robot_without_an_imu_is_watched(own_robot: Path):
+@pytest.mark.parametrize(
+    ("left_out", "backend", "has_torso"),
+    [("", "virtual", False), ("", "twin", True), ('imu_site = "imu"\n', "twin", False)],
+)
+def test_a_robot_without_an_imu_is_watched(
+    left_out: str, backend: Any, has_torso: bool, own_robot: Path
+):
     path = own_robot / "robot.toml"
-    kept = path.read_text("utf-8").split("[bus.board]")[0].replace('imu_site = "imu"\n', "")
-    path.write_text(kept, "utf-8")
-    done = watch(WatchRequest(robot=str(own_robot), seconds=0.05))
+    text = path.read_text("utf-8").split("[bus.board]")[0]
+    path.write_text(text.replace(left_out, ""), "utf-8")
+    done = watch(WatchRequest(robot=str(own_robot), seconds=0.05, backend=backend))
     assert done.last is not None
-    assert done.last.torso is None
+    assert (done.last.torso is not None) is has_torso
+
+
+def test_a_servo_that_misses_reads_is_named(tiny: Robot, monkeypatch: pytest.MonkeyPatch):
+    class Tired(RecordingBackend):
+        def read(self) -> State:
+            is_silent = len(self.received) % 4 == 3
+            return replace(super().read(), joint_age=np.array([0.0, 0.008 * is_silent]))
+
+    choice = BackendChoice(backend=Tired(tiny), realtime=False)
+    monkeypatch.setattr(jobs, "open_backend", lambda *_, **__: nullcontext(choice))
+    done = watch(WatchRequest(robot=str(TINY), seconds=0.8))
+    assert done.last is not None
+    assert [joint.missed for joint in done.last.joints.values()] == [0, 25]
+    assert done.last.findings == (
+        "joint 'r_hip' did not answer 25 of 100 reads: check its cable and plug (getup doctor)",
+    )
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,7 @@ class LiveTab:
 
     def _show(self, sample: LiveSample) -> None:
         """Show a sample: the robot, and from time to time its numbers."""
+        goes_limp = sample.is_limp and not (self._last is not None and self._last.is_limp)
         self._last = sample
         if not np.isfinite([*sample.joint_pos, *sample.orientation]).all():
             self._page.refuse("the robot measures values that are no numbers")
@@ -170,7 +171,7 @@ class LiveTab:
         self._page.timeline.pose(place(self._page.world.robot, self._page.world.model, posture))
         if sample.orientation:
             self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
-        if self._samples % TABLE_EVERY == 0 or sample.is_limp:
+        if self._samples % TABLE_EVERY == 0 or goes_limp:
             torso = TorsoFigures.of(sample, self._mounting)
             self._numbers.content = describe(sample, torso, self._page.world.robot)
         self._samples += 1

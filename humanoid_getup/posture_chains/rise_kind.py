@@ -38,7 +38,7 @@ class KindNamer:
     def name(self, qpos: Array, start_class: str) -> str:
         """Name the postures after the start in MuJoCo positions, one a control period, (T, nq)."""
         step = max(round(SEEN_TIME / self._world.robot.control_period / 3.0), 1)
-        names = self._list(qpos[::step])
+        names = self.list_names(qpos[::step])
         seen = [name for name, run in groupby(names) if len([*run]) >= 3]
         seen = [name for name in seen if name not in (PASSING, start_class)]
         return ", ".join(dict.fromkeys(seen))
@@ -50,8 +50,8 @@ class KindNamer:
         passed = self.name(risen, trial.keyframes.start_class)
         return FOUND + (f", over {passed}" if passed else "")
 
-    def _list(self, qpos: Array) -> list[str]:
-        """Name each posture."""
+    def list_names(self, qpos: Array) -> list[str]:
+        """Name each posture in MuJoCo positions, (T, nq)."""
         features = self._meter.measure(qpos)
         on_soles = (features.flatness > ON_SOLES) & (features.offset < BALANCED)
         squats = on_soles & (features.neck < CROUCHED)

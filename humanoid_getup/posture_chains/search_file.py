@@ -4,32 +4,38 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
+from humanoid_getup.posture_chains.stored_states import (
+    MEMBERS,
+    MOVES,
+    NOTHING,
+    STATES,
+    StoredStates,
+)
 from humanoid_getup.progress.ledger import check_recipe
 from humanoid_getup.simulation.world import World
-from robots.quaternion import Array
-from robots.storage.arrays import load_arrays, to_numbers, to_text
+from robots.storage.arrays import load_arrays, to_text
 from robots.storage.validation import shown
 
 VERSION = 8
 """Changes when files of earlier searches cannot be continued."""
-STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
-MOVES = ("knots", "knot_count", "duration", "kind")
-ARCHIVES = ("members", "draws", "chains", "risen", "paired")
+ARCHIVES = (MEMBERS, "draws", "chains", "risen", "paired")
 TEXTS = ("recipe", "rng", "counts")
-NOTHING = -1
-UNIT = 1e-3  # by which the length of a quaternion may differ from 1
+SIDES, LIMIT = "choice of sides", "torque limit"
+"""Keys of a recipe."""
+NO_LIMIT, UNIT_OF_LIMIT = "none", " N·m"
 BEGIN_AGAIN = "remove the file to begin again"
 REMEDY = f"give the same options and leave the robot as it was, or {BEGIN_AGAIN}"
 DAMAGE = (ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError)
@@ -66,18 +72,50 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sides: list[SideCounts]
 
 
-def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
-    """Describe what a search must have in common with a file to go on from it."""
-    limit = settings.limit.value
+class SearchOptions(msgspec.Struct, frozen=True):
+    """Options of a search, as its recipe tells them."""
+
+    seed: int
+    worlds: Annotated[int, msgspec.Meta(ge=1)]
+    sides: str = msgspec.field(name=SIDES)
+    limit: str = msgspec.field(name=LIMIT)
+
+    @property
+    def torque_limit(self) -> float | None:
+        """Return the torque limit of every servo [N·m]; None without one."""
+        return None if self.limit == NO_LIMIT else float(self.limit.removesuffix(UNIT_OF_LIMIT))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FiledStates:
+    """What a search has filed so far."""
+
+    ways_up: list[RestingState]
+    sides: list[list[RestingState]]
+    """States that were reached from each side on which the robot stays."""
+    simulated: float
+    """[s]"""
+    options: SearchOptions
+
+
+def identify_world(world: World) -> Recipe:
+    """Describe the robot whose states a file holds."""
     return {
         "version": VERSION,
         "robot.toml or model": hashlib.sha256(world.content).hexdigest(),
         "robot": world.robot.name,
+    }
+
+
+def make_recipe(world: World, settings: SearchSettings, sides: Sequence[str], seed: int) -> Recipe:
+    """Describe what a search must have in common with a file to go on from it."""
+    limit = settings.limit.value
+    return identify_world(world) | {
         "seed": seed,
-        "choice of sides": ", ".join(sides),
+        SIDES: ", ".join(sides),
         "batch": settings.batch,
         "worlds": settings.worlds,
-        "torque limit": "none" if limit is None else f"{limit:g} N·m",
+        LIMIT: NO_LIMIT if limit is None else f"{limit:g}{UNIT_OF_LIMIT}",
     }
 
 
@@ -93,15 +131,30 @@ def read_search(path: Path, recipe: Recipe) -> dict[str, Any]:
         ValueError: if it is damaged, or of another robot, version or seed.
         OSError: if it cannot be read.
     """
-    try:
-        arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
-        kept = json.loads(to_text(arrays["recipe"], "recipe"))
-        if not isinstance(kept, dict):
-            raise ValueError(f"recipe is {shown(kept)}, expected a table")
-    except DAMAGE as error:
-        raise ValueError(f"{path}: {_name_reason(error)} ({BEGIN_AGAIN})") from error
+    arrays, kept = _load(path)
     check_recipe(path, recipe, kept, REMEDY)
     return arrays
+
+
+def read_states(path: Path, world: World) -> FiledStates:
+    """Read what a search of a robot has filed, whatever its options are.
+
+    Raises:
+        ValueError: if it is damaged, or of another robot or version.
+        OSError: if it cannot be read.
+    """
+    arrays, kept = _load(path)
+    own = identify_world(world)
+    check_recipe(path, own, {key: kept.get(key) for key in own}, REMEDY)
+    with _naming_damage(path):
+        options = msgspec.convert(kept, SearchOptions)
+        ups, *sides = StoredStates(arrays, world, options.worlds).read_archives()
+        return FiledStates(
+            ways_up=ups,
+            sides=sides,
+            simulated=sum(_read_counts(arrays).simulated),
+            options=options,
+        )
 
 
 def restore_search(
@@ -119,14 +172,28 @@ def restore_search(
         ValueError: if it is damaged.
         OSError: if a motion that was kept cannot be read.
     """
-    try:
+    with _naming_damage(path):
         _Reader(arrays, discovery).restore(load)
+
+
+def _load(path: Path) -> tuple[dict[str, Any], Recipe]:
+    """Load the arrays and the recipe of a file."""
+    with _naming_damage(path):
+        arrays = load_arrays(path, (*STATES, *MOVES, *ARCHIVES, *TEXTS), max_bytes=2**29)
+        kept = json.loads(to_text(arrays["recipe"], "recipe"))
+        if not isinstance(kept, dict):
+            raise ValueError(f"recipe is {shown(kept)}, expected a table")
+    return arrays, kept
+
+
+@contextmanager
+def _naming_damage(path: Path) -> Iterator[None]:
+    """Name the file and the remedy where its content is damaged."""
+    try:
+        yield
     except DAMAGE as error:
-        raise ValueError(f"{path}: {_name_reason(error)} ({BEGIN_AGAIN})") from error
-
-
-def _name_reason(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ValueError(f"{path}: {reason} ({BEGIN_AGAIN})") from error
 
 
 class _Writer:
@@ -221,56 +288,39 @@ class _Reader:
 
     def __init__(self, arrays: dict[str, Any], discovery: ChainDiscovery) -> None:
         self._arrays, self._discovery = arrays, discovery
-        self._moves = self._read_moves()
-        self._states = self._read_states()
-
-    def _read_numbers(
-        self, key: str, shape: tuple[int | None, ...], below: float
-    ) -> NDArray[np.int_]:
-        """Read whole numbers from `NOTHING` to one below which they have to be."""
-        numbers = to_numbers(self._arrays[key], key, shape)
-        wrong = (numbers < NOTHING) | (numbers >= below) | (numbers != np.round(numbers))
-        if wrong.any():
-            raise ValueError(
-                f"{key} holds {numbers[wrong][0]:g}, expected a whole number from {NOTHING}, below "
-                f"{below:g}"
-            )
-        return numbers.astype(np.int_)
+        self._stored = StoredStates(arrays, discovery.tools.world, discovery.tools.settings.worlds)
 
     def restore(self, load: Callable[[str], Motion]) -> None:
         arrays, discovery = self._arrays, self._discovery
-        ups, count, sides = discovery.tools.ways_up, len(self._states), len(discovery.sides)
+        stored, ups, sides = self._stored, discovery.tools.ways_up, len(discovery.sides)
+        count, read_numbers = len(stored.states), stored.read_numbers
         archives = [ups.archive, *(each.search.archive for each in discovery.sides)]
-        members = self._read_numbers("members", (len(archives), None), count)
-        draws = self._read_numbers("draws", members.shape, np.inf)
-        for archive, row, drawn in zip(archives, members, draws, strict=True):
-            states = [self._states[k] for k in row if k != NOTHING]
-            if not states:
-                raise ValueError("members holds an archive without states")
+        members = stored.read_archives(len(archives))
+        draws = read_numbers("draws", arrays[MEMBERS].shape, np.inf)
+        for archive, states, drawn in zip(archives, members, draws, strict=True):
             if np.any(drawn[: len(states)] < 0):
                 raise ValueError("draws says of a state that it was drawn fewer than 0 times")
             archive.restore(states, drawn[: len(states)].tolist())
         ups.stance = next(iter(ups)).root
-        risen = self._read_numbers("risen", (sides, None), count)
+        risen = read_numbers("risen", (sides, None), count)
         for each, row in zip(discovery.sides, risen, strict=True):
             each.search.start = next(iter(each.search.archive)).path[0]
-            each.search.risen = {self._states[k] for k in row if k != NOTHING}
+            each.search.risen = {stored.states[k] for k in row if k != NOTHING}
             each.search.chains, each.search.untried = [], []
         self._restore_chains()
-        paired = self._read_numbers("paired", (None, 2), count)
-        ups.paired = {(self._states[s], self._states[u]) for s, u in paired}
+        paired = read_numbers("paired", (None, 2), count)
+        ups.paired = {(stored.states[s], stored.states[u]) for s, u in paired}
         discovery.tools.rng.bit_generator.state = json.loads(to_text(arrays["rng"], "rng"))
-        counts = json.loads(to_text(arrays["counts"], "counts"))
-        _restore_counts(discovery, msgspec.convert(counts, SearchCounts), load)
+        _restore_counts(discovery, _read_counts(arrays), load)
 
     def _restore_chains(self) -> None:
         sides = self._discovery.sides
-        chains = self._read_numbers("chains", (None, None), np.inf)
+        chains = self._stored.read_numbers("chains", (None, None), np.inf)
         for side, kind, fallen, *moves in chains.tolist():
             if not (
                 0 <= side < len(sides)
                 and 0 <= kind < 2
-                and max(moves, default=NOTHING) < len(self._moves)
+                and max(moves, default=NOTHING) < len(self._stored.moves)
             ):
                 raise ValueError("chains holds a side, a kind or a move that is not there")
             search = sides[side].search
@@ -281,75 +331,9 @@ class _Reader:
         return PostureChain(
             start=start.qpos,
             held=start.target,
-            moves=tuple(self._moves[k] for k in moves),
+            moves=tuple(self._stored.moves[k] for k in moves),
             fallen=fallen,
         )
-
-    def _check_angles(self, key: str, angles: Array) -> None:
-        """Refuse targets beyond the joints' ranges [rad], (K, n)."""
-        robot = self._discovery.tools.world.robot
-        beyond = np.maximum(robot.lower - angles, angles - robot.upper)
-        if np.any(beyond > UNIT):
-            wrong = angles.flat[int(beyond.argmax())]
-            raise ValueError(f"{key} holds {wrong:g} rad, expected angles in the joints' ranges")
-
-    def _read_moves(self) -> list[PostureMove]:
-        arrays = self._arrays
-        n = self._discovery.tools.world.robot.n
-        knots = to_numbers(arrays["knots"], "knots", (None, n))
-        count = self._read_numbers("knot_count", (None,), np.inf)
-        duration, ends = to_numbers(arrays["duration"], "duration", count.shape), np.cumsum(count)
-        if np.any(count < 1) or np.any(duration <= 0.0):
-            raise ValueError("a move has no knots, or takes no time")
-        self._check_angles("knots", knots)
-        if len(ends) and ends[-1] != len(knots):
-            raise ValueError(f"knots has {len(knots)} rows, expected {ends[-1]}")
-        parts = np.split(knots, ends[:-1]) if len(ends) else []
-        rows = zip(parts, duration, arrays["kind"], strict=True)
-        return [
-            PostureMove(knots=part, duration=float(time), kind=str(kind))
-            for part, time, kind in rows
-        ]
-
-    def _read_states(self) -> list[RestingState]:
-        arrays, world = self._arrays, self._discovery.tools.world
-        qpos = to_numbers(arrays["qpos"], "qpos", (None, world.model.nq))
-        others = self._discovery.tools.settings.worlds - 1
-        arrivals = to_numbers(arrays["arrivals"], "arrivals", (len(qpos), others, world.model.nq))
-        target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
-        self._check_angles("target", target)
-        root = world.robot.layout(world.model).root_orientation
-        for key, positions in (("qpos", qpos), ("arrivals", arrivals)):
-            if np.any(np.abs(np.linalg.norm(positions[..., root], axis=-1) - 1.0) > UNIT):
-                raise ValueError(f"{key} holds a quaternion of another length than 1")
-        known = self._discovery.tools.ways_up.stance
-        progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
-        if np.any(progress > 1.0 + UNIT):
-            raise ValueError(f"progress holds {progress.max():g}, expected at most 1")
-        place = to_numbers(arrays["place"], "place", (len(qpos), len(known.place)))
-        cell = to_numbers(arrays["cell"], "cell", (len(qpos), len(known.cell))).astype(int)
-        depth = self._read_numbers("depth", (len(qpos),), np.inf)
-        links = self._read_numbers("links", (len(qpos), 4), max(len(qpos), len(self._moves)))
-        states: list[RestingState] = []
-        for k, (before, after, move, onward) in enumerate(links.tolist()):
-            if max(before, after) >= k:
-                raise ValueError(f"state {k} leads to one after it")
-            states.append(
-                RestingState(
-                    qpos=qpos[k],
-                    arrivals=arrivals[k],
-                    target=target[k],
-                    cell=tuple(cell[k].tolist()),
-                    progress=float(progress[k]),
-                    place=place[k],
-                    before=None if before == NOTHING else states[before],
-                    after=None if after == NOTHING else states[after],
-                    move=None if move == NOTHING else self._moves[move],
-                    onward=None if onward == NOTHING else self._moves[onward],
-                    depth=int(depth[k]),
-                )
-            )
-        return states
 
 
 def _count(discovery: ChainDiscovery) -> SearchCounts:
@@ -361,6 +345,10 @@ def _count(discovery: ChainDiscovery) -> SearchCounts:
         turns=[each.search.turn for each in discovery.sides],
         sides=[SideCounts.of(each) for each in discovery.sides],
     )
+
+
+def _read_counts(arrays: dict[str, Any]) -> SearchCounts:
+    return msgspec.convert(json.loads(to_text(arrays["counts"], "counts")), SearchCounts)
 
 
 def _restore_counts(

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from humanoid_getup.studio.board import AXES, LEVEL, WIDTH, Board, join
 from humanoid_getup.style.curves import PLACES, POINTS, UPRIGHT_STAND, StyleCurves
 from humanoid_getup.style.style_editor import HIGHEST_VALUES, clip_value
-from robots import quaternion
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -26,15 +26,11 @@ TICKS: tuple[tuple[tuple[float, str], ...], ...] = (
     *2 * (((0.0, "0°"), (math.pi / 2, "90°"), (math.pi, "180°")),),
 )
 COLORS = ((47, 111, 222), (217, 130, 43), (44, 160, 44))
-AXES, STANDING, FOLLOWED = (90, 90, 90), (185, 185, 185), (40, 40, 40)
+FOLLOWED = (40, 40, 40)
 SAMPLES = 97  # of a curve
 # Sizes in standing neck heights.
-WIDTH, HEIGHT, GAP, BASE = 2.3, 0.6, 0.26, 0.75
+HEIGHT, GAP, BASE = 0.6, 0.26, 0.75
 POINT, CHOSEN_POINT = 0.032, 1.5  # radius of a control point; factor on that of the chosen one
-TEXT = 0.095
-BEHIND = 1.2  # from the robot to the board
-FACING = math.atan2(-1.6, 1.9)  # direction in which the board faces, that of the first camera
-CAMERA_DISTANCE, CAMERA_HEIGHT, CAMERA_AIM = 3.8, 2.0, 1.4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +45,7 @@ class PointDrag:
     """Whether the drag ends with it."""
 
 
-class CurveBoard:
+class CurveBoard(Board):
     """Three plots, one above the other, whose control points move along their values.
 
     The lines of what a robot has followed lie over the curves.
@@ -70,53 +66,17 @@ class CurveBoard:
             dragged: Called with drags, in order; of several that wait, the newest counts.
             answer: Makes a callback of the page.
         """
-        self._server, self._scene, self._size = server, server.scene, size
+        super().__init__(server, ROOT, size)
         self._dragged, self._answer = dragged, answer
         self._drags: deque[PointDrag] = deque()
         self._grips: dict[tuple[int, int], float] = {}
         """From the pointer to the value of each point that is dragged."""
         self._values = np.zeros((POINTS, 3))
-        self._place = np.zeros(3)
-        turn = FACING + math.pi / 2
-        self._R = np.array(
-            [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
-        )
-        self._root = self._scene.add_frame(
-            ROOT, show_axes=False, visible=False, wxyz=quaternion.from_yaw(turn)
-        )
         self._lines = [self._add_plot(feature) for feature in range(3)]
         self._points = [
             [self._add_point(feature, point) for point in range(POINTS)] for feature in range(3)
         ]
         self._end = self._add_label("end", "", WIDTH, BASE, "top-center")
-
-    @property
-    def visible(self) -> bool:
-        """Return whether it is shown."""
-        return self._root.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._root.visible = visible
-
-    def place(self, position: Array) -> None:
-        """Place it behind a robot at a position [m], (3,)."""
-        away = BEHIND * self._size * np.array([math.cos(FACING), math.sin(FACING), 0.0])
-        self._place = np.array([*position[:2], 0.0]) - away
-        self._root.position = self._place
-
-    @property
-    def viewpoint(self) -> Array:
-        """Return from where it is looked at, with the robot in front of it [m], (3,)."""
-        out = np.array([math.cos(FACING), math.sin(FACING), 0.0])
-        up = np.array([0.0, 0.0, CAMERA_HEIGHT])
-        return self._place + self._size * (CAMERA_DISTANCE * out + up)
-
-    def face(self) -> None:
-        """Let every browser look at it."""
-        for client in self._server.get_clients().values():
-            client.camera.position = self.viewpoint
-            client.camera.look_at = self._place + np.array([0.0, 0.0, CAMERA_AIM * self._size])
 
     def show(self, curves: StyleCurves, chosen: tuple[int, int] | None = None) -> None:
         """Draw curves and their control points; ``chosen`` is the feature and point to stress."""
@@ -125,7 +85,7 @@ class CurveBoard:
         samples = curves.sample(np.linspace(0.0, curves.duration, SAMPLES))
         share = np.linspace(0.0, 1.0, SAMPLES)
         for feature, (line, _) in enumerate(self._lines):
-            line.points = _join(self._locate(feature, share, samples[:, feature]))
+            line.points = join(self._locate(feature, share, samples[:, feature]))
             spots = self._locate(feature, PLACES, curves.points[:, feature])
             for point, handle in enumerate(self._points[feature]):
                 handle.position = spots[point]
@@ -139,7 +99,7 @@ class CurveBoard:
             return self.hide_followed()
         for feature, (_, line) in enumerate(self._lines):
             values = np.clip(features[kept, feature], 0.0, HIGHEST_VALUES[feature])
-            line.points = _join(self._locate(feature, time[kept] / duration, values))
+            line.points = join(self._locate(feature, time[kept] / duration, values))
             line.visible = True
         return None
 
@@ -150,14 +110,14 @@ class CurveBoard:
 
     def find_point(self, feature: int, point: int) -> Array:
         """Return where a control point is in the world [m], (3,)."""
-        return self._place + self._R @ np.asarray(self._points[feature][point].position)
+        return self._to_world(self._points[feature][point].position)
 
     def find_spot(self, feature: int, point: int, value: float) -> Array:
         """Return where a control point of a value is in the world [m], (3,)."""
         spots = self._locate(feature, PLACES[[point]], np.array([value]))
-        return self._place + self._R @ spots[0]
+        return self._to_world(spots[0])
 
-    # Geometry in the board's frame: x along time, z up, y away from who looks at it -------------
+    # Geometry in the board's frame, x along time ------------------------------------------------
 
     def _locate(self, feature: int, share: Array, values: Array) -> Array:
         """Compute where values (T,) at shares (T,) of the duration are, (T, 3)."""
@@ -179,11 +139,11 @@ class CurveBoard:
     def _add_plot(self, feature: int) -> tuple[Any, Any]:
         """Add axes, labels and lines of a feature; return the lines of curve and followed."""
         top = float(HIGHEST_VALUES[feature])
-        axes = _join(self._locate(feature, np.array([0.0, 0.0, 1.0]), np.array([top, 0.0, 0.0])))
+        axes = join(self._locate(feature, np.array([0.0, 0.0, 1.0]), np.array([top, 0.0, 0.0])))
         self._add_line(f"{feature}/axes", axes, AXES, 2.0)
         stand = np.full(2, UPRIGHT_STAND[feature])
-        level = _join(self._locate(feature, np.array([0.0, 1.0]), stand))
-        self._add_line(f"{feature}/stand", level, STANDING, 1.5)
+        level = join(self._locate(feature, np.array([0.0, 1.0]), stand))
+        self._add_line(f"{feature}/stand", level, LEVEL, 1.5)
         over = self._locate(feature, np.zeros(1), np.array([top]))[0, 2] / self._size
         self._add_label(f"{feature}/name", NAMES[feature], 0.02, over + 0.02, "bottom-left")
         for value, text in TICKS[feature]:
@@ -193,24 +153,6 @@ class CurveBoard:
         followed.visible = False
         curve = self._add_line(f"{feature}/curve", np.zeros((1, 2, 3)), COLORS[feature], 4.0)
         return curve, followed
-
-    def _add_line(
-        self, name: str, points: Array, color: tuple[int, int, int], pixels: float
-    ) -> Any:
-        return self._scene.add_line_segments(
-            f"{ROOT}/{name}", points, color, thickness=pixels, thickness_units="screen"
-        )
-
-    def _add_label(self, name: str, text: str, x: float, z: float, anchor: Any) -> Any:
-        """Add a text at a place from the lower left corner [neck heights]."""
-        return self._scene.add_label(
-            f"{ROOT}/{name}",
-            text,
-            position=self._size * np.array([x - 0.5 * WIDTH, 0.0, z]),
-            font_size_mode="scene",
-            font_scene_height=TEXT * self._size,
-            anchor=anchor,
-        )
 
     def _add_point(self, feature: int, point: int) -> viser.IcosphereHandle:
         handle = self._scene.add_icosphere(
@@ -258,8 +200,3 @@ class CurveBoard:
         """Move a control point to where it is dragged."""
         spots = self._locate(drag.feature, PLACES[[drag.point]], np.array([drag.value]))
         self._points[drag.feature][drag.point].position = spots[0]
-
-
-def _join(points: Array) -> Array:
-    """Make the segments (T - 1, 2, 3) of a line through points (T, 3)."""
-    return np.stack([points[:-1], points[1:]], axis=1)

@@ -32,9 +32,8 @@ class Folders:
             path = (self._roots[0] / name.strip()).resolve()
         except (OSError, RuntimeError, ValueError) as error:
             raise BadInputError(f"file {name!r}: {error}") from error
-        if not any(path.is_relative_to(root) for root in self._roots):
-            listed = ", ".join(map(str, self._roots))
-            raise BadInputError(f"file {path}: expected a file in {listed} (see --folder)")
+        if not self._contains(path):
+            raise BadInputError(f"file {path}: expected a file in {self._list()} (see --folder)")
         return path
 
     def resolve_folder(self, name: str, files: Iterable[str]) -> Path:
@@ -47,6 +46,18 @@ class Folders:
         for file in files:
             self.resolve(str(folder / file))
         return folder
+
+    def check_robot(self, folder: Path, files: Iterable[str]) -> None:
+        """Check that files may be written in the folder of a robot, links followed.
+
+        Raises:
+            BadInputError: if the folder or one of the files is outside all folders.
+        """
+        for path in (folder, *(folder / file for file in files)):
+            if not self._contains(path.resolve()):
+                raise BadInputError(
+                    f"{path.resolve()}: expected a robot folder within {self._list()}, see --folder"
+                )
 
     def list_files(self, suffix: str) -> list[str]:
         """List the files with a suffix, newest first, by names that `resolve` takes.
@@ -61,7 +72,13 @@ class Folders:
     def _holds(self, path: Path) -> bool:
         """Return whether a path leads to a file within the folders."""
         target = path.resolve()
-        return target.is_file() and any(target.is_relative_to(root) for root in self._roots)
+        return target.is_file() and self._contains(target)
+
+    def _contains(self, path: Path) -> bool:
+        return any(path.is_relative_to(root) for root in self._roots)
+
+    def _list(self) -> str:
+        return ", ".join(map(str, self._roots))
 
     def name(self, path: Path) -> str:
         """Return the name of a file within the folders."""

@@ -50,6 +50,8 @@ class Page:
         """Posture from which a rise starts."""
         self.when_posed: list[Callable[[Posture], None]] = []
         """Called after the start has changed."""
+        self.hide_board: Callable[[], None] = lambda: None
+        """Hides the board that a tab has put behind the robot."""
         self._lock = threading.RLock()
         self._is_closed = False
         self._status = server.gui.add_markdown("Ready.")

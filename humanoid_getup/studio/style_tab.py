@@ -23,6 +23,7 @@ from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RunRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
+from humanoid_getup.studio.board_switch import BoardSwitch
 from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
@@ -81,12 +82,11 @@ class StyleTab:
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
         self._style = gui.add_dropdown("Preset", self._list_styles())
         self._curves = gui.add_dropdown("Curves", self._name_curves())
-        self._shown = gui.add_checkbox("Show curves", False)
+        BoardSwitch(self._page, "Show curves", self.board)
         gui.add_button("Run").on_click(self._page.answer(self._run))
         self._page.on_change(self._policy, self._run_if_lying)
         self._page.on_change(self._style, self._choose_style)
         self._page.on_change(self._curves, self._choose_curves)
-        self._page.on_change(self._shown, self._show_board)
         with gui.add_folder("Time"):
             self._add_times()
         with gui.add_folder("Point"):
@@ -307,12 +307,6 @@ class StyleTab:
         self._page.say(take.facts[0])
 
     # Display -----------------------------------------------------------------------------------
-
-    def _show_board(self) -> None:
-        self.board.visible = self._shown.value
-        if self._shown.value:
-            self.board.place(self._page.start.position)
-            self.board.face()
 
     def _show(self) -> None:
         """Show the style, its curves, and the chosen point."""

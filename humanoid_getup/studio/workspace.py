@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from humanoid_getup.studio.discover_tab import DiscoverTab
 from humanoid_getup.studio.flight_tab import FlightTab
 from humanoid_getup.studio.keyframe_tab import KeyframeTab
 from humanoid_getup.studio.live_tab import LiveTab
@@ -31,6 +32,7 @@ TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
     "Keyframes": KeyframeTab,
     "Plan": PlanTab,
+    "Discover": DiscoverTab,
     "Style": StyleTab,
     "Flight": FlightTab,
     "Live": LiveTab,

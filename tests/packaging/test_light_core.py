@@ -5,7 +5,7 @@ import sys
 
 PROGRAM = """
 import importlib, pkgutil, sys
-studio = {"viser", "mjviser", "websockets", "mink", "qpsolvers", "av"}  # of an extra
+studio = {"viser", "mjviser", "trimesh", "websockets", "mink", "qpsolvers", "av"}  # of an extra
 for package in ("robots", "drivers", "humanoid_getup"):
     path = importlib.import_module(package).__path__
     for module in pkgutil.walk_packages(path, f"{package}."):

@@ -1,0 +1,126 @@
+"""Stored states: the resting states of a search's file, and the moves that link them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
+from humanoid_getup.simulation.world import World
+from robots.kinematics import place
+from robots.quaternion import Array
+from robots.storage.arrays import to_numbers
+
+STATES = ("qpos", "arrivals", "target", "cell", "progress", "place", "links", "depth")
+MOVES = ("knots", "knot_count", "duration", "kind")
+MEMBERS = "members"
+"""Name of the array that lists the states of each archive."""
+NOTHING = -1
+UNIT = 1e-3  # by which the length of a quaternion may differ from 1
+
+
+class StoredStates:
+    """Moves and resting states of a search, checked against the world in which it searches."""
+
+    def __init__(self, arrays: dict[str, Any], world: World, worlds: int) -> None:
+        """Read the arrays of a file of a search that checks its states in so many worlds.
+
+        Raises:
+            ValueError: if they do not describe states of that world's robot.
+        """
+        self._arrays, self._world, self._others = arrays, world, worlds - 1
+        self.moves = self._read_moves()
+        self.states = self._read_states()
+
+    def read_numbers(
+        self, key: str, shape: tuple[int | None, ...], below: float
+    ) -> NDArray[np.int_]:
+        """Read whole numbers from `NOTHING` to one below which they have to be."""
+        numbers = to_numbers(self._arrays[key], key, shape)
+        wrong = (numbers < NOTHING) | (numbers >= below) | (numbers != np.round(numbers))
+        if wrong.any():
+            raise ValueError(
+                f"{key} holds {numbers[wrong][0]:g}, expected a whole number from {NOTHING}, below "
+                f"{below:g}"
+            )
+        return numbers.astype(np.int_)
+
+    def read_archives(self, count: int | None = None) -> list[list[RestingState]]:
+        """Read the states of each archive: of ways up, then of each side; None for any count."""
+        members = self.read_numbers(MEMBERS, (count, None), len(self.states))
+        archives = [[self.states[k] for k in row if k != NOTHING] for row in members]
+        if not all(archives):
+            raise ValueError(f"{MEMBERS} holds an archive without states")
+        return archives
+
+    def _check_angles(self, key: str, angles: Array) -> None:
+        """Refuse targets beyond the joints' ranges [rad], (K, n)."""
+        robot = self._world.robot
+        beyond = np.maximum(robot.lower - angles, angles - robot.upper)
+        if np.any(beyond > UNIT):
+            wrong = angles.flat[int(beyond.argmax())]
+            raise ValueError(f"{key} holds {wrong:g} rad, expected angles in the joints' ranges")
+
+    def _read_moves(self) -> list[PostureMove]:
+        arrays = self._arrays
+        n = self._world.robot.n
+        knots = to_numbers(arrays["knots"], "knots", (None, n))
+        count = self.read_numbers("knot_count", (None,), np.inf)
+        duration, ends = to_numbers(arrays["duration"], "duration", count.shape), np.cumsum(count)
+        if np.any(count < 1) or np.any(duration <= 0.0):
+            raise ValueError("a move has no knots, or takes no time")
+        self._check_angles("knots", knots)
+        if len(ends) and ends[-1] != len(knots):
+            raise ValueError(f"knots has {len(knots)} rows, expected {ends[-1]}")
+        parts = np.split(knots, ends[:-1]) if len(ends) else []
+        rows = zip(parts, duration, arrays["kind"], strict=True)
+        return [
+            PostureMove(knots=part, duration=float(time), kind=str(kind))
+            for part, time, kind in rows
+        ]
+
+    def _read_states(self) -> list[RestingState]:
+        arrays, world = self._arrays, self._world
+        qpos = to_numbers(arrays["qpos"], "qpos", (None, world.model.nq))
+        arrivals = to_numbers(
+            arrays["arrivals"], "arrivals", (len(qpos), self._others, world.model.nq)
+        )
+        target = to_numbers(arrays["target"], "target", (len(qpos), world.robot.n))
+        self._check_angles("target", target)
+        root = world.robot.layout(world.model).root_orientation
+        for key, positions in (("qpos", qpos), ("arrivals", arrivals)):
+            if np.any(np.abs(np.linalg.norm(positions[..., root], axis=-1) - 1.0) > UNIT):
+                raise ValueError(f"{key} holds a quaternion of another length than 1")
+        stance = StandMeter(world).measure(
+            place(world.robot, world.model, world.robot.standing)[None]
+        )
+        progress = to_numbers(arrays["progress"], "progress", (len(qpos),))
+        if np.any(progress > 1.0 + UNIT):
+            raise ValueError(f"progress holds {progress.max():g}, expected at most 1")
+        where = to_numbers(arrays["place"], "place", (len(qpos), stance.places.shape[1]))
+        cell = to_numbers(arrays["cell"], "cell", (len(qpos), stance.cells.shape[1])).astype(int)
+        depth = self.read_numbers("depth", (len(qpos),), np.inf)
+        links = self.read_numbers("links", (len(qpos), 4), max(len(qpos), len(self.moves)))
+        states: list[RestingState] = []
+        for k, (before, after, move, onward) in enumerate(links.tolist()):
+            if max(before, after) >= k:
+                raise ValueError(f"state {k} leads to one after it")
+            states.append(
+                RestingState(
+                    qpos=qpos[k],
+                    arrivals=arrivals[k],
+                    target=target[k],
+                    cell=tuple(cell[k].tolist()),
+                    progress=float(progress[k]),
+                    place=where[k],
+                    before=None if before == NOTHING else states[before],
+                    after=None if after == NOTHING else states[after],
+                    move=None if move == NOTHING else self.moves[move],
+                    onward=None if onward == NOTHING else self.moves[onward],
+                    depth=int(depth[k]),
+                )
+            )
+        return states

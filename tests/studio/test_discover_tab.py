@@ -1,0 +1,130 @@
+"""A search is begun, followed and cancelled on the page; what it has reached is a map to click."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from searched_robot import copy_bare_robot, search_a_little, store
+from studio_page import StudioPage, open_studio
+
+from humanoid_getup.jobs.search_map import WAY_UP, MappedState, read_search_map
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.simulation.world import World
+from robots import Robot, load_robot
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+FOUND = "supine_found_1"
+STATES = "states (supine"
+
+
+@pytest.fixture(scope="module")
+def searched(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a robot that has a search and a motion which it has found."""
+    folder = tmp_path_factory.mktemp("robots")
+    bare = load_robot(copy_bare_robot(op3, folder))
+    store(search_a_little(World(bare)))
+    motion = replace(find_motion(op3, "supine_sit_up_fast"), name=FOUND)
+    (bare.folder / "motions").mkdir()
+    motion.save(bare.folder / "motions" / f"{FOUND}.npz")
+    return folder
+
+
+@pytest.fixture
+def robot(searched: Path, tmp_path: Path) -> Path:
+    """Return the folder of that robot, for one test to change."""
+    return Path(shutil.copytree(searched / "bare", tmp_path / "bare"))
+
+
+@contextmanager
+def open_tab(browser: "Browser", robot: Path, folder: Path) -> Iterator[tuple[Any, StudioPage]]:
+    with open_studio(browser, robot=str(robot), folder=(folder,)) as (studio, window):
+        window.open_tab("Discover")
+        window.see("A search is stored")
+        yield studio, window
+
+
+def click_state(studio: Any, window: StudioPage, state: MappedState) -> None:
+    (client,) = studio.server.get_clients().values()
+    client.get_render(height=8, width=8)  # what was added before is drawn now
+    spot = studio.tabs["Discover"].board.find_spot(state)
+    window.page.mouse.click(*window.find_pixel(client.camera, spot))
+
+
+def find_lonely(board: Any, robot: Path) -> MappedState:
+    """Find the reached state to which no other one is near on the map."""
+    known = read_search_map(World(load_robot(robot)))
+    assert known is not None
+    reached = [state for state in known.states if state.side != WAY_UP]
+    spots = np.array([board.find_spot(state) for state in reached])
+    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) + 9.0 * np.eye(len(spots))
+    moved = np.array([state.moves > 0 for state in reached])
+    return reached[int(np.argmax(apart.min(axis=1) * moved))]
+
+
+def test_a_state_that_is_clicked_on_poses_the_robot_and_its_way_can_be_scrubbed(
+    browser: "Browser", robot: Path, tmp_path: Path
+):
+    with open_tab(browser, robot, tmp_path) as (studio, window):
+        window.tick("Show map")
+        window.see(STATES)
+        state = find_lonely(studio.tabs["Discover"].board, robot)
+        assert state.moves > 0
+        click_state(studio, window, state)
+        window.see(f"{state.posture}: neck at {state.neck[-1]:.0%}")
+        world, take = studio.page.world, studio.timeline.take
+        layout = world.robot.layout(world.model)
+        np.testing.assert_allclose(
+            studio.page.start.joint_pos, state.qpos[-1, layout.qpos], atol=1e-3
+        )
+        np.testing.assert_allclose(take.qpos[-1, layout.qpos], state.qpos[-1, layout.qpos])
+        np.testing.assert_allclose(take.qpos[0, layout.qpos], state.qpos[0, layout.qpos])
+        assert len(take.marks) == state.moves
+        np.testing.assert_allclose(studio.page.start.position[:2], take.qpos[-1, :2])
+
+        window.choose("States", WAY_UP)
+        window.choose("Found", FOUND)
+        window.click("Show motion")
+        window.see(f"{FOUND}: ")
+        assert studio.timeline.take.name == FOUND
+        recorded = Motion.load(robot / "motions" / f"{FOUND}.npz")
+        assert len(studio.timeline.take.time) == len(recorded.time)
+
+
+def test_a_search_is_resumed_followed_and_cancelled(
+    browser: "Browser", robot: Path, tmp_path: Path
+):
+    with open_tab(browser, robot, tmp_path) as (studio, window):
+        window.tick("Show map")
+        window.see(STATES)  # with the options of that search
+        window.see_value("Seed", "3")
+        window.click("Copy as command")
+        window.see(f"getup motions discover --robot {robot} --resume --seed 3")
+        window.click("Discover")
+        window.see("goes on after")
+        window.click("Cancel")
+        window.see("Cancelled.")
+        assert not any(job.is_running for job in studio.page.jobs)
+        assert studio.tabs["Discover"].board.visible
+    assert read_search_map(World(load_robot(robot))) is not None
+    assert not (tmp_path / "op3_motions.png").exists()
+
+
+def test_a_robot_outside_the_folders_is_not_searched(
+    browser: "Browser", robot: Path, tmp_path: Path
+):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    linked = inside / "robot"
+    linked.symlink_to(robot)
+    with open_tab(browser, linked, inside) as (studio, window):
+        window.click("Discover")
+        window.see(f"{robot}: expected a robot folder within {inside}, see --folder")
+        assert not studio.page.jobs

@@ -33,11 +33,13 @@ if TYPE_CHECKING:
 
     from humanoid_getup.jobs.discover_motions import DiscoveredMotions
     from humanoid_getup.jobs.search_map import MappedState, SearchMap
+    from humanoid_getup.posture_chains.search_file import SearchOptions
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.page import Page
 
 WRITTEN = (MOTION_FOLDER, UNFINISHED, KEYFRAMES)
 """What a search writes into the folder of its robot."""
+RESUME = "Go on with the search that is stored, with its sides, seed and limit."
 REACHED, NONE = "from lying", "none"
 ALL_REACHED: tuple[str, ...] = (REACHED,)
 NO_MOTION: tuple[str, ...] = (NONE,)
@@ -77,9 +79,7 @@ class DiscoverTab:
         self._seed = gui.add_number("Seed", 0, min=0, step=1)
         self._budget = gui.add_number("Budget [s]", BUDGET, min=1.0, step=1000.0)
         self._limit = gui.add_number("Limit [N·m]", 0.0, min=0.0, step=0.1, hint="0 for none")
-        self._resume = gui.add_checkbox(
-            "Resume", False, hint="Go on with the search that is there."
-        )
+        self._resume = gui.add_checkbox("Resume", False, hint=RESUME)
         self._begin_button = gui.add_button("Discover")
         self._cancel = gui.add_button("Cancel", disabled=True)
         gui.add_button("Copy as command").on_click(answer(self._write_command))
@@ -118,6 +118,8 @@ class DiscoverTab:
         self._job = self._page.run(discover, request, self._tell, over=self._rest)
 
     def _make_request(self) -> DiscoverRequest:
+        if self._resume.value:
+            self._read_map()
         robot = self._page.world.robot
         sides = tuple(side for side, box in self._sides.items() if box.value)
         if not sides:
@@ -186,15 +188,13 @@ class DiscoverTab:
             )
         self._map = known
         self._of.options = (REACHED, *dict.fromkeys(state.side for state in known.states))
-        self._take_options()
+        if self._resume.value:
+            self._take_options(known.options)
         self._state.content = escape(f"{known}.")
         self._draw()
 
-    def _take_options(self) -> None:
+    def _take_options(self, options: SearchOptions) -> None:
         """Take over the options of the search, without which it cannot be resumed."""
-        if self._map is None:
-            return
-        options = self._map.options
         for side, box in self._sides.items():
             box.value = side in options.sides
         self._seed.value, self._limit.value = options.seed, options.torque_limit or 0.0

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from humanoid_getup.simulation.world import World
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
+WIDTH = 430  # pixels, for the names of all tabs
 PATIENCE = 12.0  # s for jobs to release a robot and to end
 
 TABS: dict[str, Callable[[Page], object]] = {
@@ -72,6 +73,7 @@ class Workspace:
             with tabs.add_tab(name):
                 self.tabs[name] = tab(self.page)
         server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(WIDTH)
 
     def close(self) -> None:
         """Cancel all jobs, and stop to draw."""

@@ -1,0 +1,56 @@
+"""Of the boards of all tabs one is shown at a time."""
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+viser = pytest.importorskip("viser", reason="needs the studio extra")
+
+from humanoid_getup.studio.board import Board
+from humanoid_getup.studio.board_switch import BoardSwitch
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    served = viser.ViserServer(port=0, verbose=False)
+    yield served
+    served.stop()
+
+
+def make_page(server: Any) -> Any:
+    start = SimpleNamespace(position=np.array([1.0, 2.0, 0.3]))
+    page = SimpleNamespace(gui=server.gui, start=start, on_change=lambda *_: None)
+    page.hide_board = lambda: None
+    return page
+
+
+def test_a_board_that_is_shown_hides_the_other_one(server: Any):
+    page = make_page(server)
+    first, second = (Board(server, name, 0.5) for name in ("/first", "/second"))
+    switches = [BoardSwitch(page, "Show", board) for board in (first, second)]
+    assert not first.visible
+    switches[0].show()
+    assert (first.visible, second.visible) == (True, False)
+    switches[1].show()
+    assert (first.visible, second.visible) == (False, True)
+    switches[1].show()
+    assert (first.visible, second.visible) == (False, True)
+    switches[1].hide()
+    assert (first.visible, second.visible) == (False, False)
+
+
+def test_a_board_that_cannot_be_drawn_leaves_the_other_one_in_its_place(server: Any):
+    page = make_page(server)
+    first, second = (Board(server, name, 0.5) for name in ("/first", "/second"))
+
+    def refuse() -> None:
+        raise ValueError("nothing to draw")
+
+    drawn, empty = BoardSwitch(page, "Show", first), BoardSwitch(page, "Show", second, refuse)
+    drawn.show()
+    with pytest.raises(ValueError, match="nothing to draw"):
+        empty.show()
+    assert (first.visible, second.visible) == (True, False)

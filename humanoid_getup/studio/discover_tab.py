@@ -71,6 +71,8 @@ class DiscoverTab:
 
     def _add_search(self) -> None:
         gui, answer = self._page.gui, self._page.answer
+        if not self._page.world.scene.is_flat:
+            gui.add_markdown("Motions are searched on level ground, without the scene of the page.")
         with gui.add_folder("Sides"):
             self._sides = {
                 side: gui.add_checkbox(side.capitalize(), True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,9 @@ if TYPE_CHECKING:
     from humanoid_getup.studio.page import Page
 
 NO_PROGRAM: tuple[str, ...] = ("none",)
-TABLE_EVERY = 6  # samples between two tables of numbers
+PICTURE_EVERY, TABLE_EVERY = 1.0 / 30.0, 0.2
+"""Times [s] between two pictures, and between two tables of numbers, at least: a browser on the
+robot's own computer takes time from its control loop."""
 POLL = 0.05  # s between two looks for the feed of a job that begins
 AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
@@ -56,7 +59,7 @@ class LiveTab:
         self._own_follower: LiveFollower | None = None  # of the job that was started here
         self._job: BackgroundJob[Any] | None = None
         self._stops = 0
-        self._samples = 0
+        self._drawn_at = self._written_at = 0.0
         self._last: LiveSample | None = None
         stop = gui.add_button("STOP", color="red")
         stop.on_click(self._stop_at_once)
@@ -157,6 +160,9 @@ class LiveTab:
     def _end(self, problem: str) -> None:
         if problem:
             self._page.refuse(problem)
+        self._drawn_at = self._written_at = 0.0
+        if self._last is not None:
+            self._show(self._last)
         self._imu.visible = self._gyro.visible = False
         self._numbers.content = f"The feed has ended.\n\n{self._numbers.content}"
 
@@ -167,14 +173,22 @@ class LiveTab:
         if not np.isfinite([*sample.joint_pos, *sample.orientation]).all():
             self._page.refuse("the robot measures values that are no numbers")
             return
-        posture = estimate_sample(self._page.world, sample)
-        self._page.timeline.pose(place(self._page.world.robot, self._page.world.model, posture))
-        if sample.orientation:
-            self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
-        if self._samples % TABLE_EVERY == 0 or goes_limp:
+        now = time.monotonic()
+        if goes_limp or now - self._drawn_at >= PICTURE_EVERY:
+            self._drawn_at = now
+            self._draw(sample)
+        if goes_limp or now - self._written_at >= TABLE_EVERY:
+            self._written_at = now
             torso = TorsoFigures.of(sample, self._mounting)
             self._numbers.content = describe(sample, torso, self._page.world.robot)
-        self._samples += 1
+
+    def _draw(self, sample: LiveSample) -> None:
+        """Draw the robot as it measures itself."""
+        world = self._page.world
+        posture = estimate_sample(world, sample)
+        self._page.timeline.pose(place(world.robot, world.model, posture))
+        if sample.orientation:
+            self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
 
     def _add_imu(self) -> None:
         """Add the axes of the IMU, and an arrow along which the gyro measures a turn."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -75,10 +76,16 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class SearchOptions(msgspec.Struct, frozen=True):
     """Options of a search, as its recipe tells them."""
 
-    seed: int
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**31)]
     worlds: Annotated[int, msgspec.Meta(ge=1)]
     sides: str = msgspec.field(name=SIDES)
     limit: str = msgspec.field(name=LIMIT)
+
+    def __post_init__(self) -> None:
+        """Refuse a limit that is none."""
+        limit = self.torque_limit
+        if limit is not None and not (math.isfinite(limit) and limit > 0.0):
+            raise ValueError(f"the limit is {limit:g} N·m, expected one above 0")
 
     @property
     def torque_limit(self) -> float | None:

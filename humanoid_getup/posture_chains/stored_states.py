@@ -19,6 +19,7 @@ MOVES = ("knots", "knot_count", "duration", "kind")
 MEMBERS = "members"
 """Name of the array that lists the states of each archive."""
 NOTHING = -1
+MOST_MOVES = 300  # of a way; those that were found have up to 40
 UNIT = 1e-3  # by which the length of a quaternion may differ from 1
 
 
@@ -105,9 +106,14 @@ class StoredStates:
         depth = self.read_numbers("depth", (len(qpos),), np.inf)
         links = self.read_numbers("links", (len(qpos), 4), max(len(qpos), len(self.moves)))
         states: list[RestingState] = []
+        lengths = list[int]()
         for k, (before, after, move, onward) in enumerate(links.tolist()):
             if max(before, after) >= k:
                 raise ValueError(f"state {k} leads to one after it")
+            linked = [lengths[other] + 1 for other in (before, after) if other != NOTHING]
+            lengths.append(max(linked, default=0))
+            if lengths[k] > MOST_MOVES:
+                raise ValueError(f"state {k} is over {MOST_MOVES} moves long, expected fewer")
             states.append(
                 RestingState(
                     qpos=qpos[k],

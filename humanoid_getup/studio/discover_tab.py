@@ -114,7 +114,9 @@ class DiscoverTab:
             raise BadInputError("motions are being searched, expected the end, or Cancel first")
         request = self._make_request()
         request.check()
-        self._page.folders.check_robot(self._page.world.robot.folder, WRITTEN)
+        folder = self._page.world.robot.folder
+        stored = [str(file) for name in WRITTEN for file in (folder / name).glob("*")]
+        self._page.folders.check_robot(folder, [*WRITTEN, *stored])
         self._begin_button.disabled, self._cancel.disabled = True, False
         self._page.say("The search begins …")
         self._job = self._page.run(discover, request, self._tell, over=self._rest)
@@ -214,6 +216,8 @@ class DiscoverTab:
 
     def _choose(self, number: int) -> None:
         """Pose the robot in a state, and put the way to it on the timeline."""
+        if number >= len(self._states):
+            raise BadInputError("the state is no longer on the map, expected a click on another")
         page, state = self._page, self._states[number]
         way = place_way(page.world, self._searched, state, page.start)
         self.board.stress(state)
@@ -228,6 +232,8 @@ class DiscoverTab:
         page, name = self._page, self._motion.value
         if name == NONE:
             raise BadInputError("no motion was found yet, expected the end of a search")
+        if name not in self._motion.options:
+            raise BadInputError(f"motion {name}: expected one of the list")
         motion = find_motion(page.world.robot, name)
         start = place(page.world.robot, page.world.model, page.start)
         page.timeline.load(make_motion_take(page.world, motion, start))

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
+from robots.storage.files import read_bounded
 
 MOST_FILES, MOST_VISITED = 200, 10_000
 """Number of files of a kind that the page lists, and of files that it looks at for them."""
+LARGE = 2**20  # bytes
 
 
 class Folders:
@@ -59,15 +62,18 @@ class Folders:
                     f"{path.resolve()}: expected a robot folder within {self._list()}, see --folder"
                 )
 
-    def list_files(self, suffix: str) -> list[str]:
+    def list_files(
+        self, suffix: str, accepts: Callable[[Path], bool] = lambda _: True
+    ) -> list[str]:
         """List the files with a suffix, newest first, by names that `resolve` takes.
 
-        Hidden folders, and all that comes after some ten thousand files, are left out.
+        Files that are not accepted, hidden folders, and all that comes after some ten thousand
+        files, are left out.
         """
         found = islice((path for root in self._roots for path in _walk(root)), MOST_VISITED)
         files = [path for path in found if path.suffix == suffix and self._holds(path)]
         files.sort(key=lambda path: -path.stat().st_mtime)
-        return list(dict.fromkeys(map(self.name, files[:MOST_FILES])))
+        return list(dict.fromkeys(map(self.name, islice(filter(accepts, files), MOST_FILES))))
 
     def _holds(self, path: Path) -> bool:
         """Return whether a path leads to a file within the folders."""
@@ -84,6 +90,18 @@ class Folders:
         """Return the name of a file within the folders."""
         first = self._roots[0]
         return str(path.relative_to(first) if path.is_relative_to(first) else path)
+
+
+def containing(pattern: re.Pattern[bytes]) -> Callable[[Path], bool]:
+    """Make a function that accepts files which are not large, with a pattern in them."""
+
+    def accepts(path: Path) -> bool:
+        try:
+            return pattern.search(read_bounded(path, LARGE)) is not None
+        except (OSError, ValueError):
+            return False
+
+    return accepts
 
 
 def _walk(root: Path) -> Iterator[Path]:

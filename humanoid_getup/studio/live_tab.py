@@ -25,7 +25,8 @@ from humanoid_getup.reporting.live_figures import (
     format_degrees,
     list_joints,
 )
-from robots import Robot, quaternion
+from humanoid_getup.studio.plain_text import escape, make_table
+from robots import Posture, Robot, quaternion
 from robots.description.posture_file import format_posture
 from robots.kinematics import imu_in_torso, place
 from robots.storage.files import write_atomically
@@ -47,6 +48,7 @@ AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
 GYRO_COLOR = (230, 60, 200)
 START = "start.json"
+HEADINGS = ("Joint", "deg", "Target", "A", "°C", "Remark")
 
 
 class LiveTab:
@@ -58,6 +60,7 @@ class LiveTab:
         self._follower: LiveFollower | None = None
         self._own_follower: LiveFollower | None = None  # of the job that was started here
         self._job: BackgroundJob[Any] | None = None
+        self._has_ended = False
         self._stops = 0
         self._drawn_at = self._written_at = 0.0
         self._last: LiveSample | None = None
@@ -73,6 +76,11 @@ class LiveTab:
         self._numbers = gui.add_markdown("")
         self._add_imu()
         self._refresh()
+
+    @property
+    def is_following(self) -> bool:
+        """Return whether a program is followed, which STOP reaches."""
+        return self._follower is not None and not self._has_ended
 
     @property
     def last(self) -> LiveSample | None:
@@ -136,6 +144,7 @@ class LiveTab:
             ValueError: if it has ended, or its robot is another one.
         """
         self._leave()
+        self._has_ended = False
         try:
             follower = LiveFollower(path, self._show, self._end)
         except FeedError as error:
@@ -160,6 +169,7 @@ class LiveTab:
     def _end(self, problem: str) -> None:
         if problem:
             self._page.refuse(problem)
+        self._has_ended = True
         self._drawn_at = self._written_at = 0.0
         if self._last is not None:
             self._show(self._last)
@@ -187,8 +197,8 @@ class LiveTab:
         world = self._page.world
         posture = estimate_sample(world, sample)
         self._page.timeline.pose(place(world.robot, world.model, posture))
-        if sample.orientation:
-            self._turn_imu(posture.position, posture.orientation, np.array(sample.gyro))
+        if sample.orientation and self._mounting is not None:
+            self._turn_imu(posture, self._mounting, np.array(sample.gyro))
 
     def _add_imu(self) -> None:
         """Add the axes of the IMU, and an arrow along which the gyro measures a turn."""
@@ -203,9 +213,9 @@ class LiveTab:
         )
         self._gyro.visible = False
 
-    def _turn_imu(self, position: np.ndarray, orientation: np.ndarray, gyro: np.ndarray) -> None:
-        world = self._page.world
-        turned = quaternion.multiply(orientation, imu_in_torso(world.robot, world.model))
+    def _turn_imu(self, posture: Posture, mounting: np.ndarray, gyro: np.ndarray) -> None:
+        position = posture.position
+        turned = quaternion.multiply(posture.orientation, mounting)
         self._imu.position, self._imu.wxyz = position, turned
         arrow = quaternion.rotate(turned, gyro) * SECONDS_OF_TURN
         self._gyro.points = np.array([[position, position + arrow]], dtype=np.float32)
@@ -243,7 +253,7 @@ class LiveTab:
     def _read(self) -> None:
         self._check_idle()
         request = WatchRequest(**self._make_common())
-        self._begin(self._page.run(watch, request, self._conclude_reading))
+        self._begin(self._page.run(watch, request, self._conclude_reading), self._stops)
 
     async def _click_rise(self, _: object) -> None:
         """Begin a rise, unless STOP is pressed while it waits for other callbacks."""
@@ -261,16 +271,18 @@ class LiveTab:
         self._check_idle()
         then = None if page.request.robot_port else "limp"
         request = RiseRequest(**self._make_common(), attempts=1, then=then)
-        self._begin(page.run(rise, request, self._conclude))
+        self._begin(page.run(rise, request, self._conclude), stops)
 
     def _check_idle(self) -> None:
         """Check that nothing that was started here has the robot."""
         if self._job is not None and self._job.is_running:
             raise ValueError("the robot rises or is read, expected its end, or Cancel first")
 
-    def _begin(self, job: BackgroundJob[Any]) -> None:
-        """Follow a job as soon as it has a feed."""
+    def _begin(self, job: BackgroundJob[Any], stops: int) -> None:
+        """Follow a job as soon as it has a feed; end it if STOP was pressed since ``stops``."""
         self._job, self._own_follower = job, None
+        if stops != self._stops:  # pressed while it began, and not seen by the job before
+            job.cancel()
         threading.Thread(target=self._await_feed, args=(job,), daemon=True).start()
 
     def _make_common(self) -> dict[str, Any]:
@@ -310,23 +322,16 @@ class LiveTab:
 
 def describe(sample: LiveSample, torso: TorsoFigures | None, robot: Robot) -> str:
     """Describe a sample: state of the robot, attitude, and a table of its joints."""
-    lines = [
-        describe_program(sample),
-        "",
-        describe_torso(torso),
-        "",
-        "| joint | deg | target | A | °C | |",
-        "|---|--:|--:|--:|--:|---|",
-    ]
-    for name, joint in list_joints(sample, robot).items():
-        target = "" if joint.target_rad is None else format_degrees(joint.target_rad, 1)
-        cells = (
+    rows = [
+        (
             name,
             format_degrees(joint.angle_rad, 1),
-            target,
+            "" if joint.target_rad is None else format_degrees(joint.target_rad, 1),
             f"{joint.current_a:.2f}",
             f"{joint.temperature_c:.0f}",
             ", ".join(joint.remarks),
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        for name, joint in list_joints(sample, robot).items()
+    ]
+    lines = (escape(describe_program(sample)), escape(describe_torso(torso)))
+    return "\n\n".join([*lines, make_table(HEADINGS, rows)])

@@ -67,11 +67,14 @@ class Page:
             update(posture)
 
     def say(self, text: str) -> None:
-        """Show a line on the page."""
-        self._status.content = escape(text)
+        """Show a line on the page, unless it is closed."""
+        if not self._is_closed:
+            self._status.content = escape(text)
 
     def refuse(self, problem: str) -> None:
-        """Show a problem on the page, and in its corner."""
+        """Show a problem on the page, and in its corner, unless it is closed."""
+        if self._is_closed:
+            return
         self.say(f"⚠ {problem}")
         for client in self.server.get_clients().values():
             client.add_notification("Not done", problem, color="red", auto_close_seconds=8.0)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
+from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
 from humanoid_getup.reporting.video import find_rate, write_video
 from robots.storage.files import atomic_path
@@ -18,18 +19,20 @@ if TYPE_CHECKING:
     import viser
 
     from humanoid_getup.studio.page import Page
+    from humanoid_getup.studio.take import Take
 
 MOST_PIXELS = 1280  # in a row
 PATIENCE = 30.0  # s for a browser to draw a picture
-SUFFIXES = ("mp4", "gif")
+FORMATS = ("mp4", "gif")
+LONGEST = 60.0  # s; a GIF is kept in memory until it is written
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filming:
     """A video to make."""
 
-    client: viser.ClientHandle
-    """Browser that draws it."""
+    camera: Camera
+    take: Take
     path: Path
 
 
@@ -39,42 +42,57 @@ class Recorder:
     def __init__(self, page: Page) -> None:
         """Add the elements where the caller is adding them."""
         self._page, gui = page, page.gui
-        self._file = gui.add_text("File name", "studio")
+        self._file = gui.add_text("File name", "studio", hint="without .png, .mp4 or .gif")
         gui.add_button("Save picture").on_click(self._answer(self._save_picture))
-        self._format = gui.add_dropdown("Video as", SUFFIXES)
+        self._format = gui.add_dropdown("Video as", FORMATS)
         gui.add_button("Save video").on_click(self._answer(self._begin_video))
         gui.add_button("Cancel").on_click(page.answer(self._cancel))
         self._job = page.run_latest(self._film, self._tell)
 
-    def _answer(self, work: Callable[[viser.ClientHandle], None]) -> Callable[[Any], None]:
+    def _answer(self, work: Callable[[Camera], None]) -> Callable[[Any], None]:
         """Make a callback that knows which browser it came from."""
 
         def run(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
             client = event.client
             if client is not None:
-                self._page.answer(lambda: work(client))(event)
+                self._page.answer(lambda: work(Camera(client)))(event)
 
         return run
 
     def _resolve(self, suffix: str) -> Path:
-        return self._page.folders.resolve(f"{self._file.value.strip()}.{suffix}")
+        """Return the path of a file that is named without its suffix."""
+        name = self._file.value.strip()
+        if not Path(name).name or name.endswith("/"):
+            raise BadInputError("the file has no name, expected one")
+        return self._page.folders.resolve(f"{name.removesuffix(f'.{suffix}')}.{suffix}")
 
     def _tell(self, path: Path) -> None:
         self._page.say(f"Saved {self._page.folders.name(path)}.")
 
-    def _save_picture(self, client: viser.ClientHandle) -> None:
+    def _save_picture(self, camera: Camera) -> None:
         path = self._resolve("png")
-        picture = Image.fromarray(_render(client))
+        picture = Image.fromarray(camera.draw())
         with atomic_path(path) as partial:
             picture.save(partial, "PNG")
         self._tell(path)
 
     # Video ------------------------------------------------------------------------------------
 
-    def _begin_video(self, client: viser.ClientHandle) -> None:
-        if self._page.timeline.take is None:
-            raise ValueError("nothing is on the timeline, expected a rise, a rollout or a flight")
-        self._job.ask(Filming(client=client, path=self._resolve(self._format.value)))
+    def _begin_video(self, camera: Camera) -> None:
+        take, suffix = self._page.timeline.take, self._format.value
+        if take is None:
+            raise BadInputError(
+                "nothing is on the timeline, expected a rise, a rollout or a flight"
+            )
+        if take.duration > LONGEST:
+            raise BadInputError(
+                f"'{take.name}' lasts {take.duration:.0f} s, expected at most {LONGEST:.0f} s"
+            )
+        if suffix not in FORMATS:
+            raise BadInputError(f"video as {suffix}: expected {' or '.join(FORMATS)}")
+        if not self._job.wait(0.0):
+            raise BadInputError("a video is being drawn, expected its end, or Cancel first")
+        self._job.ask(Filming(camera=camera, take=take, path=self._resolve(suffix)))
 
     def _cancel(self) -> None:
         self._job.cancel()
@@ -83,26 +101,36 @@ class Recorder:
     def _film(self, filming: Filming, cancel: Cancel) -> Path:
         """Scrub through the take, and let the browser draw each picture."""
         rate = find_rate(filming.path)
-        write_video(self._draw(filming, rate, ProgressMonitor(cancel=cancel)), rate, filming.path)
+        pictures = self._draw(filming, rate, ProgressMonitor(cancel=cancel))
+        write_video(pictures, rate, filming.path)
         return filming.path
 
     def _draw(self, filming: Filming, rate: int, monitor: ProgressMonitor) -> Iterator[np.ndarray]:
-        timeline, take = self._page.timeline, self._page.timeline.take
-        assert take is not None
+        timeline, take = self._page.timeline, filming.take
         times = np.arange(0.0, take.duration + 0.5 / rate, 1.0 / rate)
         for number, time in enumerate(times, start=1):
             monitor.check()
             self._page.say(f"Draws picture {number} of {len(times)} …")
             drawn = timeline.pictures
             timeline.scrub(min(float(time), take.duration))
-            timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, PATIENCE)
+            if not timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, PATIENCE):
+                raise BadInputError("the page does not draw, so no video was saved")
+            if timeline.take is not take:
+                raise BadInputError("the timeline shows something else now, so no video was saved")
             self._page.server.flush()
-            yield _render(filming.client)
+            yield filming.camera.draw()
 
 
-def _render(client: viser.ClientHandle) -> np.ndarray:
-    """Let a browser draw the scene as it shows it, (height, width, 3), both even."""
-    width, height = client.camera.image_width, client.camera.image_height
-    scale = min(1.0, MOST_PIXELS / max(width, 1))
-    size = [max(2, 2 * round(0.5 * scale * side)) for side in (height, width)]
-    return client.get_render(*size, timeout=PATIENCE)
+class Camera:
+    """What a browser sees, in pictures of one size."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Take over the size of its window."""
+        self._client = client
+        width, height = client.camera.image_width, client.camera.image_height
+        scale = min(1.0, MOST_PIXELS / max(width, 1))
+        self._height, self._width = (max(2, 2 * round(0.5 * scale * s)) for s in (height, width))
+
+    def draw(self) -> np.ndarray:
+        """Let the browser draw the scene as it shows it, (height, width, 3), both even."""
+        return self._client.get_render(self._height, self._width, timeout=PATIENCE)

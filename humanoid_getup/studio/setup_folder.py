@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.scenes.named_scenes import SUFFIX, list_scenes
+from humanoid_getup.studio.folders import containing
 from robots import list_robots
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ class SetupFolder:
         self._page, self._change = page, change
         given, gui, folders = page.request, page.gui, page.folders
         robots = _unite(given.robot, [*list_robots(), *find_robots(folders)])
-        scenes = _unite(given.scene, [*(s.name for s in list_scenes()), *find_scenes(folders)])
+        files = folders.list_files(SUFFIX, containing(SCENE_KEYS))
+        scenes = _unite(given.scene, [*(scene.name for scene in list_scenes()), *files])
         title = f"{page.world.robot.name}, {page.world.scene.name}"
         with gui.add_folder(title, expand_by_default=False):
             self._robot = gui.add_dropdown("Robot", robots, initial_value=given.robot)
@@ -46,34 +48,31 @@ class SetupFolder:
             robot = str(self._page.folders.resolve(robot))
         if scene != given.scene and scene.endswith(SUFFIX):
             scene = str(self._page.folders.resolve(scene))
-        if given.robot_port and robot != given.robot:
+        body = self._body.value
+        if given.robot_port and (robot, body) != (given.robot, given.body):
             raise BadInputError(
                 f"robot '{given.robot}' is connected by --robot-port, expected a studio without it "
-                "for another robot"
+                "for another robot or body"
             )
         seed = int(self._ground.value)
         self._page.say(f"Opens {self._robot.value} …")
-        changed = replace(given, robot=robot, body=self._body.value, scene=scene, seed=seed)
+        changed = replace(given, robot=robot, body=body, scene=scene, seed=seed)
         self._change(changed)
 
 
 def find_robots(folders: Folders) -> list[str]:
-    """Find the robot folders within the folders of a page, by names that these resolve."""
-    files = [Path(name) for name in folders.list_files(".toml")]
-    return [str(file.parent) for file in files if file.name == ROBOT_FILE]
+    """Find the robot folders within the folders of a page, by names that these resolve.
+
+    No name is one of a robot that comes with the package.
+    """
+    files = folders.list_files(".toml", lambda path: path.name == ROBOT_FILE)
+    return [_name_folder(Path(file).parent) for file in files]
 
 
-def find_scenes(folders: Folders) -> list[str]:
-    """Find the scene files within the folders of a page, by names that these resolve."""
-    names = folders.list_files(SUFFIX)
-    return [name for name in names if _is_scene(folders.resolve(name))]
-
-
-def _is_scene(file: Path) -> bool:
-    try:
-        return SCENE_KEYS.search(file.read_bytes()) is not None
-    except OSError:
-        return False
+def _name_folder(folder: Path) -> str:
+    """Name a folder by a path, if need be from the present one."""
+    name = str(folder)
+    return f"./{name}" if name in (".", *list_robots()) else name
 
 
 def _unite(first: str, others: list[str]) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ class Studio:
         world = load_world(request)
         port = find_port(request.host, request.port)
         self._scratch = TemporaryDirectory(prefix="getup-studio-")
-        self._changing = threading.Lock()
+        self._changing, self._is_closed = threading.Lock(), False
         self._guard = PageGuard.for_address(request.host, port)
         self._host, self._port = request.host, port
         with self._guard.protecting(), redirect_stdout(io.StringIO()):
@@ -85,30 +85,50 @@ class Studio:
         """Show another robot, body or scene; what was on the page is gone.
 
         Raises:
-            BadInputError: if robot or scene cannot be used, or a job runs.
+            BadInputError: if robot or scene cannot be used, a job runs or a program is followed.
         """
         if any(job.is_running for job in self.page.jobs):
             raise BadInputError("a job is running, expected its end, or Cancel first")
+        if self.tabs["Live"].is_following:
+            raise BadInputError("a program is followed, expected Leave on the tab Live first")
+        StudioRequest.accept(request)
         world = load_world(request)
         with self._changing:
-            self._workspace.close()
-            self.server.gui.reset()
-            self.server.scene.reset()
-            self._workspace = self._fill(request, world)
+            if not self._is_closed:
+                self._replace(request, world)
 
     def close(self) -> None:
         """Cancel all jobs, and stop to serve."""
         with self._changing:
-            self._workspace.close()
-        with redirect_stdout(io.StringIO()):
-            self.server.stop()
-        self._scratch.cleanup()
+            self._is_closed = True
+            try:
+                self._workspace.close()
+            finally:
+                with redirect_stdout(io.StringIO()):
+                    self.server.stop()
+                self._scratch.cleanup()
 
     def __enter__(self) -> Studio:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _replace(self, request: StudioRequest, world: World) -> None:
+        """Empty the page and fill it; as it was, if that fails."""
+        before = self.page.request, self.page.world
+        self._workspace.close()
+        try:
+            self._workspace = self._refill(request, world)
+        except Exception as error:
+            self._workspace = self._refill(*before)
+            self.page.refuse(f"{type(error).__name__}: {error}")
+            raise
+
+    def _refill(self, request: StudioRequest, world: World) -> Workspace:
+        self.server.gui.reset()
+        self.server.scene.reset()
+        return self._fill(request, world)
 
     def _fill(self, request: StudioRequest, world: World) -> Workspace:
         """Fill the page."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tempfile
 import time
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.studio.board_switch import BoardSwitch
 from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
+from humanoid_getup.studio.folders import containing
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.rollout_take import make_take
@@ -46,7 +48,7 @@ SOURCES = (".npz", ".mcap", ".bvh", ".amc")
 STEP, FACTOR = 0.2, 1.25  # s; of one press of a button
 OFTEN = 0.5  # s between two rollouts while a point is dragged
 START = "-start.json"
-STYLE_KEY = b"neck_height"  # in every style file
+STYLE_KEY = re.compile(b"neck_height")  # in every style file
 
 
 class StyleTab:
@@ -147,9 +149,7 @@ class StyleTab:
     # Styles ------------------------------------------------------------------------------------
 
     def _list_styles(self) -> list[str]:
-        folders = self._page.folders
-        files = [name for name in folders.list_files(SUFFIX) if _is_style(folders.resolve(name))]
-        return [*list_styles(), *files]
+        return [*list_styles(), *self._page.folders.list_files(SUFFIX, containing(STYLE_KEY))]
 
     def _list_sources(self) -> list[str]:
         files = [name for kind in SOURCES for name in self._page.folders.list_files(kind)]
@@ -346,13 +346,6 @@ class StyleTab:
 def _name(number: int, start: str) -> str:
     """Name the curves of a style in a list."""
     return f"{number + 1} {start}".strip()
-
-
-def _is_style(file: Path) -> bool:
-    try:
-        return STYLE_KEY in file.read_bytes()
-    except OSError:
-        return False
 
 
 def _explain_lack(page: Page) -> str:

@@ -183,7 +183,7 @@ class Timeline:
         take, now = self._take, time.perf_counter()
         if take is None or not self._playing:
             return
-        self._at += (now - self._clock) * SPEEDS[self._speed.value]
+        self._at += (now - self._clock) * SPEEDS.get(self._speed.value, 1.0)
         self._clock = now
         if self._at >= take.duration:
             self._at = take.duration

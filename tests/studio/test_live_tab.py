@@ -1,6 +1,6 @@
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from studio_page import open_studio
@@ -61,6 +61,25 @@ def test_stop_ends_what_is_not_followed_yet(browser: "Browser"):
         wait_until(lambda: any(job.is_running for job in studio.page.jobs))
         window.click("STOP")
         window.see("Cancelled.")
+        wait_until(lambda: not any(job.is_running for job in studio.page.jobs))
+
+
+def test_stop_while_a_rise_begins_is_not_lost(browser: "Browser"):
+    with open_studio(browser) as (studio, window):
+        window.choose("Class", "prone")
+        window.click("Random fall")
+        window.see("A fall that settled prone")
+        window.open_tab("Live")
+        live, run = studio.tabs["Live"], studio.page.run
+
+        def run_after_stop(*arguments: Any) -> Any:
+            live.stop()
+            return run(*arguments)
+
+        studio.page.run = run_after_stop
+        window.click("Rise")
+        window.see("Cancelled.")
+        assert not live.last
         wait_until(lambda: not any(job.is_running for job in studio.page.jobs))
 
 

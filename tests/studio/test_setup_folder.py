@@ -1,9 +1,14 @@
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import pytest
 from studio_page import open_studio
+from waiting import wait_until
 
+pytest.importorskip("viser", reason="needs the studio extra")
+
+from humanoid_getup.studio.workspace import TABS
 from robots.robot import ROBOTS_FOLDER
 
 if TYPE_CHECKING:
@@ -27,7 +32,7 @@ def test_robot_and_scene_are_chosen_on_the_page(browser: "Browser", tmp_path: Pa
         window.type("Ground seed", "3")
         window.click("Open")
         window.see("op3, rough:easy")
-        assert not studio.page.world.scene.is_flat
+        wait_until(lambda: not studio.page.world.scene.is_flat)
         assert studio.page.request.seed == 3
 
         window.page.get_by_text("op3, rough:easy").click()
@@ -35,7 +40,7 @@ def test_robot_and_scene_are_chosen_on_the_page(browser: "Browser", tmp_path: Pa
         window.choose("Scene", "flat")
         window.click("Open")
         window.see("toddlerbot, flat")
-        assert studio.page.world.robot.folder == mine
+        wait_until(lambda: studio.page.world.robot.folder == mine)
         window.choose("Class", "supine")
         window.click("Random fall")
         window.see("A fall that settled supine")
@@ -51,8 +56,7 @@ def test_a_body_that_cannot_be_is_refused_and_the_page_stays(browser: "Browser")
         assert studio.page is page
         window.type("Body", "arms=1.2")
         window.click("Open")
-        window.see("Ready.")
-        assert studio.page.world.robot.body.arms == 1.2
+        wait_until(lambda: studio.page.world.robot.body.arms == 1.2)
 
 
 def test_a_scene_file_within_the_folders_is_found(browser: "Browser", tmp_path: Path):
@@ -65,4 +69,52 @@ def test_a_scene_file_within_the_folders_is_found(browser: "Browser", tmp_path: 
         window.page.get_by_role("option", name="step.toml").click()
         window.click("Open")
         window.see("op3, step")
+        wait_until(lambda: studio.page.request.scene.endswith("step.toml"))
         assert [each.name for each in studio.page.world.scene.obstacles] == ["step"]
+
+
+def test_a_page_that_cannot_be_filled_is_filled_as_it_was(
+    browser: "Browser", monkeypatch: pytest.MonkeyPatch
+):
+    with open_studio(browser) as (studio, window):
+        monkeypatch.setitem(TABS, "Style", fail_once(TABS["Style"]))
+        window.page.get_by_text("op3, flat").click()
+        window.choose("Scene", "ice")
+        window.click("Open")
+        window.see("no tab")
+        wait_until(lambda: studio.page.request.scene == "flat")
+        window.click("Random fall")
+        window.see("A fall that settled supine")
+
+
+def fail_once(tab: Any) -> Any:
+    """Make a tab that fails the first time it is made."""
+    failed = list[bool]()
+
+    def make(page: Any) -> object:
+        if not failed:
+            failed.append(True)
+            raise ValueError("no tab")
+        return tab(page)
+
+    return make
+
+
+def test_nothing_is_opened_while_a_program_is_followed(browser: "Browser"):
+    with open_studio(browser) as (studio, window):
+        page, live = studio.page, studio.tabs["Live"]
+        window.open_tab("Live")
+        window.click("Read")
+        wait_until(lambda: live.is_following)
+        window.page.get_by_text("op3, flat").click()
+        window.click("Open")
+        window.see("a job is running")
+        page.jobs, jobs = [], page.jobs  # as if another program had begun it
+        window.click("Open")
+        window.see("a program is followed, expected Leave on the tab Live first")
+        page.jobs = jobs
+        window.click("Cancel")
+        wait_until(lambda: not live.is_following)
+        wait_until(lambda: not any(job.is_running for job in jobs))
+        window.click("Open")
+        wait_until(lambda: studio.page is not page)

@@ -15,6 +15,7 @@ from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
+    A_REAL_ROBOT,
     NO_ORIGIN,
     BodyOption,
     CacheFolder,
@@ -32,7 +33,6 @@ STYLE = "style.png"
 MP4 = ".mp4"
 VIDEOS = (MP4, ".gif")
 ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
-A_REAL_ROBOT = "a real robot has the body that it has"
 StyleOption = Annotated[
     str | None,
     READ,

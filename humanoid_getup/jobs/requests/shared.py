@@ -20,6 +20,7 @@ from humanoid_getup.jobs.requests.values import (
     name_choices,
 )
 
+A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly
 MOST_JOBS = 256
 CacheFolder = Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.requests.shared import BodyOption, SceneOptions
+from humanoid_getup.jobs.requests.shared import A_REAL_ROBOT, BodyOption, SceneOptions
 from humanoid_getup.jobs.requests.values import between
 
 LAST_PORT = 65535
@@ -38,4 +38,6 @@ class StudioRequest(BodyOption, SceneOptions):
         problems = [f"--folder {folder}: expected an existing folder" for folder in missing]
         if self.allow_motion and not self.robot_port:
             problems.append("--allow-motion is given, expected --robot-port with it")
+        if self.robot_port:
+            problems += self.refuse_body(A_REAL_ROBOT)
         return super().find_problems() + problems

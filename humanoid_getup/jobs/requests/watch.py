@@ -9,8 +9,7 @@ from tyro.conf import arg
 
 from humanoid_getup.jobs.requests.backend import OriginOption
 from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
-from humanoid_getup.jobs.requests.rise import A_REAL_ROBOT
-from humanoid_getup.jobs.requests.shared import BodyOption
+from humanoid_getup.jobs.requests.shared import A_REAL_ROBOT, BodyOption
 from humanoid_getup.jobs.requests.values import between
 
 

@@ -1,6 +1,8 @@
 """The map of a search shows what its archives hold, and the way to each state."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.search_map import WAY_UP, MappedState, read_search_map
 from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
+from humanoid_getup.posture_chains.stored_states import STATES
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.robot import Robot
@@ -106,9 +109,16 @@ def test_a_damaged_file_is_refused_in_one_line(searched: tuple[World, ChainDisco
         "recipe": ("[]", "expected a table"),
         "counts": ("{}", "missing required field"),
     }
+    recipe = json.loads(str(content["recipe"]))
+    changes = [({key: value}, message) for key, (value, message) in wrong.items()]
+    changes += [
+        ({"recipe": json.dumps(recipe | {"seed": 2**70})}, "seed"),
+        ({"recipe": json.dumps(recipe | {"torque limit": "nan N·m"})}, "limit"),
+        (make_long_way(content), "over 300 moves long"),
+    ]
     refused = list[str]()
-    for key, (value, message) in wrong.items():
-        save_arrays(file, content | {key: value})
+    for change, message in changes:
+        save_arrays(file, content | change)
         with pytest.raises(BadInputError, match=message) as error:
             read_search_map(world)
         refused.append(str(error.value))
@@ -117,9 +127,18 @@ def test_a_damaged_file_is_refused_in_one_line(searched: tuple[World, ChainDisco
         read_search_map(world)
     refused.append(str(error.value))
     file.write_bytes(sound)
-    assert len(refused) == 6
+    assert len(refused) == 9
     assert all("\n" not in line and line.startswith(str(file)) for line in refused)
     assert read_search_map(world) is not None
+
+
+def make_long_way(content: dict[str, Any]) -> dict[str, Any]:
+    """Make the states of a chain that leads through the same posture again and again."""
+    count = 400
+    states = {key: np.repeat(content[key][:1], count, axis=0) for key in STATES}
+    links = np.full((count, 4), -1)
+    links[1:, 0] = np.arange(count - 1)
+    return states | {"links": links}
 
 
 def test_a_file_of_another_robot_is_refused(searched: tuple[World, ChainDiscovery], tmp_path: Path):

@@ -1,9 +1,11 @@
+import os
+import re
 from pathlib import Path
 
 import pytest
 
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.studio.folders import Folders
+from humanoid_getup.studio.folders import MOST_FILES, Folders, containing
 
 
 def test_names_are_relative_to_the_first_folder(tmp_path: Path):
@@ -18,6 +20,16 @@ def test_names_are_relative_to_the_first_folder(tmp_path: Path):
     assert folders.resolve(f"{second}/new.json") == second / "new.json"
     assert sorted(folders.list_files(".json")) == [str(second / "b.json"), "a.json"]
     assert [folders.resolve(name).is_file() for name in folders.list_files(".json")] == [True] * 2
+
+
+def test_many_other_files_hide_none_that_is_accepted(tmp_path: Path):
+    (tmp_path / "wanted.toml").write_text("[key]")
+    os.utime(tmp_path / "wanted.toml", (0, 0))
+    for number in range(MOST_FILES + 10):
+        (tmp_path / f"{number}.toml").touch()
+    folders = Folders([tmp_path])
+    assert "wanted.toml" not in folders.list_files(".toml")
+    assert folders.list_files(".toml", containing(re.compile(rb"^\[key"))) == ["wanted.toml"]
 
 
 @pytest.mark.parametrize("name", ["../x.json", "a/../../x.json", "/etc/passwd", "out/x", "nul\0"])

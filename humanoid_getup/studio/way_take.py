@@ -72,7 +72,7 @@ def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
     return Take(
         name=motion.name,
         time=motion.time,
-        qpos=place_motion(world, motion, motion.time, start),
+        qpos=place_motion(world, motion, motion.time - motion.time[0], start),
         marks=() if stand is None else (Mark(time=float(motion.time[0]) + stand, text="stands"),),
         facts=tuple(facts),
     )

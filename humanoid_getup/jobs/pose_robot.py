@@ -118,6 +118,12 @@ def put_down(world: World, posture: Posture) -> Posture:
     return replace(posture, position=qpos[root].copy())
 
 
+def stand(world: World) -> Posture:
+    """Return the stance of the robot on the ground of a world."""
+    standing = world.robot.standing
+    return standing if world.scene.is_flat else put_down(world, standing)
+
+
 class Squats:
     """Balanced squats of a robot on flat soles, from high to deep."""
 

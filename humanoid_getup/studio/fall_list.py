@@ -44,6 +44,8 @@ class FallList:
     def _step(self, way: int) -> None:
         if not self._falls:
             raise ValueError("no falls yet, expected those of Random fall")
+        if len(self._falls) == 1:
+            raise ValueError("one fall was sampled, expected more to step through: see Falls")
         self._number = (self._number + way) % len(self._falls)
         self._show()
 

@@ -59,7 +59,8 @@ class Folders:
         for path in (folder, *(folder / file for file in files)):
             if not self._contains(path.resolve()):
                 raise BadInputError(
-                    f"{path.resolve()}: expected a robot folder within {self._list()}, see --folder"
+                    f"{path.resolve()}: expected a robot folder within {self._list()}, see "
+                    "--folder; a copy of a robot's folder will do"
                 )
 
     def list_files(

@@ -48,6 +48,8 @@ AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
 GYRO_COLOR = (230, 60, 200)
 START = "start.json"
+PINNED = {"x": -12.0, "y": 12.0, "width": 230.0}
+"""Place of the second STOP, from the upper right corner of the scene [pixels]."""
 HEADINGS = ("Joint", "deg", "Target", "A", "°C", "Remark")
 
 
@@ -64,8 +66,12 @@ class LiveTab:
         self._stops = 0
         self._drawn_at = self._written_at = 0.0
         self._last: LiveSample | None = None
-        stop = gui.add_button("STOP", color="red")
-        stop.on_click(self._stop_at_once)
+        gui.add_button("STOP", color="red").on_click(self._stop_at_once)
+        self._pinned = gui.add_panel(visible=False)
+        """A second STOP over the scene, on whatever tab the page is, while a robot is followed."""
+        with self._pinned.add_tab("Live"):
+            gui.add_button("STOP the robot", color="red").on_click(self._stop_at_once)
+        self._pinned.float(**PINNED)
         with gui.add_folder("Program"):
             self._programs: viser.GuiDropdownHandle[str] = gui.add_dropdown("Feed", NO_PROGRAM)
             gui.add_button("Refresh").on_click(answer(self._refresh))
@@ -155,6 +161,7 @@ class LiveTab:
             follower.close()
             raise
         self._follower = follower
+        self._pinned.visible = True
         self._page.say(f"Follows {path.name}.")
 
     def close(self) -> None:
@@ -165,11 +172,18 @@ class LiveTab:
         if self._follower is not None:
             self._follower.close()
             self._follower = None
+        self._unpin()
+
+    def _unpin(self) -> None:
+        """Hide the second STOP, unless there is something to stop."""
+        is_running = self._job is not None and self._job.is_running
+        self._pinned.visible = self.is_following or is_running
 
     def _end(self, problem: str) -> None:
         if problem:
             self._page.refuse(problem)
         self._has_ended = True
+        self._unpin()
         self._drawn_at = self._written_at = 0.0
         if self._last is not None:
             self._show(self._last)
@@ -253,7 +267,9 @@ class LiveTab:
     def _read(self) -> None:
         self._check_idle()
         request = WatchRequest(**self._make_common())
-        self._begin(self._page.run(watch, request, self._conclude_reading), self._stops)
+        self._begin(
+            self._page.run(watch, request, self._conclude_reading, over=self._unpin), self._stops
+        )
 
     async def _click_rise(self, _: object) -> None:
         """Begin a rise, unless STOP is pressed while it waits for other callbacks."""
@@ -271,7 +287,7 @@ class LiveTab:
         self._check_idle()
         then = None if page.request.robot_port else "limp"
         request = RiseRequest(**self._make_common(), attempts=1, then=then)
-        self._begin(page.run(rise, request, self._conclude), stops)
+        self._begin(page.run(rise, request, self._conclude, over=self._unpin), stops)
 
     def _check_idle(self) -> None:
         """Check that nothing that was started here has the robot."""
@@ -281,6 +297,7 @@ class LiveTab:
     def _begin(self, job: BackgroundJob[Any], stops: int) -> None:
         """Follow a job as soon as it has a feed; end it if STOP was pressed since ``stops``."""
         self._job, self._own_follower = job, None
+        self._pinned.visible = True
         if stops != self._stops:  # pressed while it began, and not seen by the job before
             job.cancel()
         threading.Thread(target=self._await_feed, args=(job,), daemon=True).start()

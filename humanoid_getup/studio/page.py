@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.pose_robot import stand
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import Cancel, Progress
 from humanoid_getup.progress.latest_job import LatestJob
@@ -46,7 +47,7 @@ class Page:
         self.request, self.server, self.world, self.timeline = request, server, world, timeline
         self.gui = server.gui
         self.folders = Folders(request.folder)
-        self.start: Posture = world.robot.standing
+        self.start: Posture = stand(world)
         """Posture from which a rise starts."""
         self.when_posed: list[Callable[[Posture], None]] = []
         """Called after the start has changed."""

@@ -169,6 +169,7 @@ class PlanTab:
 
     def _show(self) -> None:
         """Show the chosen rise with the chosen ghost."""
+        self._command.content = ""
         if (kept := self._kept.get(self._shown.value)) is None:
             return
         take, ghost = kept.take, kept.take.ghost
@@ -197,6 +198,7 @@ class PlanTab:
     def _write_command(self) -> None:
         """Show the command that makes the same rise, and write the postures that it names."""
         folder, kept = self._choose_folder()
+        folder.mkdir(parents=True, exist_ok=True)
         request = kept.request
         named = [kept.folder / START, *map(Path, request.key)]
         for file in named:

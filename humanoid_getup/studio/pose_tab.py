@@ -10,6 +10,7 @@ from humanoid_getup.jobs.pose_robot import (
     measure_pose,
     mirror_pose,
     put_down,
+    stand,
     turn_joint,
 )
 from humanoid_getup.studio.button_row import add_button_row
@@ -89,7 +90,7 @@ class PoseTab:
         self._page.pose(mirror_pose(self._page.world, self._page.start))
 
     def _stand(self) -> None:
-        self._page.pose(self._page.world.robot.standing)
+        self._page.pose(stand(self._page.world))
 
     def _load(self) -> None:
         path = self._page.folders.resolve(self._file.value)

@@ -251,7 +251,7 @@ class StyleTab:
         """Let the curves follow a control point that is dragged."""
         self._feature.value, self._point.value = FEATURES[drag.feature], drag.point + 1
         if drag.released:
-            return self._move(drag.feature, drag.point, drag.value)
+            return self._release(drag)
         try:
             curves = self.editor.move_point(drag.feature, drag.point, drag.value)
         except ValueError:  # told once it is released: it may be dragged on to where it is possible
@@ -261,6 +261,14 @@ class StyleTab:
         if time.monotonic() - self._asked_at >= OFTEN:
             self._ask(self.editor.preview(curves), at_once=False)
         return None
+
+    def _release(self, drag: PointDrag) -> None:
+        """Move a point to where it was released; a drag that is refused is rolled out no more."""
+        try:
+            self._move(drag.feature, drag.point, drag.value)
+        except ValueError:
+            self._run_if_lying()
+            raise
 
     # Rollouts ----------------------------------------------------------------------------------
 

@@ -26,7 +26,9 @@ def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Br
         window.see("playing")
         live = studio.tabs["Live"]
         wait_until(lambda: live.last is not None and not live.last.is_limp)
-        window.click("STOP")
+        window.open_tab("Pose")
+        window.click("STOP the robot")
+        window.open_tab("Live")
         window.see("torque off")
         window.see("stopped from the live page")
         assert live.last.is_limp
@@ -72,9 +74,9 @@ def test_stop_while_a_rise_begins_is_not_lost(browser: "Browser"):
         window.open_tab("Live")
         live, run = studio.tabs["Live"], studio.page.run
 
-        def run_after_stop(*arguments: Any) -> Any:
+        def run_after_stop(*arguments: Any, **options: Any) -> Any:
             live.stop()
-            return run(*arguments)
+            return run(*arguments, **options)
 
         studio.page.run = run_after_stop
         window.click("Rise")

@@ -69,7 +69,7 @@ class LiveTab:
         gui.add_button("STOP", color="red").on_click(self._stop_at_once)
         self._pinned = gui.add_panel(visible=False)
         """A second STOP over the scene, on whatever tab the page is, while a robot is followed."""
-        with self._pinned.add_tab("Live"):
+        with self._pinned.add_tab("Robot"):
             gui.add_button("STOP the robot", color="red").on_click(self._stop_at_once)
         self._pinned.float(**PINNED)
         with gui.add_folder("Program"):

@@ -17,7 +17,6 @@ from spoiling import spoil
 
 from drivers.service import calibrate as service
 from drivers.service.calibrate import (
-    DIRECTIONS,
     JointMeasurement,
     PositionRangeError,
     describe_direction,
@@ -29,6 +28,7 @@ from humanoid_getup.cli.robot import calibrate as command
 from robots import Robot, load_robot
 from robots.description.calibration import Calibration, JointCalibration
 from robots.description.posture_file import format_posture
+from robots.joint_directions import DIRECTIONS
 
 L_HIP, R_HIP = JointCalibration(2100, 1), JointCalibration(1000, -1)
 """The robot as it is: the description has zeros 2048 and 1000."""

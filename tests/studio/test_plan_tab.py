@@ -37,7 +37,7 @@ def test_a_fall_is_planned_played_scrubbed_and_saved(browser: "Browser", tmp_pat
         motion = Motion.load(tmp_path / "rise" / "motion.npz")
         assert motion.rises
         window.click("Copy as command")
-        window.see(f"getup rise --out {tmp_path}/rise --from {tmp_path}/rise/start.json")
+        window.see(f"getup rise --from {tmp_path}/rise/start.json --out {tmp_path}/rise")
 
 
 def test_a_plan_that_is_cancelled_ends_at_once(browser: "Browser"):

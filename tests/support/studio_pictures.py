@@ -37,6 +37,7 @@ def show_pose(studio: Any, window: StudioPage) -> None:
 
 def show_plan(studio: Any, window: StudioPage) -> None:
     """Show a planned rise while it pushes itself up."""
+    window.type("Seed", "2")
     _fall(window, "prone")
     window.open_tab("Plan")
     window.click("Plan")

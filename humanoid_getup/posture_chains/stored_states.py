@@ -19,7 +19,7 @@ MOVES = ("knots", "knot_count", "duration", "kind")
 MEMBERS = "members"
 """Name of the array that lists the states of each archive."""
 NOTHING = -1
-MOST_MOVES = 300  # of a way; those that were found have up to 40
+MOST_MOVES = 300  # of a way; after 100,000 s of a search, ways had up to 17
 UNIT = 1e-3  # by which the length of a quaternion may differ from 1
 
 

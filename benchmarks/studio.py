@@ -35,8 +35,8 @@ from humanoid_getup.jobs.get_up.rise import play_motion
 from humanoid_getup.jobs.requests.rise import PlayRequest
 from humanoid_getup.jobs.requests.studio import StudioRequest
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.rise_take import make_rise_take
 from humanoid_getup.studio.studio import Studio
+from humanoid_getup.studio.takes.rise_take import make_rise_take
 from humanoid_getup.style.style_editor import StyleEditor
 from humanoid_getup.style.style_file import load_style
 from robots import load_robot
@@ -68,7 +68,7 @@ def main(options: Options) -> None:
             executable_path=shutil.which("chromium"), args=list(CHROMIUM)
         )
         figures = {
-            "first_picture_s": summarize([_time_first_picture(browser) for _ in range(options.n)]),
+            **_time_openings(browser, options.n),
             **_measure_scrubbing(browser, options.scrubs),
             "edited_curve_s": summarize(_time_edits(options.n)),
             "stop_to_limp_s": summarize([_time_stop() for _ in range(options.n)]),
@@ -88,20 +88,28 @@ def summarize(values: list[float]) -> dict[str, float]:
     }
 
 
-def _time_first_picture(browser: Browser) -> float:
-    """Time from the start of the command to the first picture with the robot [s]."""
+def _time_openings(browser: Browser, n: int) -> dict[str, Any]:
+    """Time from the start of the command to its address, and to the first picture [s]."""
+    served, shown = zip(*(_time_opening(browser) for _ in range(n)), strict=True)
+    return {"address_s": summarize([*served]), "first_picture_s": summarize([*shown])}
+
+
+def _time_opening(browser: Browser) -> tuple[float, float]:
+    """Time from the start of the command to its address and to a picture with the robot [s]."""
     began = time.perf_counter()
     with subprocess.Popen(
         [*GETUP, "studio", "--port", "0"], stdout=subprocess.PIPE, text=True
     ) as studio:
         assert studio.stdout is not None
+        address = studio.stdout.readline().strip()
+        served = time.perf_counter() - began
         page = browser.new_page()
-        page.goto(studio.stdout.readline().strip())
+        page.goto(address)
         _wait_for_page(page)
-        took = time.perf_counter() - began
+        shown = time.perf_counter() - began
         page.close()
         studio.terminate()
-    return took
+    return served, shown
 
 
 def _wait_for_page(page: Page) -> None:

@@ -14,7 +14,7 @@ from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.features import StandFeatures, StandMeter
 from humanoid_getup.posture_chains.resting_state import RestingState
 from humanoid_getup.posture_chains.rise_kind import ON_SOLES, PASSING, KindNamer
-from humanoid_getup.posture_chains.search_file import SearchOptions, read_states
+from humanoid_getup.posture_chains.search_file import StoredOptions, read_states
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
@@ -70,7 +70,7 @@ class SearchMap:
     states: tuple[MappedState, ...]
     simulated: float
     """[s]"""
-    options: SearchOptions
+    options: StoredOptions
 
     def __str__(self) -> str:
         sides = dict.fromkeys(state.side for state in self.states)

@@ -73,8 +73,8 @@ class SearchCounts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sides: list[SideCounts]
 
 
-class SearchOptions(msgspec.Struct, frozen=True):
-    """Options of a search, as its recipe tells them."""
+class StoredOptions(msgspec.Struct, frozen=True):
+    """Options of a search that is stored, read from its recipe."""
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**31)]
     worlds: Annotated[int, msgspec.Meta(ge=1)]
@@ -102,7 +102,7 @@ class FiledStates:
     """States that were reached from each side on which the robot stays."""
     simulated: float
     """[s]"""
-    options: SearchOptions
+    options: StoredOptions
 
 
 def identify_world(world: World) -> Recipe:
@@ -154,7 +154,7 @@ def read_states(path: Path, world: World) -> FiledStates:
     own = identify_world(world)
     check_recipe(path, own, {key: kept.get(key) for key in own}, REMEDY)
     with _naming_damage(path):
-        options = msgspec.convert(kept, SearchOptions)
+        options = msgspec.convert(kept, StoredOptions)
         ups, *sides = StoredStates(arrays, world, options.worlds).read_archives()
         return FiledStates(
             ways_up=ups,

@@ -62,7 +62,7 @@ class TorsoFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointFigures:
+class LiveJoint:
     """What a joint measures."""
 
     angle_rad: float
@@ -74,7 +74,7 @@ class JointFigures:
     """What a person should know about it."""
 
 
-def list_joints(sample: LiveSample, robot: Robot) -> dict[str, JointFigures]:
+def list_joints(sample: LiveSample, robot: Robot) -> dict[str, LiveJoint]:
     """List the figures of a sample's joints, by name."""
     columns = zip(
         robot.joints,
@@ -87,7 +87,7 @@ def list_joints(sample: LiveSample, robot: Robot) -> dict[str, JointFigures]:
         strict=True,
     )
     return {
-        joint.name: JointFigures(
+        joint.name: LiveJoint(
             angle_rad=angle,
             target_rad=None if sample.is_limp else target,
             current_a=current,

@@ -9,7 +9,7 @@ import numpy as np
 from drivers import Cycle
 from drivers.live_feed.messages import LiveSample
 from humanoid_getup.reporting.live_figures import (
-    JointFigures,
+    LiveJoint,
     TorsoFigures,
     format_degrees,
     list_joints,
@@ -24,7 +24,7 @@ FEW_MISSED, MISSED_SHARE = 2, 0.01  # reads, and share of all reads
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchedJoint(JointFigures):
+class WatchedJoint(LiveJoint):
     """A joint, and the angles that were seen."""
 
     speed_rad_s: float

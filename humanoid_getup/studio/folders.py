@@ -60,7 +60,7 @@ class Folders:
             if not self._contains(path.resolve()):
                 raise BadInputError(
                     f"{path.resolve()}: expected a robot folder within {self._list()}, see "
-                    "--folder; a copy of a robot's folder will do"
+                    "--folder: copy the robot's folder there"
                 )
 
     def list_files(

@@ -6,17 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from humanoid_getup.studio.discover_tab import DiscoverTab
-from humanoid_getup.studio.flight_tab import FlightTab
-from humanoid_getup.studio.keyframe_tab import KeyframeTab
-from humanoid_getup.studio.live_tab import LiveTab
 from humanoid_getup.studio.page import Page
-from humanoid_getup.studio.plan_tab import PlanTab
-from humanoid_getup.studio.pose_tab import PoseTab
-from humanoid_getup.studio.recorder import Recorder
 from humanoid_getup.studio.setup_folder import SetupFolder
 from humanoid_getup.studio.stage import Stage
-from humanoid_getup.studio.style_tab import StyleTab
+from humanoid_getup.studio.tabs.discover_tab import DiscoverTab
+from humanoid_getup.studio.tabs.flight_tab import FlightTab
+from humanoid_getup.studio.tabs.keyframe_tab import KeyframeTab
+from humanoid_getup.studio.tabs.live_tab import LiveTab
+from humanoid_getup.studio.tabs.picture_tab import PictureTab
+from humanoid_getup.studio.tabs.plan_tab import PlanTab
+from humanoid_getup.studio.tabs.pose_tab import PoseTab
+from humanoid_getup.studio.tabs.style_tab import StyleTab
 from humanoid_getup.studio.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CAMERA = (1.9, -1.6, 1.1)  # standing neck heights from the robot
 WIDTH = 430  # pixels, for the names of all tabs
-PATIENCE = 12.0  # s for jobs to release a robot and to end
+TIMEOUT = 12.0  # s for jobs to release a robot and to end
 
 TABS: dict[str, Callable[[Page], object]] = {
     "Pose": PoseTab,
@@ -64,7 +64,7 @@ class Workspace:
         self.timeline = Timeline(server, Stage(server, world))
         self.page = Page(request, server, world, self.timeline, scratch)
         with self.timeline.panel.add_tab("Picture"):
-            Recorder(self.page)
+            PictureTab(self.page)
         SetupFolder(self.page, change)
         tabs = server.gui.add_tab_group()
         self.tabs: dict[str, Any] = {}
@@ -79,7 +79,7 @@ class Workspace:
         """Cancel all jobs, and stop to draw."""
         self.page.close()
         for job in self.page.jobs:
-            job.wait(PATIENCE)
+            job.wait(TIMEOUT)
         self.tabs["Live"].close()
         self.timeline.close()
 

@@ -9,8 +9,8 @@ import pytest
 
 viser = pytest.importorskip("viser", reason="needs the studio extra")
 
-from humanoid_getup.studio.board import Board
-from humanoid_getup.studio.board_switch import BoardSwitch
+from humanoid_getup.studio.boards.board_switch import BoardSwitch
+from humanoid_getup.studio.boards.plot_board import PlotBoard
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def make_page(server: Any) -> Any:
 
 def test_a_board_that_is_shown_hides_the_other_one(server: Any):
     page = make_page(server)
-    first, second = (Board(server, name, 0.5) for name in ("/first", "/second"))
+    first, second = (PlotBoard(server, name, 0.5) for name in ("/first", "/second"))
     switches = [BoardSwitch(page, "Show", board) for board in (first, second)]
     assert not first.visible
     switches[0].show()
@@ -44,7 +44,7 @@ def test_a_board_that_is_shown_hides_the_other_one(server: Any):
 
 def test_a_board_that_cannot_be_drawn_leaves_the_other_one_in_its_place(server: Any):
     page = make_page(server)
-    first, second = (Board(server, name, 0.5) for name in ("/first", "/second"))
+    first, second = (PlotBoard(server, name, 0.5) for name in ("/first", "/second"))
 
     def refuse() -> None:
         raise ValueError("nothing to draw")

@@ -18,9 +18,7 @@ def own_feeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Browser"):
     with open_studio(browser) as (studio, window):
-        window.choose("Class", "prone")
-        window.click("Random fall")
-        window.see("A fall that settled prone")
+        window.fall("prone")
         window.open_tab("Live")
         window.click("Rise")
         window.see("playing")
@@ -36,9 +34,7 @@ def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Br
 
 def test_a_limp_robot_is_read_until_it_is_cancelled(browser: "Browser", tmp_path: Path):
     with open_studio(browser) as (studio, window):
-        window.choose("Class", "prone")
-        window.click("Random fall")
-        window.see("A fall that settled prone")
+        window.fall("prone")
         window.open_tab("Live")
         window.click("Read")
         window.see("watching, ")
@@ -68,9 +64,7 @@ def test_stop_ends_what_is_not_followed_yet(browser: "Browser"):
 
 def test_stop_while_a_rise_begins_is_not_lost(browser: "Browser"):
     with open_studio(browser) as (studio, window):
-        window.choose("Class", "prone")
-        window.click("Random fall")
-        window.see("A fall that settled prone")
+        window.fall("prone")
         window.open_tab("Live")
         live, run = studio.tabs["Live"], studio.page.run
 

@@ -11,9 +11,7 @@ if TYPE_CHECKING:
 
 
 def plan_a_rise(window: StudioPage) -> None:
-    window.choose("Class", "prone")
-    window.click("Random fall")
-    window.see("A fall that settled prone")
+    window.fall("prone")
     window.open_tab("Plan")
     window.click("Plan")
 

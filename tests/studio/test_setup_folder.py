@@ -41,9 +41,7 @@ def test_robot_and_scene_are_chosen_on_the_page(browser: "Browser", tmp_path: Pa
         window.click("Open")
         window.see("toddlerbot, flat")
         wait_until(lambda: studio.page.world.robot.folder == mine)
-        window.choose("Class", "supine")
-        window.click("Random fall")
-        window.see("A fall that settled supine")
+        window.fall("supine")
 
 
 def test_a_body_that_cannot_be_is_refused_and_the_page_stays(browser: "Browser"):

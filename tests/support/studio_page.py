@@ -49,6 +49,12 @@ class StudioPage:
         field.fill(text)
         field.press("Enter")
 
+    def fall(self, side: str) -> None:
+        """Pose the robot in a sampled fall of a class."""
+        self.choose("Class", side)
+        self.click("Random fall")
+        self.see(f"A fall that settled {side}")
+
     def find_input(self, label: str) -> Locator:
         """Find the visible input beside a label."""
         row = self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]")

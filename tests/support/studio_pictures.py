@@ -30,7 +30,7 @@ def main(folder: Path) -> None:
 
 def show_pose(studio: Any, window: StudioPage) -> None:
     """Show a robot that was dragged by its hand."""
-    _fall(window, "supine")
+    window.fall("supine")
     window.choose("Drag", "left_arm")
     _draw(studio)
 
@@ -38,7 +38,7 @@ def show_pose(studio: Any, window: StudioPage) -> None:
 def show_plan(studio: Any, window: StudioPage) -> None:
     """Show a planned rise while it pushes itself up."""
     window.type("Seed", "2")
-    _fall(window, "prone")
+    window.fall("prone")
     window.open_tab("Plan")
     window.click("Plan")
     window.see("stands after")
@@ -52,7 +52,7 @@ def show_plan(studio: Any, window: StudioPage) -> None:
 
 def show_live(studio: Any, window: StudioPage) -> None:
     """Show the numbers of a limp robot."""
-    _fall(window, "left")
+    window.fall("left")
     window.open_tab("Live")
     window.click("Read")
     window.see("torso on its left side")
@@ -71,12 +71,6 @@ def _take(browser: Browser, show: Callable[[Any, StudioPage], None], file: Path)
         window.page.locator("button.mantine-Notification-closeButton").first.click()
         show(studio, window)
         window.take_picture(file)
-
-
-def _fall(window: StudioPage, side: str) -> None:
-    window.choose("Class", side)
-    window.click("Random fall")
-    window.see(f"A fall that settled {side}")
 
 
 def _draw(studio: Any) -> None:

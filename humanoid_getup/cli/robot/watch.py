@@ -34,7 +34,7 @@ HINT = "torque is off: turn one joint after the other; q ends it"
 
 
 def watch(command: WatchRequest) -> int:
-    """Show a limp robot until it is enough; return the exit code."""
+    """Show a limp robot until a person ends it; return the exit code."""
     console, key = console_for(command), QuitKey()
     display = ProgressDisplay(console)
     with ExitStack() as shown:

@@ -9,7 +9,7 @@ from humanoid_getup.jobs.requests.backend import BackendOptions
 
 @dataclass(frozen=True, kw_only=True)
 class OnlookerOptions(BackendOptions):
-    """Who looks at a robot besides the command."""
+    """Onlookers of a robot besides the command."""
 
     view: bool = False
     """Show a simulated robot in MuJoCo's own viewer while it moves; best with --realtime."""

@@ -15,7 +15,7 @@ from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.replay import ReplayRequest
 from humanoid_getup.reporting.cut_commands import Cut, CutKind
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.flight_tab import MOST_CUTS, check_body, make_take
+from humanoid_getup.studio.tabs.flight_tab import MOST_CUTS, check_body, make_take
 from robots import Body, Robot, load_robot
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.studio.take import Take
+from humanoid_getup.studio.takes.take import Take
 
 TIME = np.array([2.0, 2.5, 3.0, 3.0, 4.0])
 

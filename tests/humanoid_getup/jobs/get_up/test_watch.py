@@ -30,7 +30,7 @@ from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchFigures
 from robots import Posture, Robot, quaternion
 
-PATIENCE = 60.0  # s; a wait ends with its event
+TIMEOUT = 60.0  # s; a wait ends with its event
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 HELD = 5  # cycles; what a virtual servo senses is read one or two later
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -176,7 +176,7 @@ def test_a_limp_robot_is_followed_and_a_stop_ends_it_without_a_fault(
         False,
         "the robot was stopped: stopped from the live page",
     )
-    sample = samples.get(timeout=PATIENCE)
+    sample = samples.get(timeout=TIMEOUT)
     assert sample.is_limp
     assert sample.phase == "watching"
     assert list_feeds() == []

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from humanoid_getup.studio.board import AXES, LEVEL, WIDTH, Board, join
-from humanoid_getup.studio.state_colors import ROWS, Color, StateColors
+from humanoid_getup.studio.boards.plot_board import AXES, LEVEL, WIDTH, PlotBoard, join
+from humanoid_getup.studio.boards.state_colors import ROWS, Color, StateColors
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ BEFORE = 0.01  # from the lines to the way that is stressed
 KEY_GAP, KEY_ROW = 0.1, 0.12  # of the key of colors: from its dots to their labels; of its rows
 
 
-class StateBoard(Board):
+class StateBoard(PlotBoard):
     """Neck height against the attitude of the torso: from lying, below, to a stand, above.
 
     Prone and supine are to the left and right; a robot that is upright, or lies on a side, is in

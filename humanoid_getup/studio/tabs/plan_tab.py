@@ -13,7 +13,7 @@ from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.shared import Prefer
 from humanoid_getup.studio.plain_text import make_block
-from humanoid_getup.studio.rise_take import make_rise_take
+from humanoid_getup.studio.takes.rise_take import make_rise_take
 from robots import Posture
 from robots.description.posture_file import format_posture
 from robots.kinematics import read_posture
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.get_up.results import FinishedRise
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.take import Take
+    from humanoid_getup.studio.takes.take import Take
 
 OWN, THE_PLAN, NOTHING = "the robot's own", "the plan", "nothing"
 NO_RISES: tuple[str, ...] = (NOTHING,)

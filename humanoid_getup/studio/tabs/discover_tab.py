@@ -21,11 +21,11 @@ from humanoid_getup.motions.motion_database import (
     list_sides,
 )
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.board_switch import BoardSwitch
+from humanoid_getup.studio.boards.board_switch import BoardSwitch
+from humanoid_getup.studio.boards.state_board import StateBoard
+from humanoid_getup.studio.boards.state_colors import color_by_moves, color_by_side
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.state_board import StateBoard
-from humanoid_getup.studio.state_colors import color_by_moves, color_by_side
-from humanoid_getup.studio.way_take import make_motion_take, make_way_take, place_way
+from humanoid_getup.studio.takes.way_take import make_motion_take, make_way_take, place_way
 from robots.kinematics import place, read_posture
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from humanoid_getup.jobs.discover_motions import DiscoveredMotions
     from humanoid_getup.jobs.search_map import MappedState, SearchMap
-    from humanoid_getup.posture_chains.search_file import SearchOptions
+    from humanoid_getup.posture_chains.search_file import StoredOptions
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.page import Page
 
@@ -197,7 +197,7 @@ class DiscoverTab:
         self._state.content = escape(f"{known}.")
         self._draw()
 
-    def _take_options(self, options: SearchOptions) -> None:
+    def _take_options(self, options: StoredOptions) -> None:
         """Take over the options of the search, without which it cannot be resumed."""
         for side, box in self._sides.items():
             box.value = side in options.sides

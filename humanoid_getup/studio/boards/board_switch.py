@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from humanoid_getup.studio.board import Board
+from humanoid_getup.studio.boards.plot_board import PlotBoard
 from humanoid_getup.studio.page import Page
 
 
@@ -12,7 +12,7 @@ class BoardSwitch:
     """A checkbox that shows a board, hides the one that was shown, and turns the camera to it."""
 
     def __init__(
-        self, page: Page, label: str, board: Board, prepare: Callable[[], None] = lambda: None
+        self, page: Page, label: str, board: PlotBoard, prepare: Callable[[], None] = lambda: None
     ) -> None:
         """Add it where the caller is adding elements; ``prepare`` is called before it is shown."""
         self._page, self._board, self._prepare = page, board, prepare

@@ -1,4 +1,4 @@
-"""Board: a plot that stands upright in the scene behind the robot."""
+"""Plot board: a plot that stands upright in the scene behind the robot."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ FACING = math.atan2(-1.6, 1.9)  # direction in which the board faces, that of th
 CAMERA_DISTANCE, CAMERA_HEIGHT, CAMERA_AIM = 3.8, 2.0, 1.4
 
 
-class Board:
-    """Lines and labels in a frame of their own: x to the right, z up, y away from who looks at it.
+class PlotBoard:
+    """Lines and labels in a frame of their own: x to the right, z up, y away from the viewer.
 
     Places on it are in standing neck heights, from the middle of its lower edge on the ground.
     """

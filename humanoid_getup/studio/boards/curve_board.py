@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from humanoid_getup.studio.board import AXES, LEVEL, WIDTH, Board, join
+from humanoid_getup.studio.boards.plot_board import AXES, LEVEL, WIDTH, PlotBoard, join
 from humanoid_getup.style.curves import PLACES, POINTS, UPRIGHT_STAND, StyleCurves
 from humanoid_getup.style.style_editor import HIGHEST_VALUES, clip_value
 from robots.quaternion import Array
@@ -45,7 +45,7 @@ class PointDrag:
     """Whether the drag ends with it."""
 
 
-class CurveBoard(Board):
+class CurveBoard(PlotBoard):
     """Three plots, one above the other, whose control points move along their values.
 
     The lines of what a robot has followed lie over the curves.

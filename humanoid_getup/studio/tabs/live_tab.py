@@ -265,11 +265,11 @@ class LiveTab:
         gui.add_button("Rise").on_click(self._click_rise)
 
     def _read(self) -> None:
+        stops = self._stops
         self._check_idle()
         request = WatchRequest(**self._make_common())
-        self._begin(
-            self._page.run(watch, request, self._conclude_reading, over=self._unpin), self._stops
-        )
+        job = self._page.run(watch, request, self._conclude_reading, over=self._unpin)
+        self._begin(job, stops)
 
     async def _click_rise(self, _: object) -> None:
         """Begin a rise, unless STOP is pressed while it waits for other callbacks."""

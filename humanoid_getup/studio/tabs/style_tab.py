@@ -24,12 +24,12 @@ from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RunRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
-from humanoid_getup.studio.board_switch import BoardSwitch
-from humanoid_getup.studio.curve_board import CurveBoard, PointDrag
+from humanoid_getup.studio.boards.board_switch import BoardSwitch
+from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.folders import containing
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.rollout_take import make_take
+from humanoid_getup.studio.takes.rollout_take import make_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.edits import rise_time
 from humanoid_getup.style.features import mirror_features

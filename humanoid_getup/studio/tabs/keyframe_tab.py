@@ -15,8 +15,8 @@ from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.key_list import KeyList
 from humanoid_getup.studio.key_store import KeyStore
-from humanoid_getup.studio.keyframe_take import locate_key, make_take
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.takes.keyframe_take import locate_key, make_take
 
 ENDS: tuple[EndClass, ...] = get_args(EndClass)
 SQUAT = (40, 100, 75)  # % of the neck's height in the stance: least, greatest, first

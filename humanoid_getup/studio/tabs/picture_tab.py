@@ -1,4 +1,4 @@
-"""Recorder: saves what a browser shows, as a picture, or as a video of the take."""
+"""Picture tab: saves what a browser shows, as a picture, or as a video of the take."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     import viser
 
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.take import Take
+    from humanoid_getup.studio.takes.take import Take
 
 MOST_PIXELS = 1280  # in a row
-PATIENCE = 30.0  # s for a browser to draw a picture
+TIMEOUT = 30.0  # s for a browser to draw a picture
 FORMATS = ("mp4", "gif")
 LONGEST = 60.0  # s; a GIF is kept in memory until it is written
 
@@ -36,7 +36,7 @@ class Filming:
     path: Path
 
 
-class Recorder:
+class PictureTab:
     """Elements that save pictures and videos, as seen by the browser in which they are pressed."""
 
     def __init__(self, page: Page) -> None:
@@ -113,7 +113,7 @@ class Recorder:
             self._page.say(f"Draws picture {number} of {len(times)} …")
             drawn = timeline.pictures
             timeline.scrub(min(float(time), take.duration))
-            if not timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, PATIENCE):
+            if not timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, TIMEOUT):
                 raise BadInputError("the page does not draw, so no video was saved")
             if timeline.take is not take:
                 raise BadInputError("the timeline shows something else now, so no video was saved")
@@ -133,4 +133,4 @@ class Camera:
 
     def draw(self) -> np.ndarray:
         """Let the browser draw the scene as it shows it, (height, width, 3), both even."""
-        return self._client.get_render(self._height, self._width, timeout=PATIENCE)
+        return self._client.get_render(self._height, self._width, timeout=TIMEOUT)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from humanoid_getup.experiments.judging.standing import MIN_NECK_SHARE
-from humanoid_getup.studio.rise_take import place_motion
-from humanoid_getup.studio.take import Mark, Plot, Take
+from humanoid_getup.studio.takes.rise_take import place_motion
+from humanoid_getup.studio.takes.take import Mark, Plot, Take
 from robots import quaternion
 from robots.kinematics import place_postures
 from robots.quaternion import Array

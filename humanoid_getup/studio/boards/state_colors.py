@@ -1,4 +1,4 @@
-"""State colors: what tells the states of a search apart on their map, and the key to it."""
+"""State colors: the colors of a search's states on their map, and the key to them."""
 
 from __future__ import annotations
 

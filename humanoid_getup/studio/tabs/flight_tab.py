@@ -20,7 +20,7 @@ from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block, make_table
-from humanoid_getup.studio.take import Mark, Plot, Take
+from humanoid_getup.studio.takes.take import Mark, Plot, Take
 from robots.kinematics import transfer_positions
 
 SUFFIX = ".mcap"

@@ -9,8 +9,8 @@ import numpy as np
 
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.rise_take import describe_loads, plot_attitude, plot_loads
-from humanoid_getup.studio.take import Mark, Take
+from humanoid_getup.studio.takes.rise_take import describe_loads, plot_attitude, plot_loads
+from humanoid_getup.studio.takes.take import Mark, Take
 from robots import Posture
 from robots.kinematics import place_postures, read_posture
 

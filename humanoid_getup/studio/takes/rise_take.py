@@ -11,7 +11,7 @@ from humanoid_getup.experiments.judging.torque import find_available
 from humanoid_getup.playback.motion_player import find_approach_time
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.strategies.plan import MotionPlan
-from humanoid_getup.studio.take import Mark, Plot, Take
+from humanoid_getup.studio.takes.take import Mark, Plot, Take
 from robots import Robot, quaternion
 from robots.kinematics import place_postures, read_posture
 from robots.quaternion import Array

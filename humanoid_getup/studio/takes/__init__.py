@@ -1,0 +1,1 @@
+"""Takes: what the timeline can scrub through, and how results become one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, UnsetType, convert
 
 from drivers import Twin
 from humanoid_getup.benchmarks.bench_result import (
@@ -20,6 +20,7 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, summarize
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -34,12 +35,26 @@ Report = Callable[[MeasuredRise], None]
 
 
 def bench_rise(
-    strategy: PlannedRise, *, seed: int, each: int = 20, report: Report = lambda _: None
+    strategy: PlannedRise,
+    *,
+    seed: int,
+    each: int = 20,
+    report: Report = lambda _: None,
+    ledger: Ledger | None = None,
 ) -> RiseBench:
-    """Rise by plans from ``each`` settled falls of every class on the twin."""
+    """Rise by plans from ``each`` settled falls of every class on the twin.
+
+    Args:
+        strategy: Plans the rises.
+        seed: Seed of the falls and the plans.
+        each: Falls of each class.
+        report: Called after each rise.
+        ledger: Keeps every rise; those that it holds already are not repeated.
+    """
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
-    rises = rise_all(strategy, falls, seed, report, preflight=strategy.options.filtering)
+    preflight = strategy.options.filtering
+    rises = rise_all(strategy, falls, seed, report, preflight=preflight, ledger=ledger)
     return RiseBench(
         name="rise",
         seed=seed,
@@ -120,17 +135,26 @@ def rise_all(
     classes: Sequence[str] = BENCH_CLASSES,
     preflight: bool = True,
     way: str | UnsetType = UNSET,
+    ledger: Ledger | None = None,
 ) -> list[MeasuredRise]:
     """Rise from every fall on a fresh twin, by a method that may have a name.
 
-    The falls are in the order of the classes, as many of each.
+    The falls are in the order of the classes, as many of each. Rises that the ledger holds are
+    taken from it.
     """
     rises = list[MeasuredRise]()
     for number, fall in enumerate(falls):
-        rise = rise_from(strategy, fall, number, seed, preflight=preflight)
-        bench_class = classes[number * len(classes) // len(falls)]
-        rises.append(MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way))
-        report(rises[-1])
+        name = str(number)
+        if ledger is not None and name in ledger.done:
+            measured = convert(ledger.done[name], MeasuredRise)
+        else:
+            rise = rise_from(strategy, fall, number, seed, preflight=preflight)
+            bench_class = classes[number * len(classes) // len(falls)]
+            measured = MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way)
+            if ledger is not None:
+                ledger.add(name, measured)
+        rises.append(measured)
+        report(measured)
     return rises
 
 

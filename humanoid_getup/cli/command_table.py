@@ -125,7 +125,7 @@ COMMANDS = {
         json=True,
     ),
     "bench rise": TableEntry(
-        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench", json=True
+        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench_rise", json=True
     ),
     "bench methods": TableEntry(
         "Compare plans and policies.",

@@ -44,8 +44,10 @@ from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.track_record import PLAN
@@ -60,7 +62,7 @@ def benchmark(
     Raises:
         BadInputError: if something that it names cannot be used.
         CancelledError: if ``cancel`` ended it; `BenchAll` and `BenchBodies` keep the parts that
-            were finished.
+            were finished, `BenchRise` keeps the rises in its ledger.
     """
     if isinstance(request, BenchAll):
         result = measure_robot(request, report, cancel)
@@ -92,8 +94,33 @@ def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> BenchHead:
             assistance=request.assistance,
         ),
     )
+    with refusing():
+        ledger = _open_ledger(request, planner)
+    if ledger is not None and ledger.done:
+        monitor.tell(f"{len(ledger.done)} rises are finished")
     rises = len(rise.BENCH_CLASSES) * request.n
-    return _count(request, monitor, rise.bench_rise, planner, count=rises, of="rises")
+    bench = partial(rise.bench_rise, planner, ledger=ledger)
+    return _count(request, monitor, bench, count=rises, of="rises")
+
+
+def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
+    """Open the ledger of a request, if it names one.
+
+    Raises:
+        ValueError: if it is damaged, or that of another benchmark.
+    """
+    if request.ledger is None:
+        return None
+    recipe = {
+        "plans": compute_fingerprint(planner),
+        "torque_limit_nm": planner.torque_limit.value,
+        "limit_by": planner.torque_limit.by,
+        "prefer": planner.prefer,
+        "seed": request.seed,
+        "n": request.n,
+    }
+    start = Ledger.resume if request.resume else Ledger
+    return start(request.ledger, recipe)
 
 
 def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> BenchHead:

@@ -11,7 +11,7 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.benchmark import benchmark
-from humanoid_getup.jobs.requests.bench import BODIES_PAGE, PAGE, BenchAll, BenchBodies
+from humanoid_getup.jobs.requests.bench import BODIES_PAGE, PAGE, BenchAll, BenchBodies, BenchRise
 from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.run_parts import is_begun
 
@@ -78,6 +78,16 @@ def bench(command: JobRequest) -> int:
     with showing(command) as report:
         result = benchmark(command, report)
     return write_results(result, command)
+
+
+def bench_rise(command: BenchRise) -> int:
+    """Run or resume rises by plans, and print their main figures."""
+    with hinting_resume("bench rise", command, _has_rises):
+        return bench(command)
+
+
+def _has_rises(command: BenchRise) -> bool:
+    return command.ledger is not None and command.ledger.exists()
 
 
 def bench_all(command: BenchAll) -> int:

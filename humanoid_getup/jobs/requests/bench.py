@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.requests.files import READ, Written
+from humanoid_getup.jobs.requests.files import READ, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
@@ -112,6 +112,17 @@ class BenchRise(PreferenceOptions, FallsOptions):
     """Filter the path through physics; otherwise play it unfiltered."""
     assistance: Annotated[float, between(0.0, 1.0)] = 1.0
     """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
+    ledger: Annotated[Path | None, WRITTEN, arg(metavar="FILE")] = None
+    """File in which every finished rise is kept, for work of hours: --resume continues with it."""
+    resume: bool = False
+    """Keep the finished rises of the ledger; they must be of the same benchmark."""
+
+    def find_problems(self) -> list[str]:
+        """Report a benchmark that keeps nothing to resume as well."""
+        problems = super().find_problems()
+        if self.resume and self.ledger is None:
+            problems.append("--resume is given without --ledger, expected the file of the rises")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

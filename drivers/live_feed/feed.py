@@ -39,6 +39,7 @@ class LiveFeed:
         self._phase = ""
         self._newest: Cycle | None = None
         self._ended = threading.Event()
+        self._senders: list[threading.Thread] = []
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
 
     def show(self, cycle: Cycle) -> None:
@@ -64,6 +65,8 @@ class LiveFeed:
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         self.path.unlink(missing_ok=True)
+        for sender in self._senders:  # a program that ends now would cut the last cycle off
+            sender.join(2.0 * SLOWEST)
 
     def _accept(self) -> None:
         while not self._ended.is_set():
@@ -72,8 +75,10 @@ class LiveFeed:
             except OSError:  # closed
                 return
             connection.settimeout(SLOWEST)
-            for serve in (self._send, self._listen):
-                threading.Thread(target=serve, args=(connection,), daemon=True).start()
+            sender = threading.Thread(target=self._send, args=(connection,), daemon=True)
+            self._senders = [each for each in self._senders if each.is_alive()] + [sender]
+            sender.start()
+            threading.Thread(target=self._listen, args=(connection,), daemon=True).start()
 
     def _send(self, connection: socket.socket) -> None:
         """Send what is new, until the follower or the feed ends; the last cycle, too."""
@@ -83,8 +88,8 @@ class LiveFeed:
             is_over = False
             while not is_over:
                 is_over = self._ended.wait(PERIOD)
-                if not select.select([], [connection], [], 0.0)[1]:
-                    continue  # a slow follower misses samples, and keeps its stop
+                if not select.select([], [connection], [], SLOWEST if is_over else 0.0)[1]:
+                    continue  # a slow follower misses samples but the last, and keeps its stop
                 cycle, phase = self._newest, self._phase
                 if cycle is not None and (sent is None or sent[0] is not cycle or sent[1] != phase):
                     send_message(connection, LiveSample.of(cycle, phase))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recording_backend import still_state
+from waiting import wait_until
 
 from drivers import Command
 from drivers.control_loop import Cycle, Timing
@@ -20,6 +21,7 @@ from drivers.safety_limits import ClipCounts
 from robots import Robot
 
 PATIENCE = 60.0  # s; a wait ends with its event
+ENOUGH = 1000  # cycles that fill the buffer of a connection
 
 
 @pytest.fixture(autouse=True)
@@ -112,6 +114,37 @@ def test_the_last_cycle_is_seen_even_if_the_program_ends_with_it(
         feed.show(make_cycle(tiny, 7.0))
     assert samples.get(timeout=PATIENCE).time == 7.0
     follower.close()
+
+
+def go_on_once_closed(feed: LiveFeed, goes_on: threading.Event) -> None:
+    wait_until(lambda: not feed.path.exists())
+    goes_on.set()
+
+
+def test_the_last_cycle_reaches_a_follower_that_lags_behind(
+    tiny: Robot,
+    samples: "queue.Queue[LiveSample]",
+    stops: "queue.Queue[str]",
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr("drivers.live_feed.feed.PERIOD", 1e-3)
+    goes_on, received = threading.Event(), list[LiveSample]()
+
+    def lag(sample: LiveSample) -> None:
+        goes_on.wait()
+        received.append(sample)
+
+    with LiveFeed(tiny, stops.put) as feed:
+        followers = [LiveFollower(feed.path, each) for each in (samples.put, lag)]
+        for time in range(ENOUGH):
+            feed.show(make_cycle(tiny, time))
+            assert samples.get(timeout=PATIENCE).time == time
+        feed.show(make_cycle(tiny, ENOUGH))
+        threading.Thread(target=go_on_once_closed, args=(feed, goes_on)).start()
+    for follower in followers:
+        follower.close()
+    assert len(received) < ENOUGH
+    assert received[-1].time == ENOUGH
 
 
 def test_the_end_of_the_program_ends_the_feed(

@@ -1,3 +1,5 @@
+import os
+import signal
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +23,14 @@ def test_stop_in_a_live_rise_on_the_virtual_bus_switches_torque_off(browser: "Br
         window.fall("prone")
         window.open_tab("Live")
         window.click("Rise")
-        window.see("playing")
         live = studio.tabs["Live"]
         wait_until(lambda: live.last is not None and not live.last.is_limp)
+        (job,) = studio.page.jobs
+        os.kill(job.pid, signal.SIGSTOP)  # a slow browser must not miss the end of the rise
+        window.see("playing")
         window.open_tab("Pose")
         window.click("STOP the robot")
+        os.kill(job.pid, signal.SIGCONT)
         window.open_tab("Live")
         window.see("torque off")
         window.see("stopped from the live page")

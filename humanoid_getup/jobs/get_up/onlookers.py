@@ -12,6 +12,7 @@ from typing import Protocol
 import mujoco
 
 from drivers import Cycle, SafetyGuard, Twin
+from drivers.control_loop import Pacer
 from drivers.live_feed.feed import LiveFeed
 from drivers.twin.simulation import Simulation
 from humanoid_getup.jobs.backends import BackendChoice
@@ -23,7 +24,7 @@ VIEW_PERIOD = 1.0 / 60.0  # s between two pictures in the viewer
 
 
 class Onlooker(Protocol):
-    """Sees every control cycle, and returns at once."""
+    """Sees every control cycle, and does not delay that of a real robot."""
 
     def show(self, cycle: Cycle, /) -> None:
         """Show a cycle."""
@@ -51,6 +52,8 @@ def inviting(
             viewer = _Viewer(_find_simulation(choice))
             opened.callback(viewer.close)
             onlookers.append(viewer)
+        if onlookers and not choice.realtime:
+            onlookers.append(_Brake(guard.period))
         yield onlookers
 
 
@@ -64,6 +67,19 @@ def begin_showing(onlookers: Sequence[Onlooker], phase: str) -> Callable[[Cycle]
             onlooker.show(cycle)
 
     return show
+
+
+class _Brake:
+    """Holds a simulation that is looked at back to real time."""
+
+    def __init__(self, period: float) -> None:
+        self._pacer = Pacer(period)
+
+    def show(self, _cycle: Cycle) -> None:
+        self._pacer.wait()
+
+    def note(self, _phase: str) -> None:
+        pass
 
 
 class _Viewer:

@@ -12,9 +12,10 @@ class OnlookerOptions(BackendOptions):
     """Onlookers of a robot besides the command."""
 
     view: bool = False
-    """Show a simulated robot in MuJoCo's own viewer while it moves; best with --realtime."""
+    """Show a simulated robot in MuJoCo's own viewer while it moves, no faster than in real time."""
     live: bool = False
-    """Let other programs of this user follow it, and stop it: the Live tab of `getup studio`."""
+    """Let other programs of this user follow it, and stop it: the Live tab of `getup studio`. A
+    simulated robot moves no faster than in real time."""
 
     def find_problems(self) -> list[str]:
         """Report a viewer of a real robot as well."""

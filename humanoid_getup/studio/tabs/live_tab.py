@@ -188,7 +188,7 @@ class LiveTab:
         if self._last is not None:
             self._show(self._last)
         self._imu.visible = self._gyro.visible = False
-        self._numbers.content = f"The feed has ended.\n\n{self._numbers.content}"
+        self._numbers.content = f"The feed has ended. Its last cycle:\n\n{self._numbers.content}"
 
     def _show(self, sample: LiveSample) -> None:
         """Show a sample: the robot, and from time to time its numbers."""
@@ -247,7 +247,7 @@ class LiveTab:
             )
         else:
             robot = "Servos on a virtual bus" if self._page.world.robot.bus else "The twin"
-            gui.add_markdown(f"{robot}, in simulated time, from the posture of the page.")
+            gui.add_markdown(f"{robot}, from the posture of the page, no faster than in real time.")
         gui.add_button("Read").on_click(self._page.answer(self._read))
         self._add_rise(gui)
         gui.add_button("Cancel").on_click(lambda _: self._cancel())

@@ -2,6 +2,7 @@
 
 import queue
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -181,6 +182,18 @@ def test_a_limp_robot_is_followed_and_a_stop_ends_it_without_a_fault(
     assert sample.phase == "watching"
     assert list_feeds() == []
     followers[0].close()
+
+
+def test_a_simulation_that_is_looked_at_is_no_faster_than_real_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    begun = list[float]()
+    done = watch(
+        WatchRequest(robot=str(TINY), live=True, seconds=0.5),
+        begin=lambda _: begun.append(time.monotonic()),
+    )
+    assert time.monotonic() - begun[0] >= done.watched_s > 0.4
 
 
 def test_a_fault_ends_it_and_is_one(tiny: Robot, monkeypatch: pytest.MonkeyPatch):

@@ -22,7 +22,8 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.execution.get_up import get_up

@@ -15,6 +15,7 @@
 """
 
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 
 __all__ = ["TimeMode", "VirtualPorts", "VirtualRobot"]

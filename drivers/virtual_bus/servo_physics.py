@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -11,16 +12,59 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured
-from drivers.virtual_bus.devices.servo import MotorCommand, VirtualServo
+from drivers.virtual_bus.devices.servo import MotorCommand
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array
 from robots.servo import PWM_FULL_SCALE
 
 BY_CURRENT = OperatingMode.CURRENT_BASED_POSITION
+REST_SPEED = 0.01  # m/s and rad/s, of a robot that lies still
+REST_TIME = 0.5  # s without torque and motion after which it is simulated no further
 CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
+
+
+class Motor(Protocol):
+    """What physics drives and moves of a servo."""
+
+    @property
+    def id(self) -> int:
+        """Return its id."""
+        ...
+
+    @property
+    def has_profile(self) -> bool:
+        """Return whether a profile is being executed."""
+        ...
+
+    def motor_command(self) -> MotorCommand:
+        """Return the present command; the same object until it changes."""
+        ...
+
+    def sense(self, measured: Measured) -> None:
+        """Measure."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Advance to a bus time [s]."""
+        ...
+
+
+class BoardSensors(Protocol):
+    """What physics moves of a board."""
+
+    def sense_voltage(self, voltage: float) -> None:
+        """Measure the supply [V]."""
+        ...
+
+    def sense_body(self, gyro: Array, accelerometer: Array) -> None:
+        """Measure rates [rad/s] and forces [m/s²] in the axes of the IMU site, (3,) each."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Advance to a bus time [s]."""
+        ...
 
 
 class ServoPhysics:
@@ -36,14 +80,22 @@ class ServoPhysics:
     def __init__(
         self,
         simulation: Simulation,
-        servos: Sequence[VirtualServo],
-        board: VirtualBoard | None = None,
+        servos: Sequence[Motor],
+        board: BoardSensors | None = None,
+        *,
+        rests: bool = False,
     ) -> None:
-        """Couple a simulation to servos, in the robot's joint order, and to a board with an IMU."""
+        """Couple a simulation to servos, in the robot's joint order, and to a board with an IMU.
+
+        ``rests`` says whether a robot that lies still without torque is simulated no further until
+        torque comes on: its sensors go on.
+        """
         self.simulation = simulation
         self.time = 0.0
         """Bus time [s]; unlike the simulation's clock it is never reset."""
-        self._servos, self._board = list(servos), board
+        self.motors = tuple(servos)
+        """Its servos, in the order of the joints."""
+        self._board = board
         robot = simulation.robot
         joints = robot.joints
         self._units = ServoUnits(robot)
@@ -51,20 +103,25 @@ class ServoPhysics:
         self._models = [joint.servo.model for joint in joints]
         self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
+        self._rests, self._still_for = rests, 0.0
         self._steps_since_sensing = 0
         self._driven: tuple[Array, Drive] | None = None
         self._last_commands: list[MotorCommand] = []
-        self.on_advance: list[Callable[[], None]] = []
-        """Called after each run of physics steps, in the thread that advances time."""
+        self.on_sense: list[Callable[[], None]] = []
+        """Called whenever the sensors were updated, as after each run of physics steps."""
         self._sense()
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Return whether the robot lies still without torque, and is simulated no further."""
+        return self._rests and self._still_for >= REST_TIME
+
     def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off; the bus time is kept."""
+        """Place the robot at rest, cool; the bus time is kept."""
         with self._lock:
             self.simulation.place(posture)
-            for servo in self._servos:
-                servo.poke("torque_enable", 0)
             self._steps_since_sensing = 0
+            self._still_for = 0.0
             self._sense()
 
     def pass_period(self) -> None:
@@ -82,7 +139,7 @@ class ServoPhysics:
     def heat(self, servo_id: int, temperature: float) -> None:
         """Set the temperature of a servo [°C]; raises ValueError if there is no such servo."""
         with self._lock:
-            joint = [servo.id for servo in self._servos].index(servo_id)
+            joint = [servo.id for servo in self.motors].index(servo_id)
             self.simulation.temperature[joint] = temperature
             self._sense()
 
@@ -95,28 +152,38 @@ class ServoPhysics:
     def _run_steps(self, left: int, step: float) -> int:
         """Run as many steps as need no new motor commands or sensor update; return how many."""
         simulation = self.simulation
-        commands = [servo.motor_command() for servo in self._servos]
+        commands = [servo.motor_command() for servo in self.motors]
         plain = all(not d.torque_on or d.mode in POSITION_MODES for d in commands)
-        moving = not plain or any(servo.has_profile for servo in self._servos)
+        moving = not plain or any(servo.has_profile for servo in self.motors)
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
         if moving or self._driven is None or not _are_the_same(commands, self._last_commands):
             self._driven, self._last_commands = self._convert(commands, step), commands
         simulation.drive(*self._driven)
-        simulation.step(steps)
+        self._note_rest(commands, steps * step)
+        if not self.is_at_rest:
+            simulation.step(steps)
         self.time += steps * step
         self._steps_since_sensing += steps
         if self._steps_since_sensing == simulation.steps_per_period:
             simulation.update_sensors(simulation.period)
             self._steps_since_sensing = 0
-        for servo in self._servos:
+        for servo in self.motors:
             servo.advance(self.time)
         if self._board is not None:
             self._board.advance(self.time)
         self._sense()
-        for callback in self.on_advance:
-            callback()
         return steps
+
+    def _note_rest(self, commands: list[MotorCommand], duration: float) -> None:
+        """Count for how long [s] the robot has been limp and still."""
+        if not self._rests:
+            return
+        speeds = self.simulation.data.qvel
+        if any(command.torque_on for command in commands) or abs(speeds).max() > REST_SPEED:
+            self._still_for = 0.0
+        else:
+            self._still_for += duration
 
     def _convert(self, commands: list[MotorCommand], step: float) -> tuple[Array, Drive]:
         """Return the joint targets [rad], (n,), and the gains and limits of the position loops."""
@@ -178,12 +245,14 @@ class ServoPhysics:
         current = self._sign * simulation.joint_current
         share = self._sign * simulation.pwm_share
         columns = (ticks, velocity, current, share, simulation.temperature)
-        for servo, row in zip(self._servos, np.column_stack(columns).tolist(), strict=True):
+        for servo, row in zip(self.motors, np.column_stack(columns).tolist(), strict=True):
             position, speed, amperes, pwm, degrees = row
             servo.sense(Measured(position, speed, amperes, pwm, simulation.voltage, degrees))
         if self._board is not None:
             self._board.sense_voltage(simulation.voltage)
             self._board.sense_body(simulation.imu.gyro, simulation.imu.accelerometer)
+        for callback in self.on_sense:
+            callback()
 
 
 def _are_the_same(commands: list[MotorCommand], others: list[MotorCommand]) -> bool:

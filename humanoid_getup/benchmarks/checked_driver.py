@@ -11,7 +11,8 @@ import numpy as np
 from drivers import Command, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.servo_units import ServoUnits
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.quaternion import Array
 from robots.servo import RAD_PER_TICK
 
@@ -38,7 +39,7 @@ class ServoTrace:
         self._virtual = virtual
         self._units = ServoUnits(virtual.robot)
         self.snapshots: list[ServoSnapshot] = []
-        virtual.physics.on_advance.append(self._record)
+        virtual.physics.on_sense.append(self._record)
 
     def _record(self) -> None:
         drives = [servo.motor_command() for servo in self._virtual.servos]

@@ -22,7 +22,8 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.benchmarks.checked_driver import CheckedDriver, ServoTrace
 from humanoid_getup.experiments.judging.summary import Quantiles, summarize

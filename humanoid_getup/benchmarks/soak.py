@@ -19,7 +19,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions

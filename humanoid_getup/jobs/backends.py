@@ -12,8 +12,8 @@ from drivers import Backend, Twin
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
 from humanoid_getup.jobs.inputs import name_ports
 from humanoid_getup.jobs.requests.backend import BackendOptions
 from humanoid_getup.simulation.world import World
@@ -53,10 +53,9 @@ def open_backend(
             pass
         yield BackendChoice(backend=driver, realtime=realtime)
         return
-    virtual = VirtualRobot(Simulation(world))
+    simulation, rng = Simulation(world), np.random.default_rng(request.seed)
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
-    rng = np.random.default_rng(request.seed)
-    with VirtualPorts(virtual, time_mode=time_mode, options=PortOptions(rng=rng)) as served:
+    with serve_robot(simulation, time_mode=time_mode, options=PortOptions(rng=rng)) as served:
         driver = DynamixelBackend(
             robot,
             served.paths,
@@ -68,8 +67,5 @@ def open_backend(
         with driver:  # switches servo power on, as on a robot that was used before
             pass
         yield BackendChoice(
-            backend=driver,
-            realtime=realtime,
-            simulation=virtual.simulation,
-            place=lambda posture: served.main.call(lambda: virtual.place(posture)),
+            backend=driver, realtime=realtime, simulation=simulation, place=served.place
         )

@@ -13,7 +13,8 @@ from drivers.errors import CommandError, NotConnectedError
 from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot
 
 NO_LOAD_SPEED = 4.82  # rad/s, of the XM430-W350

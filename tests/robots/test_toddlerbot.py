@@ -14,7 +14,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, MAX_TILT, is_upright
 from humanoid_getup.experiments.rollouts.play import play

@@ -30,8 +30,11 @@ class PortLinkError(SetupError):
     """The link to a virtual port cannot be created."""
 
     def __init__(self, link: Path, reason: str) -> None:
-        super().__init__(f"virtual port {link}: {reason}")
-        self.link = link
+        super().__init__(link, reason)  # what it is made of again in another process
+        self.link, self.reason = link, reason
+
+    def __str__(self) -> str:
+        return f"virtual port {self.link}: {self.reason}"
 
 
 class PseudoTerminal:

@@ -8,40 +8,44 @@ import threading
 import numpy as np
 
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_devices import VirtualDevices
 from humanoid_getup.cli.options.hardware import ServeBus
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import find_start, load_world
 
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
+LATE = 0.5  # s by which physics falls behind before that is said, again and again
 
 
 def serve_bus(command: ServeBus) -> int:
     """Serve until stopped."""
     world = load_world(command)
+    devices = VirtualDevices(world.robot, powered=command.powered)
     rng = np.random.default_rng(command.seed)
-    simulation = Simulation(world, voltage=command.voltage)
-    robot = VirtualRobot(simulation, powered=command.powered)
-    ids = [servo.id for servo in robot.servos]
+    ids = [servo.id for servo in devices.servos]
     schedule = FaultSchedule.from_file(command.faults, ids) if command.faults else None
-    robot.place(find_start(world, command.origin, rng).posture)
-    time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
+    print(f"getup: {world.robot.name} falls and settles", file=sys.stderr)
     options = PortOptions(
         link=command.link, adapter_latency=command.latency, schedule=schedule, rng=rng
     )
-    ports = VirtualPorts(robot, time_mode=time_mode, options=options)
-    with ports:
-        for path in ports.paths.values():
+    simulation = Simulation(world, voltage=command.voltage)
+    time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
+    with serve_robot(
+        simulation, time_mode=time_mode, options=options, powered=command.powered
+    ) as served:
+        served.place(find_start(world, command.origin, rng).posture)
+        for path in served.paths.values():
             print(path, flush=True)
-        print(describe(robot), file=sys.stderr)
-        _serve(ports)
+        print(describe(devices), file=sys.stderr)
+        _wait(served)
     return DID_IT
 
 
-def describe(robot: VirtualRobot) -> str:
+def describe(robot: VirtualDevices) -> str:
     """Compose the banner: rate, and how the servos get power."""
     text = f"getup: {robot.robot.name} on a virtual bus at {robot.bus.baud} bit/s, Ctrl-C ends it"
     imu = robot.robot.imu
@@ -61,12 +65,19 @@ def describe(robot: VirtualRobot) -> str:
     )
 
 
-def _serve(ports: VirtualPorts) -> None:
-    """Wait for an interrupt, or for a bus that ends by itself."""
-    never = threading.Event()
+def _wait(served: ServedRobot) -> None:
+    """Wait for an interrupt, or for a bus that ends by itself; say when physics is late."""
+    never, said = threading.Event(), 0.0
     try:
-        while all(bus.running for bus in ports.buses.values()):
+        while served.running:
             never.wait(CHECK_PERIOD)
+            if served.behind > said + LATE:
+                said = served.behind
+                print(
+                    f"getup: physics is {said:.1f} s behind the clock: this computer has too "
+                    "little time for it",
+                    file=sys.stderr,
+                )
     except KeyboardInterrupt:
         return
     raise BadInputError("the virtual bus stopped unexpectedly")

@@ -24,7 +24,8 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.servo import RAD_PER_TICK
 
 GOAL, TORQUE, PWM, WATCHDOG = 116, 64, 100, 98

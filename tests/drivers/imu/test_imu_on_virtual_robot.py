@@ -20,7 +20,8 @@ from drivers.errors import SetupError
 from drivers.safety_guard import FaultKind
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.cli.main import main
 from robots import BoardSettings, Posture, Robot, load_robot, quaternion
 from robots.kinematics import torso_orientation

@@ -16,7 +16,8 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import NoBusError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Posture, Robot, load_robot
 from robots.servo import RAD_PER_TICK, LimitMode
 

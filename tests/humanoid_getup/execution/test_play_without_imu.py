@@ -12,7 +12,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.errors import NoImuError, SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions

@@ -16,7 +16,8 @@ from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_robot import VirtualPorts, VirtualRobot
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import AttemptStatus, RiseResult

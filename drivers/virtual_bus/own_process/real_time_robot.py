@@ -1,0 +1,234 @@
+"""A virtual robot in real time, whose wire is in a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import socket
+import subprocess
+import sys
+import threading
+from multiprocessing.connection import Connection
+from time import monotonic
+from typing import Any
+
+from drivers.dynamixel.robot_bus import find_bus
+from drivers.errors import DriverError
+from drivers.imu.build import build_i2c_source
+from drivers.imu.source import ImuSource
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.imu.build import build_virtual_imu
+from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
+from drivers.virtual_bus.own_process.messages import (
+    Count,
+    PhysicsRequest,
+    Statistics,
+    TorqueOff,
+    WireSetup,
+)
+from drivers.virtual_bus.own_process.remote_devices import RemoteDevices
+from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
+from drivers.virtual_bus.servo_physics import ServoPhysics
+from robots import Posture
+from robots.imu import SensorAxes
+
+LONGEST_START = 60.0  # s
+LONGEST_REPLY = 10.0  # s
+LONGEST_CATCH_UP = 0.02  # s of physics at once; what is older is lost
+ENDED = None
+"""Reply of a process that has ended."""
+SERVER = "drivers.virtual_bus.own_process.wire_server"
+
+
+class RealTimeRobot:
+    """A virtual robot on serial ports that keep time, inside a ``with`` block.
+
+    Its ports are served by a process of their own, its physics by a thread of this one: replies
+    come in time however long this process computes. Motors and sensors are those of the newest
+    physics step. Physics that is late falls behind the clock instead of hurrying after it, and
+    `behind` says by how much.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        powered: bool = False,
+        options: PortOptions | None = None,
+        quirks: Quirks | None = None,
+    ) -> None:
+        """Prepare to serve a simulated robot; the parameters are those of `VirtualPorts`.
+
+        Raises:
+            SetupError: if the robot has no bus, or servos that cannot be driven.
+        """
+        robot = simulation.robot
+        find_bus(robot)
+        self.simulation = simulation
+        self._paths = dict[str, str]()
+        self._setup = WireSetup(
+            robot=robot, options=options or PortOptions(), powered=powered, quirks=quirks
+        )
+        self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
+        self._chip: VirtualI2cChip | None = None
+        self._late = 0.0
+        self.physics = ServoPhysics(
+            simulation, self._devices.servos, self._devices.board, rests=True
+        )
+        self._connect_imu()
+        self.physics.on_sense.append(self._devices.publish)
+        self._replies = queue.Queue[Any]()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="virtual robot", daemon=True)
+
+    @property
+    def paths(self) -> dict[str, str]:
+        """Return the path of each port by its name in robot.toml, that of the IMU included.
+
+        Raises:
+            DriverError: if a port cannot be created.
+        """
+        if not self._paths:
+            answer = self._await_reply(LONGEST_START)
+            if isinstance(answer, DriverError):
+                raise answer
+            self._paths |= answer
+        return self._paths
+
+    @property
+    def behind(self) -> float:
+        """Return by how much physics has fallen behind the clock since the start [s]."""
+        return self._late
+
+    @property
+    def running(self) -> bool:
+        """Return whether its ports are served."""
+        return self._thread.is_alive() and self._process.poll() is None
+
+    @property
+    def imu(self) -> ImuSource | None:
+        """Return the source of a virtual IMU on I2C, which no other program can reach."""
+        settings = self.simulation.robot.imu
+        if self._chip is None or settings is None:
+            return None
+        return build_i2c_source(settings, self._chip)
+
+    @property
+    def statistics(self) -> Statistics:
+        """Return the counts of each port."""
+        return self._ask(Count())
+
+    def place(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off."""
+        self._ask(TorqueOff())
+        self._devices.receive()
+        self.physics.place(posture)
+
+    def kill(self) -> None:
+        """Kill the process of the wire, as a failing computer does."""
+        self._process.kill()
+
+    def __enter__(self) -> RealTimeRobot:
+        """Start the process; its ports are there when `paths` returns."""
+        ours, theirs = socket.socketpair()
+        devices = self._devices
+        shared = (devices.commands.descriptor, devices.measurements.descriptor, theirs.fileno())
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", SERVER, *map(str, shared)],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+            pass_fds=shared,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for this process, which ends it
+            stdout=subprocess.DEVNULL,
+        )
+        theirs.close()
+        self._connection = Connection(ours.detach())
+        self._connection.send(self._setup)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self._end_process()
+
+    def _end_process(self) -> None:
+        self._connection.close()  # which ends it
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(LONGEST_REPLY)
+        self._process.kill()
+        self._process.wait()
+        self._devices.close()
+
+    def _ask(self, question: object) -> Any:
+        """Send a question to the other process once it serves; return its reply."""
+        _ = self.paths
+        with contextlib.suppress(OSError):  # of a process that has ended: its last reply says so
+            self._connection.send(question)
+        return self._await_reply(LONGEST_REPLY)
+
+    def _await_reply(self, longest: float) -> Any:
+        """Wait for the next reply, some time [s] at most."""
+        try:
+            reply = self._replies.get(timeout=longest)
+        except queue.Empty:
+            raise VirtualBusError(f"the virtual bus does not answer within {longest:g} s") from None
+        if reply is ENDED:
+            raise VirtualBusError("the virtual bus stopped unexpectedly")
+        return reply
+
+    # Physics ------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        """Keep physics at the clock until the end."""
+        try:
+            self._keep_time()
+        finally:
+            self._replies.put(ENDED)
+
+    def _keep_time(self) -> None:
+        start = monotonic() - self.physics.time
+        while not self._stopping.is_set():
+            self._receive()
+            late = monotonic() - start - self.physics.time - LONGEST_CATCH_UP
+            if late > 0.0:
+                start += late
+                self._late += late
+            self._devices.receive()
+            self.physics.advance(monotonic() - start)
+            step = self.simulation.model.opt.timestep
+            pause = self.simulation.period if self.physics.is_at_rest else step
+            self._stopping.wait(max(start + self.physics.time + pause - monotonic(), 0.0))
+
+    def _receive(self) -> None:
+        """Take the messages of the other process."""
+        try:
+            while self._connection.poll():
+                message = self._connection.recv()
+                if isinstance(message, PhysicsRequest):
+                    getattr(self.physics, message.name)(*message.values)
+                else:
+                    self._replies.put(message)
+        except (EOFError, OSError):  # it has ended
+            self._stopping.set()
+
+    def _connect_imu(self) -> None:
+        """Measure with an IMU on a line of its own, here or in the other process."""
+        robot = self.simulation.robot
+        if robot.imu is None or robot.imu_kind == "board":
+            return
+        axes = SensorAxes.of(robot.imu.axes)
+        chip = None if robot.imu.is_serial else build_virtual_imu(robot.imu)
+        self._chip = chip if isinstance(chip, VirtualI2cChip) else None
+
+        def sense() -> None:
+            reading = ImuReading.of(self.simulation, axes, self.physics.time)
+            self._devices.imu = reading
+            if self._chip is not None:
+                self._chip.sense(reading)
+
+        self.simulation.on_sensor_update.append(sense)
+        sense()

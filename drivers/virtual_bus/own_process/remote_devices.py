@@ -1,0 +1,122 @@
+"""The side of the physics: motors and sensors of devices that are in another process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.dynamixel.control_table import OperatingMode
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import MotorCommand
+from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.own_process.rows import (
+    BodyReading,
+    Measurements,
+    count_commands,
+    count_measurements,
+    read_commands,
+)
+from drivers.virtual_bus.own_process.shared_rows import SharedRows
+from robots.quaternion import Array
+
+LIMP = MotorCommand(
+    torque_on=False,
+    mode=OperatingMode.POSITION,
+    target_ticks=0.0,
+    p_gain=0,
+    d_gain=0,
+    velocity_p_gain=0,
+    velocity_i_gain=0,
+    pwm_limit=0.0,
+    current_limit=0.0,
+    goal_current=0.0,
+    goal_velocity=0.0,
+    goal_pwm=0.0,
+)
+"""Command of a servo that has sent none yet."""
+
+
+class RemoteServo:
+    """Motor and sensors of a servo."""
+
+    def __init__(self, servo_id: int) -> None:
+        self.id = servo_id
+        self.measured = Measured()
+        self.has_profile = False
+        self._command = LIMP
+
+    def motor_command(self) -> MotorCommand:
+        """Return its newest command."""
+        return self._command
+
+    def receive(self, command: MotorCommand, has_profile: bool) -> None:
+        """Take the newest command; an equal one stays the same object."""
+        self.has_profile = has_profile
+        if command != self._command:
+            self._command = command
+
+    def sense(self, measured: Measured) -> None:
+        """Measure."""
+        self.measured = measured
+
+    def advance(self, now: float) -> None:
+        """Do nothing: its clock is in the other process."""
+
+
+class RemoteBoard:
+    """Sensors of a board."""
+
+    def __init__(self) -> None:
+        self._voltage, self._gyro, self._accelerometer = 0.0, np.zeros(3), np.zeros(3)
+
+    @property
+    def reading(self) -> BodyReading:
+        """Return what it measured last."""
+        return BodyReading(self._voltage, self._gyro, self._accelerometer)
+
+    def sense_voltage(self, voltage: float) -> None:
+        """Measure the supply [V]."""
+        self._voltage = voltage
+
+    def sense_body(self, gyro: Array, accelerometer: Array) -> None:
+        """Measure rates [rad/s] and forces [m/s²], (3,) each."""
+        self._gyro, self._accelerometer = gyro, accelerometer
+
+    def advance(self, now: float) -> None:
+        """Do nothing: its clock is in the other process."""
+
+
+class RemoteDevices:
+    """All devices of a robot, and the rows to and from them."""
+
+    def __init__(self, ids: Sequence[int]) -> None:
+        """Begin without torque."""
+        n = len(ids)
+        self.servos = [RemoteServo(each) for each in ids]
+        self.board = RemoteBoard()
+        self.imu: ImuReading | None = None
+        """What an IMU on a line of its own measured last; None without one."""
+        self.commands = SharedRows(count_commands(n))
+        self.measurements = SharedRows(count_measurements(n))
+        self._read = 0
+
+    def receive(self) -> None:
+        """Take the newest commands."""
+        row = self.commands.read(after=self._read)
+        if row is None:
+            return
+        self._read = row[0]
+        for servo, (command, has_profile) in zip(self.servos, read_commands(row[1]), strict=True):
+            servo.receive(command, has_profile)
+
+    def publish(self) -> None:
+        """Publish the newest measurements."""
+        measured = [servo.measured for servo in self.servos]
+        found = Measurements(servos=measured, board=self.board.reading, imu=self.imu)
+        self.measurements.publish(found.write())
+
+    def close(self) -> None:
+        """Close the descriptors."""
+        self.commands.close()
+        self.measurements.close()

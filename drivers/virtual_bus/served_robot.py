@@ -1,0 +1,87 @@
+"""A simulated robot behind serial ports, in real time or in lock-step with its client."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+from drivers.imu.source import ImuSource
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
+from drivers.virtual_bus.serving.server import PortOptions, TimeMode
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
+from robots import Posture
+
+
+class ServedRobot(Protocol):
+    """A robot whose ports are served."""
+
+    @property
+    def paths(self) -> dict[str, str]:
+        """Return the path of each port by its name in robot.toml, that of the IMU included."""
+        ...
+
+    @property
+    def imu(self) -> ImuSource | None:
+        """Return the source of a virtual IMU on I2C, which no other program can reach."""
+        ...
+
+    @property
+    def running(self) -> bool:
+        """Return whether its ports are served."""
+        ...
+
+    @property
+    def behind(self) -> float:
+        """Return by how much physics has fallen behind the clock since the start [s]."""
+        ...
+
+    def place(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off."""
+        ...
+
+
+def serve_robot(
+    simulation: Simulation,
+    *,
+    time_mode: TimeMode,
+    options: PortOptions | None = None,
+    powered: bool = False,
+) -> AbstractContextManager[ServedRobot]:
+    """Serve a simulated robot inside a ``with`` block.
+
+    Args:
+        simulation: The robot.
+        time_mode: How time advances.
+        options: Its ports, and what goes wrong there; None for the defaults.
+        powered: Whether servos have power from the start, not only once the board switches it.
+
+    Raises:
+        SetupError: if the robot has no bus, or servos that cannot be driven.
+    """
+    if time_mode is TimeMode.REAL_TIME:
+        return RealTimeRobot(simulation, powered=powered, options=options)
+    return LockStepRobot(VirtualRobot(simulation, powered=powered), options)
+
+
+class LockStepRobot(VirtualPorts):
+    """A virtual robot that waits for its client."""
+
+    def __init__(self, robot: VirtualRobot, options: PortOptions | None = None) -> None:
+        """Prepare its ports."""
+        super().__init__(robot, time_mode=TimeMode.LOCK_STEP, options=options)
+        self._virtual = robot
+
+    @property
+    def behind(self) -> float:
+        """Return 0: the clock waits for physics."""
+        return 0.0
+
+    def __enter__(self) -> LockStepRobot:
+        super().__enter__()
+        return self
+
+    def place(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off."""
+        self.main.call(lambda: self._virtual.place(posture))

@@ -1,0 +1,96 @@
+"""The devices of a virtual robot: its servos, its board, its IMU, and the chains they form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.dynamixel.robot_bus import find_bus
+from drivers.virtual_bus.devices.board import VirtualBoard
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.imu.build import AnyVirtualImu, build_virtual_imu
+from drivers.virtual_bus.serving.interfaces import Physics
+from robots import Robot
+
+FIRMWARE = 46
+
+
+class VirtualDevices:
+    """The devices of a robot; what is behind them moves them."""
+
+    physics: Physics
+    """The physics behind them, which a subclass connects."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        firmware: int = FIRMWARE,
+        powered: bool = False,
+        quirks: Quirks | None = None,
+    ) -> None:
+        """Build the devices of a robot.
+
+        Args:
+            robot: The robot.
+            firmware: Firmware version of all servos.
+            powered: Whether servos have power from the start, not only once the board switches it.
+            quirks: Device behavior that the manual leaves open; None for the defaults.
+
+        Raises:
+            SetupError: if the robot has no bus, or servos that cannot be driven.
+        """
+        self.robot = robot
+        self.quirks = quirks = quirks or Quirks()
+        self.bus = find_bus(robot)
+        self.servos = [
+            VirtualServo(
+                joint.servo.id,
+                joint.servo.model.name,
+                firmware=firmware,
+                baud=self.bus.baud,
+                quirks=quirks,
+                stall_current=joint.servo.model.stall_current,
+            )
+            for joint in robot.joints
+        ]
+        self.board = self._build_board(powered)
+        self.chains = {port: self._build_chain(port) for port in self.bus.ports}
+        self.imu: AnyVirtualImu | None = None
+        """The IMU, if it has a line of its own."""
+        self.on_imu_update: Callable[[], None] = lambda: None
+        """Called after each measurement of the IMU."""
+        if robot.imu is not None and robot.imu_kind != "board":
+            self.imu = build_virtual_imu(robot.imu)
+
+    def _build_board(self, powered: bool) -> VirtualBoard | None:
+        settings = self.bus.board
+        if settings is None:
+            return None
+        on_power = self._switch_power if settings.powers_servos else None
+        board = VirtualBoard(
+            settings.id,
+            baud=self.bus.baud,
+            on_power=on_power,
+            quirks=self.quirks,
+            settings=settings,
+        )
+        if powered:
+            board.poke("dynamixel_power", 1)
+        elif settings.powers_servos:
+            self._switch_power(False)
+        return board
+
+    def _switch_power(self, on: bool) -> None:
+        for servo in self.servos:
+            servo.powered = on
+
+    def _build_chain(self, port: str) -> Chain:
+        names = self.robot.joint_names
+        devices: list[VirtualServo | VirtualBoard] = [
+            self.servos[names.index(joint)] for joint in self.bus.ports[port]
+        ]
+        if self.board and self.bus.board and self.bus.board.port == port:
+            devices.append(self.board)
+        return Chain(devices, self.quirks)

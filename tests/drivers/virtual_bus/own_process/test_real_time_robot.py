@@ -1,0 +1,158 @@
+"""A virtual robot whose wire is in another process: it answers, moves, and ends with its parent."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import serial
+from paths import TINY
+from waiting import wait_until
+
+from drivers import Command
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.backend import DynamixelBackend
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.own_process.real_time_robot import LONGEST_CATCH_UP, RealTimeRobot
+from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
+from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
+from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
+from robots import ImuSettings, Robot
+from robots.imu import IMU_PORT
+
+BUS = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--robot", str(TINY), "--powered"]
+
+
+@pytest.fixture
+def served(tiny: Robot) -> Iterator[RealTimeRobot]:
+    with RealTimeRobot(Simulation(tiny), powered=True) as robot:
+        robot.place(tiny.standing)
+        yield robot
+
+
+def ping(robot: Robot, path: str) -> int:
+    """Ping the first servo; return the id that answers."""
+    assert robot.bus is not None
+    with serial.Serial(path, robot.bus.baud, timeout=10.0) as port:
+        port.write(protocol2.ping(robot.joints[0].servo.id))
+        return port.read(14)[4]
+
+
+def test_a_client_measures_and_moves_what_is_simulated_here(tiny: Robot, served: RealTimeRobot):
+    goal = tiny.standing.joint_pos + 0.2
+    with DynamixelBackend(tiny, served.paths) as driver:
+        wait_until(lambda: driver.read().joint_pos == pytest.approx(tiny.standing.joint_pos, 0.01))
+
+        def has_arrived() -> bool:
+            driver.write(Command.position(tiny, goal))
+            return driver.read().joint_pos == pytest.approx(goal, abs=0.05)
+
+        wait_until(has_arrived)
+        assert served.simulation.joint_pos == pytest.approx(goal, abs=0.06)
+    assert served.statistics["main"].packets > 0
+
+
+def test_a_robot_that_is_placed_is_limp(tiny: Robot, served: RealTimeRobot):
+    with DynamixelBackend(tiny, served.paths) as driver:
+        driver.read()
+        driver.write(Command.position(tiny, tiny.standing.joint_pos))
+        servos = served.physics.motors
+        wait_until(lambda: all(servo.motor_command().torque_on for servo in servos))
+        served.place(tiny.standing)
+        assert not any(servo.motor_command().torque_on for servo in servos)
+
+
+def test_an_answer_does_not_wait_for_physics_which_falls_behind(
+    tiny: Robot, served: RealTimeRobot, monkeypatch: pytest.MonkeyPatch
+):
+    step, goes_on, is_stuck = served.simulation.step, threading.Event(), threading.Event()
+
+    def stick(steps: int) -> None:
+        is_stuck.set()
+        goes_on.wait()
+        step(steps)
+
+    monkeypatch.setattr(served.simulation, "step", stick)
+    assert is_stuck.wait(60.0)
+    begun = time.monotonic()
+    assert ping(tiny, served.paths["main"]) == tiny.joints[0].servo.id
+    wait_until(lambda: time.monotonic() - begun > 5.0 * LONGEST_CATCH_UP)
+    before = served.behind
+    goes_on.set()
+    wait_until(lambda: served.behind > before)
+    assert served.behind >= 3.0 * LONGEST_CATCH_UP
+
+
+def test_a_limp_robot_that_lies_still_is_simulated_no_further_until_torque_is_on(
+    tiny: Robot, served: RealTimeRobot
+):
+    wait_until(lambda: served.physics.is_at_rest)
+    assert served.running
+    with DynamixelBackend(tiny, served.paths) as driver:
+        before = driver.read().time
+        assert driver.read().time >= before
+        driver.write(Command.position(tiny, tiny.standing.joint_pos))
+        wait_until(lambda: not served.physics.is_at_rest)
+
+
+def test_faults_of_a_schedule_reach_the_physics(tiny: Robot, tmp_path: Path):
+    file, first = tmp_path / "faults.toml", tiny.joints[0].servo.id
+    file.write_text(
+        f'[[fault]]\nat = 0.0\nkind = "heat"\nid = {first}\ntemperature = 61.0\n'
+        '[[fault]]\nat = 0.0\nkind = "sag"\nvoltage = 10.0\n'
+    )
+    schedule = FaultSchedule.from_file(file, [first])
+    simulation = Simulation(tiny)
+    with RealTimeRobot(simulation, options=PortOptions(schedule=schedule)) as robot:
+        wait_until(lambda: simulation.temperature[0] > 50.0)
+        wait_until(lambda: simulation.voltage < 10.5)
+        assert robot.running
+
+
+@pytest.mark.parametrize(
+    ("settings", "has_port"),
+    [
+        (ImuSettings(kind="bno08x"), True),
+        (ImuSettings(kind="bno055"), True),
+        (ImuSettings(kind="bno055", connection="i2c"), False),
+    ],
+)
+def test_an_imu_on_a_line_of_its_own_measures(tiny: Robot, settings: ImuSettings, has_port: bool):
+    robot = replace(tiny, imu=settings)
+    with RealTimeRobot(Simulation(robot), powered=True) as served:
+        assert (served.imu is None) == has_port
+        assert (IMU_PORT in served.paths) == has_port
+        with DynamixelBackend(robot, served.paths, imu=served.imu) as driver:
+            wait_until(lambda: driver.read().imu_age < 0.1)
+
+
+def test_a_port_that_cannot_be_created_is_refused(tiny: Robot, tmp_path: Path):
+    link = tmp_path / "port"
+    link.touch()
+    with (
+        RealTimeRobot(Simulation(tiny), options=PortOptions(link=link)) as robot,
+        pytest.raises(PortLinkError, match="a file is there"),
+    ):
+        robot.place(tiny.standing)
+
+
+def test_a_wire_that_died_is_noticed(tiny: Robot, served: RealTimeRobot):
+    served.kill()
+    wait_until(lambda: not served.running)
+    with pytest.raises(VirtualBusError, match="stopped unexpectedly"):
+        served.place(tiny.standing)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_the_wire_ends_with_the_program(tmp_path: Path, how: signal.Signals):
+    link = tmp_path / "port"
+    with subprocess.Popen([*BUS, "--link", str(link)], stdout=subprocess.PIPE) as bus:
+        assert bus.stdout is not None
+        assert bus.stdout.readline() == f"{link}\n".encode()
+        bus.send_signal(how)
+    wait_until(lambda: not link.is_symlink())

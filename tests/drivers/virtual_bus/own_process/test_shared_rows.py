@@ -1,0 +1,88 @@
+"""Rows that another process publishes: whole, in order, and never waited for."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.own_process.rows import (
+    BodyReading,
+    Measurements,
+    count_commands,
+    count_measurements,
+    read_commands,
+    write_commands,
+)
+from drivers.virtual_bus.own_process.shared_rows import SharedRows
+
+WIDTH, LAST = 200, 20_000
+WRITER = f"""
+import sys
+import numpy as np
+from drivers.virtual_bus.own_process.shared_rows import SharedRows
+rows = SharedRows({WIDTH}, int(sys.argv[1]))
+for number in range(1, {LAST} + 1):
+    rows.publish(np.full({WIDTH}, float(number)))
+"""
+
+
+def test_there_is_no_row_before_the_first_and_none_twice():
+    rows = SharedRows(3)
+    assert rows.read(after=0) is None
+    rows.publish(np.array([1.0, 2.0, 3.0]))
+    found = rows.read(after=0)
+    assert found is not None
+    number, row = found
+    assert row.tolist() == [1.0, 2.0, 3.0]
+    assert rows.read(after=number) is None
+    rows.close()
+
+
+def test_rows_of_another_process_are_whole_and_come_in_their_order():
+    rows, number, seen = SharedRows(WIDTH), 0, list[float]()
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(rows.descriptor)], pass_fds=(rows.descriptor,)
+    ) as writer:
+        while number < LAST:
+            if (found := rows.read(after=number)) is None:
+                assert writer.poll() in (None, 0)
+                continue
+            number, row = found
+            assert np.ptp(row) == 0.0
+            seen.append(row[0])
+    assert seen == sorted(set(seen))
+    assert seen[-1] == LAST
+    rows.close()
+
+
+def test_commands_of_motors_survive_a_row():
+    servos = [VirtualServo(1), VirtualServo(2, "XL430-W250")]
+    servos[0].poke("torque_enable", 1)
+    servos[0].poke("goal_position", 3000)
+    commands = [servo.motor_command() for servo in servos]
+    row = write_commands(commands, [True, False])
+    assert row.shape == (count_commands(2),)
+    assert read_commands(row) == [(commands[0], True), (commands[1], False)]
+
+
+@pytest.mark.parametrize("has_imu", [True, False])
+def test_measurements_survive_a_row(has_imu: bool):
+    rng = np.random.default_rng(0)
+    servos = [Measured(*rng.normal(size=6).tolist()) for _ in range(3)]
+    board = BodyReading(11.5, rng.normal(size=3), rng.normal(size=3))
+    imu = ImuReading(0.25, *(rng.normal(size=n) for n in (3, 3, 4))) if has_imu else None
+    row = Measurements(servos=servos, board=board, imu=imu).write()
+    assert row.shape == (count_measurements(3),)
+    found = Measurements.read(row)
+    assert found.servos == servos
+    assert found.board.voltage == board.voltage
+    assert np.array_equal(found.board.gyro, board.gyro)
+    assert np.array_equal(found.board.accelerometer, board.accelerometer)
+    assert (found.imu is not None) == has_imu
+    if imu is not None and found.imu is not None:
+        for name in ("time", "gyro", "accelerometer", "orientation"):
+            assert np.array_equal(getattr(found.imu, name), getattr(imu, name))

@@ -1,0 +1,263 @@
+"""Foreign clients, unmodified, at `getup bus`: what fails and how long it takes, idle and busy.
+
+    pip install dynamixel-sdk rustypot dynamixel-python
+    pip install --no-deps lerobot deepdiff orderly-set tqdm cachebox
+    python benchmarks/bus_clients.py --repeats 500 --json bus_clients.json
+
+An OP3 lies on a virtual bus in real time. One after another, each client pings a servo, reads one
+register of it, writes one, reads the positions of all servos and writes all goals, many times; a
+client that can scan scans once. All is done twice: on an idle computer, and beside one busy process
+a core. An operation that fails is not repeated. `--rises N` gets the robot up N times over the port
+beside the busy processes, too.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from json import dumps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import serial
+import tyro
+from bus_cycle import busy_processes, stub_learning_libraries
+
+from drivers.dynamixel import protocol2
+from robots import load_robot
+
+GETUP = (sys.executable, "-m", "humanoid_getup.cli.main")
+ROBOT = load_robot("op3")
+IDS = [joint.servo.id for joint in ROBOT.joints]
+FIRST, BOARD = IDS[0], 200
+BAUD = ROBOT.bus.baud if ROBOT.bus else 0  # bit/s
+LED, GOAL, POSITION = 65, 116, 132
+MIDDLE = 2048  # ticks
+PAUSE = 0.002  # s between two operations, in which the bus may do something else
+
+Operations = Mapping[str, Callable[[], object]]
+"""Operations by name; one that fails raises an exception, or returns False."""
+
+
+@contextmanager
+def bus(*options: str) -> Iterator[str]:
+    """Serve a virtual robot in another process; yield its path."""
+    command = [*GETUP, "bus", "--robot", "op3", "--powered", *options]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+        process.terminate()
+
+
+@contextmanager
+def bare_bytes(path: str) -> Iterator[Operations]:
+    """Send frames, and wait for all bytes of the replies."""
+    with serial.Serial(path, BAUD, timeout=0.1) as port:
+
+        def exchange(frame: bytes, size: int) -> bool:
+            port.reset_input_buffer()
+            port.write(frame)
+            return len(port.read(size)) == size
+
+        one, all_ = protocol2.Span(POSITION, 4), len(IDS) * 15
+        goals = protocol2.sync_write(GOAL, dict.fromkeys(IDS, MIDDLE.to_bytes(4, "little")))
+        yield {
+            "ping": lambda: exchange(protocol2.ping(FIRST), 14),
+            "read": lambda: exchange(protocol2.read(FIRST, one), 15),
+            "write": lambda: exchange(protocol2.write(FIRST, LED, b"\x01"), 11),
+            "group read": lambda: exchange(protocol2.sync_read(IDS, one), all_),
+            "group write": lambda: port.write(goals),
+        }
+
+
+@contextmanager
+def dynamixel_sdk(path: str) -> Iterator[Operations]:
+    """Use ROBOTIS' SDK."""
+    import dynamixel_sdk as sdk
+
+    port, packets = sdk.PortHandler(path), sdk.PacketHandler(2.0)
+    assert port.openPort()
+    assert port.setBaudRate(BAUD)
+    reader = sdk.GroupSyncRead(port, packets, POSITION, 4)
+    writer = sdk.GroupSyncWrite(port, packets, GOAL, 4)
+    for servo in IDS:
+        reader.addParam(servo)
+        writer.addParam(servo, MIDDLE.to_bytes(4, "little"))
+    good = sdk.COMM_SUCCESS
+    yield {
+        "ping": lambda: packets.ping(port, FIRST)[1] == good,
+        "read": lambda: packets.read4ByteTxRx(port, FIRST, POSITION)[1] == good,
+        "write": lambda: packets.write1ByteTxRx(port, FIRST, LED, 1)[0] == good,
+        "group read": lambda: reader.txRxPacket() == good,
+        "group write": lambda: writer.txPacket() == good,
+        "scan": lambda: set(IDS) <= set(packets.broadcastPing(port)[0] or ()),
+    }
+    port.closePort()
+
+
+@contextmanager
+def rustypot(path: str) -> Iterator[Operations]:
+    """Use Pollen Robotics' client."""
+    import rustypot as peer  # pyright: ignore[reportMissingImports]
+
+    port = peer.Xl430PyController(path, BAUD, 0.1)
+    yield {
+        "ping": lambda: port.ping(FIRST),
+        "read": lambda: port.read_present_position(FIRST),
+        "write": lambda: port.write_led(FIRST, 1),
+        "group read": lambda: port.sync_read_present_position(IDS),
+        "group write": lambda: port.sync_write_goal_position(IDS, [MIDDLE] * len(IDS)),
+        "scan": lambda: set(IDS) <= set(port.scan()),
+    }
+    port.close()
+
+
+@contextmanager
+def dynamixel_python(path: str) -> Iterator[Operations]:
+    """Use dynamixel-python (package dxl2)."""
+    from dxl2 import v2  # pyright: ignore[reportMissingImports]
+
+    port = v2.MotorBus(path, BAUD)
+    port.connect()
+    group = v2.SyncParams(POSITION, 4, signed=True)
+    goals = v2.SyncParams(GOAL, 4, signed=True)
+    for servo in IDS:
+        group.add_motor(servo)
+        goals.add_value(servo, MIDDLE)
+    yield {
+        "ping": lambda: port.ping(FIRST).ok,
+        "read": lambda: port.read(FIRST, POSITION, 4).ok,
+        "write": lambda: port.write(FIRST, LED, 1, 1).ok,
+        "group read": lambda: port.sync_read(group).ok,
+        "group write": lambda: port.sync_write(goals),
+        "scan": lambda: set(IDS) <= set(port.broadcast_ping().data or ()),
+    }
+    port.disconnect()
+
+
+@contextmanager
+def lerobot(path: str) -> Iterator[Operations]:
+    """Use LeRobot's Dynamixel bus."""
+    stub_learning_libraries()
+    from lerobot.motors import Motor, MotorNormMode  # pyright: ignore[reportMissingImports]
+    from lerobot.motors.dynamixel import DynamixelMotorsBus  # pyright: ignore[reportMissingImports]
+
+    motors = {
+        joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.DEGREES)
+        for joint in ROBOT.joints
+    }
+    port = DynamixelMotorsBus(path, motors)
+    port.connect(handshake=False)
+    port.set_baudrate(BAUD)
+    first = ROBOT.joint_names[0]
+    goals: dict[str, Any] = dict.fromkeys(ROBOT.joint_names, MIDDLE)
+    yield {
+        "ping": lambda: port.ping(first) is not None,
+        "read": lambda: port.read("Present_Position", first, normalize=False),
+        "write": lambda: port.write("LED", first, 1, normalize=False),
+        "group read": lambda: port.sync_read("Present_Position", normalize=False),
+        "group write": lambda: port.sync_write("Goal_Position", goals, normalize=False),
+        "scan": lambda: set(IDS) <= set(port.broadcast_ping() or ()),
+    }
+    port.disconnect(disable_torque=False)
+
+
+CLIENTS: dict[str, Callable[[str], Any]] = {
+    "bare bytes": bare_bytes,
+    "dynamixel-sdk": dynamixel_sdk,
+    "rustypot": rustypot,
+    "dynamixel-python": dynamixel_python,
+    "lerobot": lerobot,
+}
+
+
+def measure(operation: Callable[[], object], repeats: int) -> dict[str, float]:
+    """Repeat an operation; return how often it failed, and its times [ms]."""
+    times, failures = np.zeros(repeats), 0
+    for k in range(repeats):
+        begun = time.perf_counter()
+        try:
+            failures += operation() is False
+        except Exception as error:  # whatever a foreign client raises
+            if not failures:
+                print(f"  {type(error).__name__}: {str(error)[:100]}", file=sys.stderr)
+            failures += 1
+        times[k] = time.perf_counter() - begun
+        time.sleep(PAUSE)
+    median, p99, longest = 1e3 * np.percentile(times, (50, 99, 100))
+    return {
+        "n": repeats,
+        "failed": failures,
+        "median_ms": float(median),
+        "p99_ms": float(p99),
+        "max_ms": float(longest),
+    }
+
+
+def measure_client(name: str, path: str, repeats: int) -> dict[str, dict[str, float]]:
+    """Measure all operations of a client; scans once in a hundred."""
+    cases = dict[str, dict[str, float]]()
+    with CLIENTS[name](path) as operations:
+        for operation, work in operations.items():
+            count = max(repeats // 100, 1) if operation == "scan" else repeats
+            cases[operation] = measure(work, count)
+            figures = ", ".join(f"{key} {value:.4g}" for key, value in cases[operation].items())
+            print(f"  {operation:12} {figures}", flush=True)
+    return cases
+
+
+def count_rises(count: int) -> int:
+    """Play a rise over the port some times; return how often the robot stood."""
+    stood = 0
+    for seed in range(count):
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            bus("--from", "supine", "--seed", str(seed)) as path,
+        ):
+            play = [*GETUP, "play", "supine_roll_over", "--backend", "dynamixel", "--port", path]
+            ended = subprocess.run(
+                [*play, "--then", "limp", "--out", folder], capture_output=True, check=False
+            )
+            stood += ended.returncode == 0
+            print(f"  rise {seed}: exit code {ended.returncode}", flush=True)
+    return stood
+
+
+def main(*, repeats: int = 500, rises: int = 0, json: Path | None = None) -> None:
+    """Measure every client, idle and beside one busy process a core.
+
+    Args:
+        repeats: Repetitions of each operation.
+        rises: Rises over the port, idle and busy.
+        json: File for the results.
+    """
+    cores = os.cpu_count() or 1
+    cases: dict[str, Any] = {}
+    for load in (0, cores):
+        kind = "busy" if load else "idle"
+        with busy_processes(load):
+            for name in CLIENTS:
+                print(f"{name}, {kind}", flush=True)
+                with bus() as path:
+                    try:
+                        cases[f"{name}, {kind}"] = measure_client(name, path, repeats)
+                    except ImportError as error:
+                        print(f"  skipped: {error}", file=sys.stderr)
+            if rises:
+                print(f"rises, {kind}", flush=True)
+                cases[f"rises, {kind}"] = {"n": rises, "stood": count_rises(rises)}
+    if json:
+        record = {"name": "bus_clients", "n": repeats, "cores": cores, "cases": cases}
+        json.write_text(dumps(record, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -11,6 +11,7 @@ import numpy as np
 from drivers import Command, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.servo_units import ServoUnits
+from drivers.virtual_bus.servo_physics import ServoPhysics
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.quaternion import Array
@@ -34,21 +35,21 @@ class ServoSnapshot:
 class ServoTrace:
     """Snapshots of a virtual robot's servos after every physics step."""
 
-    def __init__(self, virtual: VirtualRobot) -> None:
-        """Start to record a virtual robot."""
-        self._virtual = virtual
-        self._units = ServoUnits(virtual.robot)
+    def __init__(self, physics: ServoPhysics) -> None:
+        """Start to record the physics of a virtual robot."""
+        self._physics, self._robot = physics, physics.simulation.robot
+        self._units = ServoUnits(self._robot)
         self.snapshots: list[ServoSnapshot] = []
-        virtual.physics.on_sense.append(self._record)
+        physics.on_sense.append(self._record)
 
     def _record(self) -> None:
-        drives = [servo.motor_command() for servo in self._virtual.servos]
+        drives = [motor.motor_command() for motor in self._physics.motors]
         self.snapshots.append(
             ServoSnapshot(
-                time=self._virtual.physics.time,
+                time=self._physics.time,
                 torque_on=np.array([drive.torque_on for drive in drives]),
                 target=self._units.to_rad(np.array([drive.target_ticks for drive in drives])),
-                ticks=self._units.quantize(self._virtual.simulation.joint_pos),
+                ticks=self._units.quantize(self._physics.simulation.joint_pos),
             )
         )
 
@@ -58,7 +59,7 @@ class ServoTrace:
         The target of a joint that was outside its range may be where the joint is, or further
         inside.
         """
-        robot, beyond = self._virtual.robot, 0
+        robot, beyond = self._robot, 0
         for before, now in pairwise(self.snapshots):
             lower = np.minimum(robot.lower, before.ticks) - RAD_PER_TICK
             upper = np.maximum(robot.upper, before.ticks) + RAD_PER_TICK
@@ -94,7 +95,7 @@ class CheckedDriver(DynamixelBackend):
         """Drive a virtual robot; the options are those of `DynamixelBackend`."""
         super().__init__(virtual.robot, ports.paths, **options)
         self._virtual, self._virtual_ports = virtual, ports
-        self.trace = ServoTrace(virtual)
+        self.trace = ServoTrace(virtual.physics)
         self.too_fast = 0
         """Number of targets that moved faster than the joint's maximum speed."""
         self._sent: Command | None = None

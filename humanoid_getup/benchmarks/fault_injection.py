@@ -17,8 +17,10 @@ import numpy as np
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
 from drivers.dynamixel.backend import DriverOptions
 from drivers.dynamixel.clock import CycleClock
+from drivers.errors import DriverError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.serving.wire_faults import LineFault
@@ -325,7 +327,10 @@ def bench_kill(
             continue
         refused += 1
         if refused > each:
-            raise RuntimeError("the client does not switch its robot's torque on")
+            raise DriverError(
+                f"the client did not switch its robot's torque on within {MAX_START_TIME:g} s, "
+                f"{refused} times: expected a computer that has time for it"
+            )
     case = KillSummary.of(
         [trial.stop for trial in trials],
         n=each,
@@ -338,25 +343,23 @@ def bench_kill(
 
 def _kill_once(world: World, motion: Motion, share: float) -> KillTrial | None:
     """Kill a client; ``None`` if it never started, as on an overloaded machine."""
-    robot = world.robot
-    virtual = VirtualRobot(Simulation(world))
-    virtual.place(find_rest(world, motion.posture(0)))
-    trace = ServoTrace(virtual)
-    with VirtualPorts(virtual, time_mode=TimeMode.REAL_TIME) as ports:
+    with RealTimeRobot(Simulation(world)) as served:
+        served.place(find_rest(world, motion.posture(0)))
+        trace = ServoTrace(served.physics)
+        ports = ",".join(f"{name}={path}" for name, path in served.paths.items())
         command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
-        command += ["--robot", str(robot.folder)]
-        command += ["--backend", "virtual", "--port", ports.main.path, "--then", "limp"]
+        command += ["--robot", str(world.robot.folder)]
+        command += ["--backend", "virtual", "--port", ports, "--then", "limp"]
         with subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL
         ) as client:
-            if not _await_torque(virtual, client):
+            if not _await_torque(served.simulation, client):
                 return None
             time.sleep(motion.duration * share)
-            killed = ports.main.call(lambda: _kill(client, virtual))
+            killed = served.physics.time
+            client.send_signal(signal.SIGKILL)
             time.sleep(KILL_AFTERMATH)
-        tripped = ports.main.call(
-            lambda: all(servo.peek("bus_watchdog") < 0 for servo in virtual.servos)
-        )
+        tripped = all(value < 0 for value in served.peek("bus_watchdog"))
     return KillTrial(
         stop=trace.find_safe_time(killed),
         tripped=tripped,
@@ -364,16 +367,11 @@ def _kill_once(world: World, motion: Motion, share: float) -> KillTrial | None:
     )
 
 
-def _await_torque(virtual: VirtualRobot, client: subprocess.Popen[bytes]) -> bool:
+def _await_torque(simulation: Simulation, client: subprocess.Popen[bytes]) -> bool:
     until = time.monotonic() + MAX_START_TIME
-    while not virtual.simulation.has_torque:
+    while not simulation.has_torque:
         if time.monotonic() > until or client.poll() is not None:
             client.kill()
             return False
         time.sleep(POLL)
     return True
-
-
-def _kill(client: subprocess.Popen[bytes], virtual: VirtualRobot) -> float:
-    client.send_signal(signal.SIGKILL)
-    return virtual.physics.time

@@ -37,5 +37,12 @@ class TorqueOff:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Peek:
+    """A request for a register of all servos."""
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Count:
     """A request for the statistics of all wires."""

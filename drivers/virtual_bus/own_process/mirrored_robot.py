@@ -51,6 +51,10 @@ class MirroredRobot(VirtualDevices):
             request,
         )
 
+    def peek(self, register: str) -> list[int]:
+        """Return a register of every servo."""
+        return [servo.peek(register) for servo in self.servos]
+
     def release(self) -> None:
         """Switch torque off, and pass that on at once."""
         for servo in self.servos:

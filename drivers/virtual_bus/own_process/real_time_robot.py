@@ -24,6 +24,7 @@ from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
 from drivers.virtual_bus.own_process.messages import (
     Count,
+    Peek,
     PhysicsRequest,
     Statistics,
     TorqueOff,
@@ -120,6 +121,10 @@ class RealTimeRobot:
     def statistics(self) -> Statistics:
         """Return the counts of each port."""
         return self._ask(Count())
+
+    def peek(self, register: str) -> list[int]:
+        """Return a register of every servo, in the order of the joints."""
+        return self._ask(Peek(name=register))
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from multiprocessing.connection import Connection
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.own_process.messages import Count, PhysicsRequest, TorqueOff, WireSetup
+from drivers.virtual_bus.own_process.messages import (
+    Count,
+    Peek,
+    PhysicsRequest,
+    TorqueOff,
+    WireSetup,
+)
 from drivers.virtual_bus.own_process.mirrored_robot import MirroredRobot
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -57,6 +64,8 @@ def _serve(connection: Connection, robot: MirroredRobot, ports: VirtualPorts) ->
         if isinstance(asked, TorqueOff):
             ports.main.call(robot.release)
             connection.send(asked)
+        elif isinstance(asked, Peek):
+            connection.send(ports.main.call(partial(robot.peek, asked.name)))
         elif isinstance(asked, Count):
             connection.send({name: bus.statistics for name, bus in ports.buses.items()})
 

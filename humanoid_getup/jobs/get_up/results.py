@@ -222,7 +222,7 @@ def _draw_way_down(
 ) -> str | None:
     """Draw how a robot lay down; return why there is no film strip."""
     outcome = result.way_down and result.way_down.outcome
-    if outcome is None:
+    if outcome is None or not len(outcome.qpos):
         return "the robot did not lie down"
     return draw_run(outcome, world, request, folder, f"{world.robot.name}: sitting and lying down")
 

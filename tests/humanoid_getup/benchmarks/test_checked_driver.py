@@ -20,7 +20,7 @@ def virtual(tiny: Robot) -> VirtualRobot:
 
 def trace_of(virtual: VirtualRobot, *rows: tuple[float, tuple[bool, bool], float]) -> ServoTrace:
     """Trace snapshots (time, torque on, target of the second servo) of joints that rest at 0."""
-    trace = ServoTrace(virtual)
+    trace = ServoTrace(virtual.physics)
     trace.snapshots = [
         ServoSnapshot(
             time=time, torque_on=np.array(on), target=np.array([0.0, target]), ticks=np.zeros(2)
@@ -70,7 +70,7 @@ def test_a_joint_out_of_its_range_may_be_held_where_it_is(virtual: VirtualRobot,
 
 def test_every_run_of_physics_is_one_snapshot(tiny: Robot):
     virtual = VirtualRobot(Simulation(World(tiny)), powered=True)
-    trace = ServoTrace(virtual)
+    trace = ServoTrace(virtual.physics)
     for _ in range(3):
         virtual.physics.pass_period()
     times = [snapshot.time for snapshot in trace.snapshots]

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.backend import Backend
 from drivers.safety_limits import ClipCounts, GuardLimits
-from drivers.state import Command, HardwareError, State, find_command_problems
+from drivers.state import Command, HardwareError, Integers, State, find_command_problems
 from robots.arguments import expect
 from robots.quaternion import Array
 from robots.servo import VOLTAGE_ROUNDING, LimitMode
@@ -169,22 +169,21 @@ class SafetyGuard(Backend):
     def _find_body_fault(self, state: State) -> Fault | None:
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
-        alerts = np.flatnonzero(state.alert * ~self._is_limp)
-        if alerts.size:
+        low = self._find_low_supply(state)
+        alerts = state.alert * ~self._is_limp
+        if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
+            return low  # which servos report as well
+        if alerts.any():
             detail = ", ".join(
                 f"joint '{names[i]}' reports {HardwareError(int(state.alert[i])).describe()}"
-                for i in alerts
+                for i in np.flatnonzero(alerts)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
         lost = np.flatnonzero(~(state.joint_age <= self._limp_age))
         if lost.size:
-            detail = ", ".join(f"joint '{names[i]}' since {state.joint_age[i]:.2f} s" for i in lost)
-            return Fault(FaultKind.LOST_JOINTS, detail, state.time)
+            return Fault(FaultKind.LOST_JOINTS, _name_lost(state, lost, names), state.time)
         if not state.imu_age <= limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
-        if state.voltage < limits.min_voltage - VOLTAGE_ROUNDING:
-            detail = f"{state.voltage:.1f} V, expected {limits.min_voltage:.1f} V or more"
-            return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
         excess = state.temperature - limits.max_temperature
         if excess.max() > 0.0:
             hottest = int(excess.argmax())
@@ -195,6 +194,13 @@ class SafetyGuard(Backend):
             )
             return Fault(FaultKind.TOO_HOT, detail, state.time)
         return None
+
+    def _find_low_supply(self, state: State) -> Fault | None:
+        least = self.limits.min_voltage
+        if not state.voltage < least - VOLTAGE_ROUNDING:
+            return None
+        detail = f"{state.voltage:.1f} V, expected {least:.1f} V or more"
+        return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
 
     def _limit(self, command: Command, state: State) -> Command:
         limits = self.limits
@@ -225,6 +231,18 @@ def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:
     return np.minimum(
         np.maximum(wanted, np.minimum(lower, reference)), np.maximum(upper, reference)
     )
+
+
+def _name_lost(state: State, lost: Integers, names: tuple[str, ...]) -> str:
+    """Name silent joints; for a whole robot that is silent, what that may come from."""
+    ages = state.joint_age[lost]
+    if 1 < len(lost) == len(names):
+        return (
+            f"all {len(names)} servos since {ages.min():.2f} s: no power, the adapter or its cable "
+            "is loose, or this computer has too little time"
+        )
+    rows = zip(lost, ages, strict=True)
+    return ", ".join(f"joint '{names[i]}' since {age:.2f} s" for i, age in rows)
 
 
 def _name_bad_joints(state: State, names: tuple[str, ...]) -> str:

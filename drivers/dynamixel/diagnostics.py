@@ -161,6 +161,7 @@ DIAGNOSED = (
 
 def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
     """Read the servos of some joints, and list all problems; nothing is written."""
+    joints = list(joints)
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
     silent: list[Joint] = []
@@ -178,7 +179,7 @@ def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
                 findings += check_servo(servo)
     if silent:
         findings[:0] = _explain_silence(bus, silent, is_alone=not (servos or findings))
-    return Diagnostics(tuple(servos), tuple(findings))
+    return Diagnostics(tuple(servos), tuple(merge_findings(findings, joints)))
 
 
 def read_items(
@@ -216,12 +217,11 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             f"firmware {servo.firmware} has no bus watchdog, expected {MIN_FIRMWARE} or newer",
             "update it with DYNAMIXEL Wizard",
         )
-    if alert := HardwareError(registers["hardware_error_status"]):
-        # The guard keeps torque off; to be rebooted, the servo must be connected first.
-        text = f"has switched itself off: {alert.describe()}"
-        remedy = "let it cool down and restart it"
-        found.append(Finding(Severity.FAULT, servo.name, text, remedy))
-    if not model.accepts_supply(servo.voltage):
+    has_supply = model.accepts_supply(servo.voltage)
+    alert = HardwareError(registers["hardware_error_status"])
+    if alert and (has_supply or alert != HardwareError.VOLTAGE):
+        found.append(_describe_alert(servo, alert))
+    if not has_supply:
         error(
             f"supply is {servo.voltage:.1f} V, expected {model.min_voltage:.1f} to "
             f"{model.max_voltage:.1f} V",
@@ -275,6 +275,36 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             "mount its horn so that the range is within one turn, and calibrate it",
         )
     return found
+
+
+def _describe_alert(servo: ServoFacts, alert: HardwareError) -> Finding:
+    """Describe an error that a servo reports.
+
+    The guard keeps torque off; to be rebooted, the servo must be connected first.
+    """
+    is_off = bool(alert & servo.registers["shutdown"])
+    text = f"{'has switched itself off' if is_off else 'reports an error'}: {alert.describe()}"
+    is_warm = bool(alert & (HardwareError.OVERHEATING | HardwareError.OVERLOAD))
+    remedy = "let it cool down and restart it" if is_warm else "restart it"
+    return Finding(Severity.FAULT, servo.name, text, remedy)
+
+
+def merge_findings(findings: Iterable[Finding], joints: Sequence[Joint]) -> list[Finding]:
+    """Merge findings of several servos that say the same; the order is that of the first ones."""
+    names, groups = [name_of(joint) for joint in joints], dict[Finding, list[str]]()
+    for finding in findings:
+        is_servo = finding.device in names
+        same = replace(finding, device="") if is_servo else finding
+        groups.setdefault(same, []).append(finding.device)
+    return [
+        replace(finding, device=_name_devices(devices, len(names)))
+        for finding, devices in groups.items()
+    ]
+
+
+def _name_devices(devices: Sequence[str], servos: int) -> str:
+    """Name the devices of a finding; all servos by their number."""
+    return f"all {servos} servos" if 1 < servos == len(devices) else ", ".join(devices)
 
 
 def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
@@ -367,6 +397,8 @@ def _explain_silence(
     bus: DynamixelBus, silent: Sequence[Joint], *, is_alone: bool
 ) -> list[Finding]:
     names, port = name_all(silent), bus.port
+    if is_alone and len(silent) > 1:
+        names = f"all {len(silent)} servos"
     if not is_alone:
         remedy = "check its cable, its power and its id (getup scan)"
         return [Finding.error(names, "silent", remedy)]

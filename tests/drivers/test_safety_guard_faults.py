@@ -73,6 +73,10 @@ def test_letting_go_is_never_held_up(guard, backend):
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
         ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, expected 10.0 V or more"),
+        ({"voltage": 9.9, "alert": np.array([1, 1])}, FaultKind.LOW_VOLTAGE, "9.9 V"),
+        ({"voltage": 9.9, "alert": np.array([1, 32])}, FaultKind.SERVO_ERROR, "reports overload"),
+        ({"alert": np.array([1, 1])}, FaultKind.SERVO_ERROR, "reports voltage"),
+        ({"joint_age": np.array([0.2, 0.3])}, FaultKind.LOST_JOINTS, "all 2 servos since 0.20 s"),
     ],
 )
 def test_what_is_not_well_makes_the_robot_limp_at_once(guard, backend, changes, kind, words):

@@ -17,6 +17,7 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
 )
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.state import HardwareError
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Joint
@@ -85,6 +86,33 @@ def test_a_flat_battery_is_reported(rig):
     assert "supply is 9.6 V, expected 10.0 to 14.8 V; charge" in str(finding)
 
 
+def test_a_battery_that_is_flat_for_all_is_one_finding(rig):
+    for servo in rig.virtual.servos:
+        servo.sense(Measured(voltage=9.2))
+    rig.virtual.board.sense_voltage(9.2)
+    assert all(servo.peek("hardware_error_status") for servo in rig.virtual.servos)
+    (finding,) = look(rig).findings
+    assert str(finding).startswith("all 2 servos: supply is 9.2 V, expected 10.0 to 14.8 V")
+
+
+@pytest.mark.parametrize(
+    ("error", "shutdown", "words"),
+    [
+        (HardwareError.VOLTAGE, 52, "reports an error: voltage; restart it"),
+        (HardwareError.SHOCK, 52, "has switched itself off: shock; restart it"),
+        (HardwareError.OVERLOAD, 52, "has switched itself off: overload; let it cool down"),
+        (HardwareError.OVERLOAD, 0, "reports an error: overload; let it cool down"),
+    ],
+)
+def test_an_error_says_whether_the_servo_is_off(
+    rig: Rig, error: HardwareError, shutdown: int, words: str
+):
+    servo = rig.servo("l_hip")
+    servo.poke("shutdown", shutdown)
+    servo.poke("hardware_error_status", int(error))
+    assert any(words in str(finding) for finding in look(rig).findings)
+
+
 def test_a_supply_at_the_servos_highest_is_no_finding(rig):
     feel(rig, 2048.0, 14.8)
     found = look(rig)
@@ -105,9 +133,8 @@ def test_an_old_firmware_is_refused(tiny):
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
     rig.virtual.physics.advance(1.0)
     rig.port.open()
-    message = look(rig)
-    assert len(message.errors) == 2
-    assert "firmware 37 has no bus watchdog, expected 38 or newer" in str(message.errors[0])
+    (error,) = look(rig).errors
+    assert "all 2 servos: firmware 37 has no bus watchdog, expected 38 or newer" in str(error)
 
 
 def test_a_silent_servo_among_others_is_named(rig):
@@ -120,7 +147,7 @@ def test_a_bus_without_devices_is_reported_once(rig):
     for servo in rig.virtual.servos:
         servo.alive = False
     (finding,) = look(rig).findings
-    assert "silent: joint 'l_hip' (id 1), joint 'r_hip' (id 2)" in finding.text
+    assert finding.text == "silent: all 2 servos"
     assert "power switch" in finding.remedy
 
 

@@ -91,7 +91,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.train_policy import export, train
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
-    from humanoid_getup.progress.callback import CancelledError, Progress
+    from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
     from humanoid_getup.simulation.world import World
     from humanoid_getup.strategies.cache.cached_rise import CachedRise
     from humanoid_getup.strategies.cache.plan_cache import PlanCache
@@ -144,6 +144,7 @@ _HOMES = {
     "PreviewRequest": "humanoid_getup.jobs.requests.motions",
     "PriorRequest": "humanoid_getup.jobs.requests.learning",
     "Progress": "humanoid_getup.progress.callback",
+    "ProgressMonitor": "humanoid_getup.progress.callback",
     "ReplayRequest": "humanoid_getup.jobs.requests.replay",
     "RetargetRequest": "humanoid_getup.jobs.requests.motions",
     "RiseRequest": "humanoid_getup.jobs.requests.rise",
@@ -229,6 +230,7 @@ __all__ = [
     "PreviewRequest",
     "PriorRequest",
     "Progress",
+    "ProgressMonitor",
     "ReplayRequest",
     "RetargetRequest",
     "RiseRequest",

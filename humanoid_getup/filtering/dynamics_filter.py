@@ -23,6 +23,7 @@ from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, co
 from humanoid_getup.filtering.yielding import Yielding
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.kinematics import place
@@ -74,8 +75,10 @@ class DynamicsFilter:
         prefer: PreferenceName = "time",
         assistance: float = 1.0,
         threads: int = 0,
+        monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare for a world; ``assistance`` is a factor on the virtual actuator's torques."""
+        self._monitor = monitor or ProgressMonitor()
         self.assistance = assistance
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.preference = Preference.of(prefer)
@@ -85,7 +88,9 @@ class DynamicsFilter:
         self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)
-        self._search = TargetSearch(coarsen(world), preference=self.preference, threads=threads)
+        self._search = TargetSearch(
+            coarsen(world), preference=self.preference, threads=threads, monitor=self._monitor
+        )
         self._coarse = self._fine = self._search.experiment
         self._is_coarse = self._coarse.world is not world
         if self._is_coarse:
@@ -98,6 +103,7 @@ class DynamicsFilter:
 
     def roll_out(self, start: Posture, candidates: list[Candidate]) -> list[CandidateRollout]:
         """Track every candidate from the start posture, at rest."""
+        self._monitor.begin(f"tracking {len(candidates)} candidates in physics")
         world = self.world
         references = [self._refer(c) for c in candidates]
         yielding = Yielding(world.robot, self.torque_limit, len(candidates))
@@ -139,6 +145,7 @@ class DynamicsFilter:
         Returns the share that ended in a held stand; 0 if the undisturbed one did not, or if the
         share would be below the ``least``.
         """
+        self._monitor.begin(f"checking a rise in {worlds} disturbed worlds")
         scenarios = self._disturb(start, rng, worlds)
         if least == 0.0:
             return self._check_in(self._fine, scenarios, target)[0]
@@ -212,6 +219,7 @@ class DynamicsFilter:
         """
         margins = [] if self._is_coarse else list(MARGINS)
         while margins and budget > 0.0 and (overlap := rollout.measure_overlap(TOUCH)) > 0.0:
+            self._monitor.begin("separating limbs that touch")
             target = rollout.target[: rollout.moving]
             shifts = self._separation.shift(
                 rollout.qpos, rollout.overlap, rollout.moving, margins[0]

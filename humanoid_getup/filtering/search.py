@@ -13,6 +13,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.filtering.evolution_strategy import EvolutionStrategy
 from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots.quaternion import Array
 
@@ -61,9 +62,16 @@ class TargetSearch:
     one that stands in all of them is rolled out in the others, too.
     """
 
-    def __init__(self, world: World, *, preference: Preference, threads: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        *,
+        preference: Preference,
+        threads: int = 0,
+        monitor: ProgressMonitor | None = None,
+    ) -> None:
         """Prepare for searches in a world."""
-        self.preference = preference
+        self.preference, self.monitor = preference, monitor or ProgressMonitor()
         self.experiment = Experiment(world, threads=threads)
         self.world = world
 
@@ -75,7 +83,7 @@ class TargetSearch:
         The search ends when they stand in all worlds, of which the first is the nominal one, or
         when the budget of simulated time [s] is spent.
         """
-        tries = _Tries(self, scenarios, target, STEP, rng)
+        tries = _Tries(self, scenarios, target, STEP, budget, rng)
         outcome = tries.compare(scenarios, [target])
         best, share, hardest = target, compute_share(outcome.stood[0]), _find_hardest(outcome)
         while share < 1.0 and tries.simulated < budget:
@@ -103,7 +111,7 @@ class TargetSearch:
 
         The budget is simulated time [s]. The search ends earlier if the motion is cheap enough.
         """
-        tries = _Tries(self, scenarios, target, FINE_STEP, rng)
+        tries = _Tries(self, scenarios, target, FINE_STEP, budget, rng)
         outcome = tries.compare(scenarios, [target])
         begun = float(self.weigh(outcome)[0])
         best = [(begun, target)]
@@ -152,10 +160,15 @@ class _Tries:
         scenarios: Scenarios,
         target: Array,
         step: float,
+        budget: float,
         rng: np.random.Generator,
     ) -> None:
-        """Begin at targets [rad], (T, n), with a standard deviation of the genes."""
+        """Begin at targets [rad], (T, n), with a standard deviation of the genes.
+
+        The budget of simulated time [s] is for the reports.
+        """
         self._search, self._target, self._robot = search, target, search.world.robot
+        self._budget = budget
         self._start = scenarios.starts[0, self._robot.layout(search.world.model).qpos]
         genes = np.zeros(Variation.size(self._robot))
         self._population = EvolutionStrategy(genes, step, SAMPLES, rng)
@@ -168,6 +181,14 @@ class _Tries:
         outcome = self._search.experiment.compare(scenarios, motions)
         self.rollouts += outcome.stood.size
         self.simulated += outcome.record.duration
+        self._search.monitor.show(
+            Progress(
+                phase="varying targets [s simulated]",
+                done=self.simulated,
+                total=self._budget,
+                note=f"{self.rollouts} rollouts",
+            )
+        )
         return outcome
 
     def vary(self, scenarios: Scenarios) -> _Generation:

@@ -250,7 +250,8 @@ def _judge_load(
     limited = "" if torque_limit is None else f" with {torque_limit:g} N·m"
     if not figures.succeeded:
         at_supply = f"rolled out at {figures.voltage:.1f} V{limited}"
-        reasons.append(_refuse(f"{at_supply}, it does not end {describe_end(motion)}"))
+        remedy = ": raise --torque-limit" if limited else ""
+        reasons.append(_refuse(f"{at_supply}, it does not end {describe_end(motion)}{remedy}"))
     for i, name in enumerate(robot.joint_names):
         longest, whole = figures.longest_saturation[i], figures.saturation[i]
         if longest > LONG_SATURATION:
@@ -309,6 +310,7 @@ def _judge_start(robot: Robot, motion: Motion, start: Posture | None) -> list[Re
             f"the robot lies {math.degrees(tilt):.0f}° from where the motion "
             f"begins, expected at most {math.degrees(FAR_TILT):.0f}°: it lies "
             f"{classify(start.orientation) or 'on no side'}, the motion begins {motion.start_class}"
+            ": turn it over, or play another motion"
         )
         reasons.append(_refuse(text))
     apart = start.joint_pos - motion.joint_pos[0]

@@ -14,6 +14,7 @@ from humanoid_getup.posture_chains.archive import Archive
 from humanoid_getup.posture_chains.features import PlaceMeter
 from humanoid_getup.posture_chains.move_player import MovePlayer
 from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.body.lengths import leg_length
@@ -52,8 +53,10 @@ class CrawlSearch:
         disturbance: Disturbance,
         *,
         threads: int = 0,
+        monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare for a torque limit, and for disturbances that a whole crawl has to withstand."""
+        self._monitor = monitor or ProgressMonitor()
         self._world, self._limit, self._disturbance = world, limit, disturbance
         self._threads, self._experiment = threads, Experiment(world, threads=threads)
         self._moves = RandomMoves(world.robot, None)
@@ -91,6 +94,14 @@ class CrawlSearch:
             played = player.simulated
             self._advance(player, archive, rng)
             self.simulated += player.simulated - played
+            self._monitor.show(
+                Progress(
+                    phase="searching a crawl to room to rise [s simulated]",
+                    done=self.simulated - before,
+                    total=budget,
+                    note=f"{len(archive)} states",
+                )
+            )
             if archive.best.progress >= goal or self.simulated - before >= budget:
                 crawl = self._play(archive, player, scenarios, distance)
                 if crawl is not None and crawl.distance < least:

@@ -43,11 +43,20 @@ Change = Callable[[Keyframes], Keyframes]
 class Shortener:
     """Shortens keyframes as far as the robot still stands in disturbed worlds."""
 
-    def __init__(self, world: World, scenarios: Scenarios, *, threads: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        scenarios: Scenarios,
+        *,
+        threads: int = 0,
+        check: Callable[[], None] = lambda: None,
+    ) -> None:
         """Prepare to shorten rises that have to stand in scenarios (`WORLDS`,).
 
-        The first is undisturbed.
+        The first is undisturbed. ``check`` is called before each batch of rollouts, and may raise
+        an error to end the work.
         """
+        self._check = check
         coarse = world.vary(timestep=world.robot.choose_timestep(SEARCH_TIMESTEP))
         self._experiment, self._robot = Experiment(coarse, threads=threads), world.robot
         coarsest = world.vary(timestep=find_coarse_step(world))
@@ -130,6 +139,7 @@ class Shortener:
         experiment: Experiment | None = None,
     ) -> Array:
         """Compute the costs of keyframes in some worlds, (C, K) [s]."""
+        self._check()
         experiment = experiment or self._experiment
         sent = [each.targets(self._robot, SWAY) for each in candidates]
         outcome = experiment.compare(self._scenarios.take(np.array(worlds)), sent)

@@ -19,6 +19,7 @@ from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.posture_chains.rise_kind import KindNamer
 from humanoid_getup.posture_chains.shortening import WORLDS, Shortener
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 from robots.body.limbs import Limbs
@@ -37,10 +38,11 @@ class StartMotions:
         known: Sequence[Motion] = (),
         *,
         threads: int = 0,
+        monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare for a torque limit, and for known motions, which may be joined on the way."""
         self._world, self._limit, self._threads = world, limit, threads
-        self._known = known
+        self._known, self._monitor = known, monitor or ProgressMonitor()
         self.simulated = 0.0
         """Time simulated so far for all starts [s]."""
 
@@ -60,6 +62,14 @@ class StartMotions:
         found = list[Motion]()
         while not found and known + tools.player.simulated < budget:
             search.advance()
+            self._monitor.show(
+                Progress(
+                    phase="searching chains of postures [s simulated]",
+                    done=known + tools.player.simulated,
+                    total=budget,
+                    note=f"{len(search.archive)} states",
+                )
+            )
             if search.untried:
                 chain = search.shorten(search.untried.pop(0))
                 found = self._make(chain, start_class, tools.player.rest, rng)
@@ -69,6 +79,7 @@ class StartMotions:
     @cached_property
     def _tools(self) -> ChainTools | None:
         """Make what searches from all starts begin with; None if the robot cannot be lifted."""
+        self._monitor.begin("searching ways up to the stance in physics")
         moves = _make_moves(self._world, self._limit)
         if moves is None:
             return None
@@ -81,8 +92,11 @@ class StartMotions:
         self, chain: PostureChain, start_class: StartClass, rest: float, rng: np.random.Generator
     ) -> list[Motion]:
         """Make motions of versions of a chain that stand."""
+        self._monitor.begin("shortening a chain of postures that stands")
         scenarios = MARGIN.sample(self._world, chain.start, WORLDS, rng, self._limit)
-        shortener = Shortener(self._world, scenarios, threads=self._threads)
+        shortener = Shortener(
+            self._world, scenarios, threads=self._threads, check=self._monitor.check
+        )
         keyframes = make_keyframes(
             chain, self._world.robot, name=FOUND, start_class=start_class, rest=rest
         )

@@ -21,6 +21,13 @@ class Progress:
     message: str = ""
     """A finding to show on a line of its own; the other fields are empty then."""
 
+    def __str__(self) -> str:
+        """Write it in one line."""
+        if self.message:
+            return self.message
+        counted = "" if self.total is None else f" {self.done:.0f} of {self.total:.0f}"
+        return f"{self.phase}{counted}{f', {self.note}' if self.note else ''}"
+
 
 Report = Callable[[Progress], None]
 """Shows progress."""

@@ -12,6 +12,7 @@ from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.preference import PreferenceName
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, Strategy
@@ -86,8 +87,11 @@ def choose_strategy(
     world: World,
     request: StrategyRequest,
     cached: Callable[[PlannedRise], Strategy] = lambda planner: planner,
+    monitor: ProgressMonitor | None = None,
 ) -> Strategy:
-    """Make the strategy of a request for a world; ``cached`` may put a cache before the planner.
+    """Make the strategy of a request for a world.
+
+    ``cached`` may put a cache before the planner, whose plans the monitor shows and ends.
 
     Raises:
         ValueError: if motions, policy, style or track record cannot be loaded or do not fit.
@@ -96,7 +100,7 @@ def choose_strategy(
     name = request.policy or (STYLED_POLICY if request.style else DEFAULT_POLICY)
     if request.method == POLICY:
         rise = LearnedRise(world, name, torque_limit=limit, name=name)
-        return apply_style(rise, request.style)
+        return apply_style(rise, request.style, monitor)
     records = load_track_record(robot) if request.method == "auto" else None
     planner = PlannedRise(
         world,
@@ -105,12 +109,13 @@ def choose_strategy(
         search_budget=request.search_budget,
         keys=request.keys,
         options=request.options,
+        monitor=monitor,
     )
     planned, learned = cached(planner), StrategyId(POLICY, name)
     if records is None or not (records.knows(learned) and robot.body.is_original):
         return planned
     rise = LearnedRise(world, name, torque_limit=limit, name=name)
-    known = {StrategyId(PLAN): planned, learned: apply_style(rise, request.style)}
+    known = {StrategyId(PLAN): planned, learned: apply_style(rise, request.style, monitor)}
     return StrategySelector(known, records)
 
 
@@ -144,7 +149,9 @@ def make_strategy(
     return LearnedRise(world, name, torque_limit=torque_limit, name=name)
 
 
-def apply_style(learned: LearnedRise, style: str | None) -> Strategy:
+def apply_style(
+    learned: LearnedRise, style: str | None, monitor: ProgressMonitor | None = None
+) -> Strategy:
     """Let a policy follow a style by its name or file, or the curves of a plan (``planned``).
 
     Raises:
@@ -154,7 +161,8 @@ def apply_style(learned: LearnedRise, style: str | None) -> Strategy:
         return learned
     limit = learned.torque_limit
     if style == PLANNED:
-        return StyledRise(learned, PlannedRise(learned.world, torque_limit=limit))
+        planner = PlannedRise(learned.world, torque_limit=limit, monitor=monitor)
+        return StyledRise(learned, planner)
     return LearnedRise(
         learned.world, learned.policy, torque_limit=limit, name=learned.name, style=style
     )

@@ -14,6 +14,7 @@ from humanoid_getup.motions.key_posture import KeyPosture, name_keys
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database, suggest_motions
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.planning.key_check import check_keys
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_postures.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
@@ -64,6 +65,7 @@ class PlannedRise:
         search_budget: float = SEARCH_BUDGET,
         keys: Sequence[Posture | KeyPosture] = (),
         options: PlannerOptions | None = None,
+        monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare to plan.
 
@@ -76,6 +78,8 @@ class PlannedRise:
             keys: Key postures to rise through, in order; what physics refuses is dropped. They
                 require planning and filtering.
             options: What is left out, and what the simulation uses.
+            monitor: Shows the steps of each plan, and ends it between two of them if it is
+                canceled.
 
         Raises:
             ValueError: if the preference is unknown, the budget out of range, or the robot cannot
@@ -88,6 +92,7 @@ class PlannedRise:
                 f"search_budget is {search_budget} s, expected above 0 s, at most {MOST_BUDGET:g} s"
             )
         self.options = options = options or PlannerOptions()
+        monitor = monitor or ProgressMonitor()
         if keys and not (options.planning and options.filtering):
             raise ValueError("keys are given, expected planning and filtering with them")
         self.keys = name_keys(keys)
@@ -103,20 +108,28 @@ class PlannedRise:
             prefer=prefer,
             assistance=options.assistance,
             threads=options.threads,
+            monitor=monitor,
         )
         self._tools = SearchTools(
             world=world,
             database=self.database,
-            approach=Approach(world, planning=options.planning),
+            approach=Approach(world, planning=options.planning, monitor=monitor),
             filter=self.filter,
             finder=MotionFinder(
-                world, self.torque_limit, self.database.rising, threads=options.threads
+                world,
+                self.torque_limit,
+                self.database.rising,
+                threads=options.threads,
+                monitor=monitor,
             ),
             budget=search_budget,
+            monitor=monitor,
         )
 
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
+
+        Raises `CancelledError` if the planner's monitor is canceled.
 
         With key postures, a rise that passes through them is searched for first. A robot without
         room to stand crawls first: the plan is then a crawl, after which the rise has to be planned
@@ -184,8 +197,20 @@ class PlannedRise:
         share = found.highest / self.world.robot.standing_neck_height
         along = f", along {found.joined}," if found.joined else ""
         detail = f"{rollouts} tried, the best{along} raised the neck to {share:.0%}"
-        detail = "; ".join(filter(None, [detail, gap]))
+        detail = "; ".join(filter(None, [detail, gap or self._advise(searched)]))
         return replace(tried, status=RiseStatus.FELL, detail=detail)
+
+    def _advise(self, searched: float) -> str:
+        """Suggest what may lead to a rise after a search of a simulated time [s]; empty if unknown.
+
+        Options are named as the command line names them.
+        """
+        limit, ways = self.torque_limit.value, list[str]()
+        if limit is not None:
+            ways.append(f"a higher --torque-limit than {limit:g} N·m")
+        if searched >= self.search_budget:
+            ways.append(f"a longer --search-budget than {self.search_budget:g} s")
+        return f"next: {' or '.join(ways)}" if ways else ""
 
     def _chain_unfiltered(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Chain the smoothed path and the nearest motion without any physics."""
@@ -194,7 +219,12 @@ class PlannedRise:
         path = self._tools.approach.path(start, connection, rng)
         plan_s = time.perf_counter() - began
         if path is None:
-            return RisePlan(status=RiseStatus.NOT_PLANNED, connection=connection, plan_s=plan_s)
+            return RisePlan(
+                status=RiseStatus.NOT_PLANNED,
+                detail=f"{connection.motion.name} alone was tried; next: leave out --no-filtering",
+                connection=connection,
+                plan_s=plan_s,
+            )
         return MotionPlan(
             status=RiseStatus.UNFILTERED,
             motion=chain(self.world, path, connection),

@@ -168,8 +168,4 @@ class Page:
         self.rest()
 
     def _show_progress(self, progress: Progress) -> None:
-        if progress.message:
-            return self.say(progress.message)
-        share = f" {progress.done:g} of {progress.total:g}" if progress.total else ""
-        note = f", {progress.note}" if progress.note else ""
-        return self.say(f"{progress.phase}{share}{note} …")
+        self.say(f"{progress}" if progress.message else f"{progress} …")

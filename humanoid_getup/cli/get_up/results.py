@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rich.markup import escape
 
 from drivers import Ending
-from humanoid_getup.cli.shared.console import console_for, phase
+from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.execution.result import RiseResult
@@ -21,14 +21,14 @@ from humanoid_getup.reporting.report import print_summary
 
 @contextmanager
 def showing_phases() -> Iterator[Report]:
-    """Show phases and warnings on standard error; yield what shows them."""
-    with phase("loading") as update:
+    """Show phases and warnings in lines on standard error; yield what shows them."""
+    with showing() as report:
 
         def show(progress: Progress) -> None:
             if progress.message:
                 print(f"getup: {progress.message}", file=sys.stderr)
             else:
-                update(progress.phase)
+                report(Progress(phase=str(progress)))
 
         yield show
 

@@ -22,6 +22,7 @@ from humanoid_getup.planning.path_query import (
     measure_length,
     to_motion,
 )
+from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place_postures
@@ -160,6 +161,8 @@ def _print(record: DescribedPath, files: list[str], command: Plan) -> None:
     effort = f"{record.checks} checks in {record.time:.1f} s"
     if not record.found:
         where = f"no path to {record.goal} after {effort}: {record.reason}"
+        if record.status == SearchStatus.BUDGET_SPENT.value:
+            where += f"; next: a higher --max-checks than {command.max_checks}"
         saved = f"; its free beginning: {', '.join(files)}" if files else ""
         console.print(f"[bold red]{escape(where + saved)}", soft_wrap=True)
         return

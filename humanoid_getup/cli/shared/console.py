@@ -107,9 +107,7 @@ class ProgressDisplay:
         if now - self._said < LINE_EVERY:
             return
         self._said = now
-        counted = "" if progress.total is None else f" {progress.done:.0f}/{progress.total:.0f}"
-        line = f"{progress.phase}{counted} {progress.note}".rstrip()
-        self._lines.print(line, markup=False, soft_wrap=True)
+        self._lines.print(str(progress), markup=False, soft_wrap=True)
 
     def _show_text(self, text: str) -> None:
         if self._status is None:

@@ -39,7 +39,8 @@ def rise(
 ) -> FinishedRise:
     """Rise by plan, by policy, or by the better of both.
 
-    ``cancel`` is called at every phase and in every control cycle, but not while a rise is planned.
+    ``cancel`` is called at every phase, in every control cycle, and between the steps of a plan,
+    the longest of which take a few seconds.
     Without an operator, a robot that is held sits down as soon as its stand is judged.
 
     Raises:
@@ -83,7 +84,7 @@ def run_policy(
     limit = make_torque_limit(request, world.robot)
     learned = LearnedRise(world, policy, torque_limit=limit, name=name)
     with refusing():
-        strategy = apply_style(learned, request.style)
+        strategy = apply_style(learned, request.style, monitor)
     return run_session(request, strategy, monitor, operator, settings=RiseSettings(method=POLICY))
 
 
@@ -133,7 +134,7 @@ def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonito
         style=request.style,
     )
     with refusing():
-        return choose_strategy(world, wanted, partial(_use_cache, request, monitor))
+        return choose_strategy(world, wanted, partial(_use_cache, request, monitor), monitor)
 
 
 def _use_cache(request: RiseRequest, monitor: ProgressMonitor, planner: PlannedRise) -> Strategy:

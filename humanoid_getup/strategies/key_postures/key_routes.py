@@ -21,6 +21,7 @@ from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.planning.via import REST, place_stops, plan_via
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture
 
@@ -77,9 +78,16 @@ def find_stretches(
 class KeyRoutes:
     """Plans ways from a start through key postures to a stored motion."""
 
-    def __init__(self, world: World, database: MotionDatabase, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        world: World,
+        database: MotionDatabase,
+        rng: np.random.Generator,
+        monitor: ProgressMonitor,
+    ) -> None:
         """Prepare to plan with one random generator."""
         self._world, self._database, self._rng = world, database, rng
+        self._monitor = monitor
         self._checker = CollisionChecker(world.robot, world.scene)
         self._options = PathOptions(max_checks=CHECKS)
         self.reason = ""
@@ -117,6 +125,8 @@ class KeyRoutes:
         joined: Connection,
         rest: float,
     ) -> Candidate | None:
+        names = ", ".join(key.name for key in keys)
+        self._monitor.begin(f"planning a path through {names} to {joined.motion.name}")
         robot, period = self._world.robot, self._world.robot.control_period
         path, course = None, Course.at(start)
         for key, stretch in zip(keys, way, strict=True):

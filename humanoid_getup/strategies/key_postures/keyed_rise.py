@@ -105,7 +105,8 @@ class KeyedRise:
 
         Ways without rests are tried only if no way with rests keeps all keys.
         """
-        tries, routes = _Tries(), KeyRoutes(self._world, self._tools.database, rng)
+        tools, tries = self._tools, _Tries()
+        routes = KeyRoutes(self._world, tools.database, rng, tools.monitor)
         for rest in RESTS:
             began = time.perf_counter()
             planned = routes.plan(start, keys, rest)

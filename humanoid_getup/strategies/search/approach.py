@@ -12,6 +12,7 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker, Tolerances
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions, plan_path
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture
 from robots.quaternion import Array
@@ -27,9 +28,12 @@ OPTIONS = PathOptions(max_checks=40_000)  # about a second: there are other moti
 class Approach:
     """Finds paths to connecting postures in one scene."""
 
-    def __init__(self, world: World, *, planning: bool) -> None:
+    def __init__(
+        self, world: World, *, planning: bool, monitor: ProgressMonitor | None = None
+    ) -> None:
         """Prepare to plan paths; without planning they are straight."""
         self._world, self.planning = world, planning
+        self._monitor = monitor or ProgressMonitor()
         self._goals = GoalPlacement(world)
         self._checker = CollisionChecker(world.robot, world.scene)
         self._loose_checker = CollisionChecker(world.robot, world.scene, INTERLOCKED)
@@ -40,6 +44,9 @@ class Approach:
         """Find a smooth path to a connecting posture; ``None`` if there is none."""
         if not self.planning:
             return self._straight(start, connection)
+        self._monitor.begin(
+            f"planning a path to {connection.motion.name}, frame {connection.frame}"
+        )
         goal = self._goals.place(connection.posture, start)
         if goal is None:
             return None

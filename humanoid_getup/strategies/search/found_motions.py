@@ -12,6 +12,7 @@ from humanoid_getup.experiments.starts.falls import find_side
 from humanoid_getup.filtering.dynamics_filter import CHECK_DISTURBANCE
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
 
@@ -33,10 +34,12 @@ class MotionFinder:
         known: Sequence[Motion] = (),
         *,
         threads: int = 0,
+        monitor: ProgressMonitor | None = None,
     ) -> None:
         """Prepare for a world, for a torque limit, and for known motions."""
-        self._world, self._limit, self._threads = world, torque_limit, threads
+        self._world, self._limit = world, torque_limit
         self._known = known
+        self._threads, self._monitor = threads, monitor
         self._begun: list[CrawlSearch | StartMotions] = []
 
     @property
@@ -58,7 +61,13 @@ class MotionFinder:
         """Return the search for crawls, which withstand what rises have to."""
         from humanoid_getup.posture_chains.crawl_search import CrawlSearch
 
-        search = CrawlSearch(self._world, self._limit, CHECK_DISTURBANCE, threads=self._threads)
+        search = CrawlSearch(
+            self._world,
+            self._limit,
+            CHECK_DISTURBANCE,
+            threads=self._threads,
+            monitor=self._monitor,
+        )
         self._begun.append(search)
         return search
 
@@ -66,6 +75,8 @@ class MotionFinder:
     def _search(self) -> StartMotions:
         from humanoid_getup.posture_chains.start_motions import StartMotions
 
-        search = StartMotions(self._world, self._limit, self._known, threads=self._threads)
+        search = StartMotions(
+            self._world, self._limit, self._known, threads=self._threads, monitor=self._monitor
+        )
         self._begun.append(search)
         return search

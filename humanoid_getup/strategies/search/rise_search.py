@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
 from humanoid_getup.motions.motion_database import MotionDatabase
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyRecord
 from humanoid_getup.strategies.search.approach import Approach
@@ -35,6 +36,8 @@ class SearchTools:
     finder: MotionFinder
     budget: float
     """Simulated time in which a search may vary a rollout's targets [s]."""
+    monitor: ProgressMonitor = field(default_factory=ProgressMonitor)
+    """Shows the steps, and ends the search between two of them if it is canceled."""
 
     @property
     def searched(self) -> float:

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
-from humanoid_getup.filtering.search import TargetSearch
+from humanoid_getup.filtering.search import SAMPLES, TargetSearch
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from robots import TorqueLimit
 from robots.kinematics import place
 
@@ -58,6 +59,23 @@ def test_the_budget_ends_a_search_and_one_seed_finds_one_result(search, motion, 
     assert 10.0 <= first.simulated < 40.0
     assert (first.generations, first.simulated) == (second.generations, second.simulated)
     np.testing.assert_array_equal(first.target, second.target)
+
+
+def test_a_search_tells_its_effort_and_is_cancelled_between_two_generations(
+    world, motion, make_worlds
+):
+    seen = list[Progress]()
+    monitor = ProgressMonitor(seen.append, lambda: len(seen) == 3)
+    search = TargetSearch(world, preference=Preference.of("time"), monitor=monitor)
+    still = np.tile(motion.joint_pos[:1], (30, 1))
+    with pytest.raises(CancelledError):
+        search.search(make_worlds(2.8), still, 1e3, np.random.default_rng(7))
+    simulated = [each.done for each in seen]
+    assert simulated == sorted(simulated)
+    assert 0.0 < simulated[0] < simulated[2] < 1e3
+    each = COUNT * SAMPLES  # all worlds are among the hardest
+    assert [one.note for one in seen] == [f"{COUNT + n * each} rollouts" for n in range(3)]
+    assert {(one.phase, one.total) for one in seen} == {("varying targets [s simulated]", 1e3)}
 
 
 def test_a_quick_motion_that_does_not_touch_itself_is_left_alone(search, motion, make_worlds):

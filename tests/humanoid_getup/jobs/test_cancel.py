@@ -11,11 +11,13 @@ from humanoid_getup.jobs.check_robot import check_robot
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.evaluate_policy import evaluate
 from humanoid_getup.jobs.extract_style import extract_style
+from humanoid_getup.jobs.get_up.rise import rise
 from humanoid_getup.jobs.import_robot import import_robot
 from humanoid_getup.jobs.plan_path import plan
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.jobs.requests.plan import PlanRequest
+from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
 from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
@@ -52,6 +54,16 @@ def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: JobRequest, rep
     with pytest.raises(CancelledError):
         job(request_, stop.report, stop.is_wanted)
     assert len(stop.phases) == reports
+
+
+def test_a_rise_is_cancelled_while_it_is_planned(tmp_path: Path):
+    phases = list[str]()
+    request = RiseRequest(origin="supine", plan_cache=False, out=tmp_path)
+    is_planned = "tracking 3 candidates in physics"
+    with pytest.raises(CancelledError):
+        rise(request, lambda each: phases.append(each.phase), lambda: is_planned in phases)
+    assert phases[-1] == is_planned
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_cancelled_import_makes_no_folder(tmp_path: Path):

@@ -91,7 +91,8 @@ def test_a_supply_that_the_servos_are_not_made_for_is_refused(
 
 def test_a_cap_on_torque_under_which_it_falls_is_refused(world: World, motion: Motion):
     verdict = preflight(world, motion, voltage=12.0, torque_limit=TorqueLimit(0.5, "pwm"))
-    assert "rolled out at 12.0 V with 0.5 N·m, it does not end in a held stand" in refusals(verdict)
+    expected = "rolled out at 12.0 V with 0.5 N·m, it does not end in a held stand"
+    assert f"{expected}: raise --torque-limit" in refusals(verdict)
     assert not verdict.figures.succeeded
     assert verdict.figures.peak_torque.max() <= 0.5 + 1e-9
 

@@ -16,6 +16,22 @@ def test_what_is_counted_adds_up():
     assert {(each.phase, each.total) for each in seen} == {("rises", 3)}
 
 
+@pytest.mark.parametrize(
+    ("progress", "line"),
+    [
+        (Progress(phase="planning a path"), "planning a path"),
+        (Progress(phase="rises", done=2, total=3), "rises 2 of 3"),
+        (
+            Progress(phase="varying [s]", done=7.6, total=60.0, note="9 rollouts"),
+            "varying [s] 8 of 60, 9 rollouts",
+        ),
+        (Progress(message="found"), "found"),
+    ],
+)
+def test_progress_is_one_line(progress: Progress, line: str):
+    assert str(progress) == line
+
+
 def test_work_that_is_cancelled_ends_with_the_next_piece():
     cancel = threading.Event()
     seen: list[Progress] = []

@@ -9,6 +9,7 @@ from humanoid_getup.experiments.starts.falls import sample_fall, sample_falls
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.preference import Preference
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
@@ -75,6 +76,54 @@ def test_a_plan_depends_on_start_and_seed_alone(world, database, fall, plan):
     assert (again.rollouts, again.rounds, again.robust) == (plan.rollouts, plan.rounds, plan.robust)
     np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
     np.testing.assert_array_equal(again.motion.position, plan.motion.position)
+
+
+def test_a_plan_that_is_watched_tells_its_steps_and_is_the_same(world, database, fall, plan):
+    seen = list[str]()
+    monitor = ProgressMonitor(lambda progress: seen.append(str(progress)))
+    watched = PlannedRise(world, database, monitor=monitor).plan(fall, np.random.default_rng(0))
+    paths = [line for line in seen if line.startswith("planning a path to ")]
+    assert seen[: len(paths)] == paths
+    joined = plan.connection
+    assert f"planning a path to {joined.motion.name}, frame {joined.frame}" in paths
+    assert seen[len(paths)] == f"tracking {len(paths)} candidates in physics"
+    assert "checking a rise in 16 disturbed worlds" in seen
+    assert (watched.rollouts, watched.robust) == (plan.rollouts, plan.robust)
+    np.testing.assert_array_equal(watched.motion.joint_target, plan.motion.joint_target)
+
+
+@pytest.mark.parametrize("steps", [1, 4, 5])
+def test_a_plan_that_is_cancelled_ends_with_the_step(world, database, fall, steps: int):
+    seen = list[Progress]()
+    monitor = ProgressMonitor(seen.append, lambda: len(seen) >= steps)
+    planner = PlannedRise(world, database, monitor=monitor)
+    with pytest.raises(CancelledError):
+        planner.plan(fall, np.random.default_rng(0))
+    assert len(seen) == steps
+
+
+@pytest.mark.parametrize(
+    ("limit", "searched", "advice"),
+    [
+        (None, 0.0, ""),
+        (2.5, 0.0, "; next: a higher --torque-limit than 2.5 N·m"),
+        (None, 60.0, "; next: a longer --search-budget than 60 s"),
+        (2.5, 90.0, "than 2.5 N·m or a longer --search-budget than 60 s"),
+    ],
+)
+def test_a_plan_that_falls_says_what_may_help(
+    world, database, fall, monkeypatch: pytest.MonkeyPatch, limit, searched: float, advice: str
+):
+    planner = PlannedRise(world, database, torque_limit=TorqueLimit(limit), search_budget=60.0)
+
+    def search(*_: object) -> FoundRise:
+        planner.filter.searched += searched
+        return FoundRise(rolled_out=True, highest=0.1, joined="squat")
+
+    monkeypatch.setattr(FreeRise, "search", search)
+    reason = planner.plan(fall, np.random.default_rng(0)).reason
+    assert reason.endswith(advice)
+    assert ("next: " in reason) == bool(advice)
 
 
 @pytest.mark.parametrize("rolled_out", [True, False])

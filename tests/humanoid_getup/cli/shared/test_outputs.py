@@ -184,7 +184,7 @@ def test_progress_that_goes_to_no_terminal_is_a_line_from_time_to_time(
         show(Progress(phase="squats"))
         show(Progress(message="a motion was found"))
     said = capsys.readouterr()
-    assert said.err.splitlines() == ["search 200/60000 supine: [31%]", "squats"]
+    assert said.err.splitlines() == ["search 200 of 60000, supine: [31%]", "squats"]
     assert said.out == "a motion was found\n"
 
 

@@ -13,6 +13,7 @@ from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.posture_chains.ways_up import WaysUp
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -94,6 +95,26 @@ def test_a_search_ends_with_its_budget(world: World, monkeypatch: pytest.MonkeyP
     assert finder.find(start, 10_000.0, np.random.default_rng(0)) == []
     assert len(advanced) in (9, 10)  # some time went into the ways up
     assert 10_000.0 <= finder.simulated < 11_000.0
+
+
+def test_a_search_tells_its_states_and_is_cancelled_between_two_batches(
+    world: World, monkeypatch: pytest.MonkeyPatch
+):
+    def spend(self: ChainSearch) -> None:
+        self._player.simulated += 1000.0
+
+    seen = list[Progress]()
+    monkeypatch.setattr(ChainSearch, "advance", spend)
+    monitor = ProgressMonitor(seen.append, lambda: len(seen) == 4)
+    finder = MotionFinder(world, FULL_TORQUE, threads=1, monitor=monitor)
+    start = sample_fall(world, "supine", seed=1).posture
+    with pytest.raises(CancelledError):
+        finder.find(start, 10_000.0, np.random.default_rng(0))
+    first, *batches = seen
+    assert first.phase == "searching ways up to the stance in physics"
+    done = [each.done for each in batches]
+    assert np.allclose(np.diff(done), 1000.0)
+    assert {(each.total, each.note) for each in batches} == {(10_000.0, "1 states")}
 
 
 def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(

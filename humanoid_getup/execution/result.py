@@ -161,7 +161,7 @@ class RiseResult:
             return f"{name}: does not stand: {self.reason}"
         moves = sum(len(attempt.moves) for attempt in self.attempts)
         moved = f" after {moves} move{'s' if moves > 1 else ''}" if moves else ""
-        judged = "by sensors alone" if outcome.is_sensed else "by ground truth"
+        judged = "by sensors alone" if outcome.is_sensed else "by the simulation"
         return (
             f"{name}: stands after {outcome.stand.start_time:.2f} s, "
             f"held {outcome.stand.hold_time:.2f} s ({self.plan.title}{moved}, attempt {tries}, "

@@ -103,7 +103,7 @@ def describe_program(sample: LiveSample) -> str:
     torque = "torque off" if sample.is_limp else "torque on"
     return (
         f"{sample.phase or 'waiting'}, {sample.time:.2f} s, {torque}, {sample.voltage:.1f} V, "
-        f"{sample.clips} cuts, {1000.0 * sample.busy:.1f} ms busy"
+        f"{sample.clips} commands cut, {1000.0 * sample.busy:.1f} ms busy"
     )
 
 

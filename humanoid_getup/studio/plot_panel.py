@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from humanoid_getup.studio.plain_text import make_legend
 from humanoid_getup.studio.takes.take import Plot, Take
 from robots.quaternion import Array
 
@@ -32,7 +33,7 @@ class PlotPanel:
     def show(self, take: Take) -> None:
         """Replace the plots by those of a take."""
         for plot in self._plots:
-            plot.chart.remove()
+            plot.remove()
         with self._folder:
             self._plots = [_DrawnPlot(self._gui, take, plot) for plot in take.plots]
 
@@ -41,8 +42,13 @@ class PlotPanel:
         """Return what is drawn."""
         return [plot.chart for plot in self._plots]
 
+    @property
+    def legends(self) -> list[str]:
+        """Return the HTML below each chart."""
+        return [plot.legend.content for plot in self._plots]
+
     def mark(self, time: float) -> None:
-        """Draw the line at a time of the take [s]."""
+        """Draw the line at a time of the take [s], and write the values there."""
         for plot in self._plots:
             plot.mark(time)
 
@@ -60,20 +66,38 @@ class _DrawnPlot:
         self.chart = gui.add_uplot(
             self._place(float(take.time[0])),
             ({"label": "s"}, *self._style()),
+            legend={"show": False},
             title=plot.title,
             # Without a range, one sample that is not known hides all that are.
             scales={"x": {"time": False}, "y": {"range": self._range}},
             height=HEIGHT,
         )
+        self.legend = gui.add_html("")
+        self._write(float(take.time[0]))
 
     def mark(self, time: float) -> None:
-        """Move the line to a time [s]."""
+        """Move the line to a time [s], and show the values there."""
         self.chart.data = self._place(time)
+        self._write(time)
+
+    def remove(self) -> None:
+        """Remove it from the page."""
+        self.chart.remove()
+        self.legend.remove()
+
+    def _write(self, time: float) -> None:
+        """Write the values of the last sample at or before a time [s] into the legend."""
+        row = max(int(np.searchsorted(self._time, time + 1e-9, side="right")) - 1, 0)
+        values = {name: format_value(each[row]) for name, each in self._curves.items()}
+        self.legend.content = make_legend(values, self._colors)
+
+    @property
+    def _colors(self) -> dict[str, str]:
+        colors: dict[str, str] = dict(zip(self._curves, cycle(COLORS), strict=False))
+        return colors | ({"limit": LIMIT} if "limit" in self._curves else {})
 
     def _style(self) -> list[uplot.Series]:
-        colors: dict[str, str] = dict(zip(self._curves, cycle(COLORS), strict=False))
-        colors |= {"limit": LIMIT} if "limit" in self._curves else {}
-        colors["now"] = LINE
+        colors = self._colors | {"now": LINE}
         return [{"label": name, "stroke": color, "width": 1.5} for name, color in colors.items()]
 
     def _place(self, time: float) -> tuple[Array, ...]:
@@ -88,6 +112,11 @@ class _DrawnPlot:
             ),
             np.insert(line, at, self._range),
         )
+
+
+def format_value(value: float) -> str:
+    """Write a value in three digits or so; a dash where it is unknown."""
+    return f"{value:.3g}" if np.isfinite(value) else "–"
 
 
 def find_range(values: Array) -> tuple[float, float]:

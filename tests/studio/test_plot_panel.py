@@ -1,5 +1,6 @@
 """Plots of a take, and the line in them."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +14,11 @@ from humanoid_getup.studio.takes.take import Plot, Take
 
 
 class Chart:
-    """Stands in for a chart of viser."""
+    """Stands in for a chart of viser, and for a text."""
 
     def __init__(self) -> None:
         self.data: tuple[np.ndarray, ...] = ()
+        self.content = ""
 
     def remove(self) -> None:
         pass
@@ -31,7 +33,11 @@ class Folder:
 
 
 def make_panel() -> PlotPanel:
-    gui: Any = SimpleNamespace(add_folder=lambda _: Folder(), add_uplot=lambda *_, **__: Chart())
+    gui: Any = SimpleNamespace(
+        add_folder=lambda _: Folder(),
+        add_uplot=lambda *_, **__: Chart(),
+        add_html=lambda _: Chart(),
+    )
     return PlotPanel(gui)
 
 
@@ -49,6 +55,18 @@ def test_a_line_stands_at_the_time_that_is_shown_among_rising_times(at: float):
     time, *_, line = panel.charts[0].data
     assert np.all(np.diff(time) >= 0.0)
     np.testing.assert_array_equal(time[np.isfinite(line)], [at, at])
+
+
+def test_the_legend_has_the_values_at_the_line():
+    panel, time = make_panel(), np.array([0.0, 1.0, 2.0])
+    curves = {"knee <b>": np.array([0.0, 1.25, 3.0]), "hip": np.array([np.nan, np.nan, 4.0])}
+    plot = Plot(title="Torque", curves=curves, limit=2.0)
+    panel.show(Take(name="take", time=time, qpos=np.zeros((3, 7)), plots=(plot,)))
+    for at, shown in ((1.0, "1.25 – 2"), (1.9, "1.25 – 2"), (2.0, "3 4 2")):
+        panel.mark(at)
+        knee, hip, limit = shown.split()
+        text = re.sub("<[^>]*>", "", panel.legends[0])
+        assert text == f"■ knee &lt;b&gt; {knee} ■ hip {hip} ■ limit {limit}"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,9 @@ from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.page import Page
 
 MOST_FALLS = 100
+CLASS = "The side on which the robot comes to rest."
+SEED = "One seed gives the same falls again."
+FALLS = "How many are sampled; Previous and Next step through them."
 
 
 class FallList:
@@ -20,10 +23,10 @@ class FallList:
         self._page, gui = page, page.gui
         self._falls: list[Fall] = []
         self._number = self._sampled = 0
-        self._side = gui.add_dropdown("Class", CLASSES)
-        self._seed = gui.add_number("Seed", page.request.seed, min=0, step=1)
-        self._count = gui.add_number("Falls", 1, min=1, max=MOST_FALLS, step=1)
-        gui.add_button("Random fall").on_click(page.answer(self._sample))
+        self._side = gui.add_dropdown("Class", CLASSES, hint=CLASS)
+        self._seed = gui.add_number("Seed", page.request.seed, min=0, step=1, hint=SEED)
+        self._count = gui.add_number("Falls", 1, min=1, max=MOST_FALLS, step=1, hint=FALLS)
+        page.add_button("Random fall", self._sample, main=True)
         step = {"Previous": lambda: self._step(-1), "Next": lambda: self._step(1)}
         add_button_row(page, "Step", step)
 

@@ -38,21 +38,26 @@ class KeyList:
             show: Shows a key, which is counted from 0, on the stage.
         """
         self._page, self._draft, self._editor, self._show = page, draft, editor, show
-        gui, answer = page.gui, page.answer
+        gui = page.gui
         self._state = gui.add_markdown("")
         self._choice = gui.add_dropdown("Key", (NO_KEYS,))
         self._duration = gui.add_number(
-            "Duration [s]", LEAST_DURATION, min=LEAST_DURATION, max=MAX_DURATION, step=0.01
+            "Duration [s]",
+            LEAST_DURATION,
+            min=LEAST_DURATION,
+            max=MAX_DURATION,
+            step=0.01,
+            hint="Time from the key before the chosen one.",
         )
         page.on_change(self._choice, self._choose)
         page.on_change(self._duration, self._time)
-        gui.add_button("Add key").on_click(answer(self._add))
+        page.add_button("Add key", self._add)
         change = {"Replace": self._replace, "Delete": self._delete, "Show": self._choose}
         add_button_row(page, "Chosen key", change)
         move = {"Earlier": lambda: self._swap(-1), "Later": lambda: self._swap(1)}
-        add_button_row(page, "Exchange", move)
+        add_button_row(page, "Move key", move)
         whole = {"Mirror motion": self._mirror, "Undo": draft.undo}
-        add_button_row(page, "All keys", whole)
+        add_button_row(page, "Whole motion", whole)
         draft.when_changed.append(self._update)
 
     @property

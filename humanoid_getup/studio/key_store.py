@@ -44,16 +44,16 @@ class KeyStore:
         with gui.add_folder("Open"):
             self._source = gui.add_dropdown("From", (OWN,))
             self._name = gui.add_dropdown("Motion", (NO_MOTION,))
-            gui.add_button("Open").on_click(page.answer(self._open))
+            page.add_button("Open", self._open)
         self._source.on_update(page.answer(self._list_motions))
         self._list_files()
         page.answer(self._list_motions)(None)
 
     def add_storing(self) -> None:
         """Add the elements that store the motion."""
-        gui, answer = self._page.gui, self._page.answer
+        gui = self._page.gui
         self._target = gui.add_text("Keyframes file", KEYFRAMES)
-        gui.add_button("Store").on_click(answer(self._store))
+        self._page.add_button("Store", self._store)
         self._command = gui.add_markdown("")
         self._draft.when_changed.append(lambda _: self._show_command())
         self._show_command()
@@ -63,8 +63,8 @@ class KeyStore:
         gui = self._page.gui
         self._foreign = gui.add_text("Key file", "", hint=KINDS)
         self._pages = gui.add_text("Pages", "", hint="Of an action file, such as 1,2.")
-        self._clip = gui.add_checkbox("Clip", False, hint=CLIP)
-        gui.add_button("Import").on_click(self._page.answer(self._import))
+        self._clip = gui.add_checkbox("Limit angles", False, hint=CLIP)
+        self._page.add_button("Import", self._import)
 
     # Open -------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import Cancel, Progress
 from humanoid_getup.progress.latest_job import LatestJob
 from humanoid_getup.studio.folders import Folders
-from humanoid_getup.studio.plain_text import escape
+from humanoid_getup.studio.plain_text import make_status
 from humanoid_getup.studio.timeline import Timeline
 from robots import Posture
 from robots.kinematics import place
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from humanoid_getup.jobs.requests.studio import StudioRequest
     from humanoid_getup.simulation.world import World
+
+PLAIN = (92, 104, 117)
+"""Color of the buttons that are not the main one of a tab."""
 
 Request = TypeVar("Request")
 Result = TypeVar("Result")
@@ -53,9 +56,14 @@ class Page:
         """Called after the start has changed."""
         self.hide_board: Callable[[], None] = lambda: None
         """Hides the board that a tab has put behind the robot."""
+        self.when_files_changed: list[Callable[[], None]] = []
+        """Called after files were saved that another tab may open."""
+        self.tab = ""
+        """Name of the tab that is being filled; its elements speak in its name later on."""
+        self._speaking = threading.local()
         self._lock = threading.RLock()
         self._is_closed = False
-        self._status = server.gui.add_markdown("Ready.")
+        self._status = server.gui.add_html(make_status("", "Ready."))
         self.jobs: list[BackgroundJob[Any]] = []
         """Those that were begun last, the last one first."""
         self._latest: list[LatestJob[Any, Any]] = []
@@ -63,30 +71,55 @@ class Page:
     def pose(self, posture: Posture) -> None:
         """Make a posture the start, and show it."""
         self.start = posture
-        self.timeline.pose(place(self.world.robot, self.world.model, posture))
+        qpos = place(self.world.robot, self.world.model, posture)
+        self.timeline.pose(qpos, is_start=True)
         for update in self.when_posed:
             update(posture)
 
-    def say(self, text: str) -> None:
-        """Show a line on the page, unless it is closed."""
-        if not self._is_closed:
-            self._status.content = escape(text)
+    def say(self, text: str, tab: str | None = None) -> None:
+        """Show a line of a tab on the page, unless it is closed.
 
-    def refuse(self, problem: str) -> None:
+        Without a name of a tab, it is the one whose callback says it.
+        """
+        if not self._is_closed:
+            self._status.content = make_status(self._find_tab(tab), text)
+
+    def refuse(self, problem: str, tab: str | None = None) -> None:
         """Show a problem on the page, and in its corner, unless it is closed."""
         if self._is_closed:
             return
-        self.say(f"⚠ {problem}")
+        self.say(f"⚠ {problem}", tab)
         for client in self.server.get_clients().values():
             client.add_notification("Not done", problem, color="red", auto_close_seconds=8.0)
 
-    def answer(self, work: Callable[[], None]) -> Callable[[object], None]:
-        """Make the callback of an element, which waits for others and shows bad input."""
+    def _find_tab(self, tab: str | None = None) -> str:
+        """Return a tab, or else the one that is filled or whose callback runs in this thread."""
+        speaking = self.tab or getattr(self._speaking, "tab", "")
+        return speaking if tab is None else tab
+
+    def add_button(
+        self, label: str, work: Callable[[], None], *, main: bool = False, disabled: bool = False
+    ) -> viser.GuiButtonHandle:
+        """Add a button where the caller is adding elements; the ``main`` one of a tab stands out.
+
+        Its clicks are answered as a callback.
+        """
+        button = self.gui.add_button(label, disabled=disabled, color=None if main else PLAIN)
+        button.on_click(self.answer(work))
+        return button
+
+    def answer(self, work: Callable[[], None], tab: str | None = None) -> Callable[[object], None]:
+        """Make the callback of an element, which waits for others and shows bad input.
+
+        It speaks for a tab, by default the one that makes it.
+        """
+        tab = self._find_tab(tab)
 
         def run(_: object) -> None:
             with self._lock:
                 if self._is_closed:
                     return
+                before, self._speaking.tab = self._find_tab(), tab
                 try:
                     with refusing():
                         work()
@@ -95,6 +128,8 @@ class Page:
                 except Exception as error:
                     self.refuse(f"{type(error).__name__}: {error}")
                     raise
+                finally:
+                    self._speaking.tab = before
 
         return run
 
@@ -120,17 +155,24 @@ class Page:
             over: Called at the end of any job, however it ended.
         """
 
+        tab = self._find_tab()
+
         def conclude(end: JobEnd[Result]) -> None:
-            self.answer(over)(None)
+            self.answer(over, tab)(None)
             if end.cancelled:
-                self.say("Cancelled.")
+                self.say("Cancelled.", tab)
             elif end.result is None:
-                self.refuse(end.problem)
+                self.refuse(end.problem, tab)
             else:
                 result = end.result
-                self.answer(lambda: ended(result))(None)
+                self.answer(lambda: ended(result), tab)(None)
 
-        job = BackgroundJob(work, request, report=self._show_progress, ended=conclude)
+        job = BackgroundJob(
+            work,
+            request,
+            report=lambda progress: self._show_progress(progress, tab),
+            ended=conclude,
+        )
         self.jobs = [job, *(each for each in self.jobs if each.is_running)]
         return job
 
@@ -146,15 +188,22 @@ class Page:
             ended: Called with each result, as a callback; a failure is told on the page.
         """
 
+        tab = self._find_tab()
+
         def conclude(end: JobEnd[Result]) -> None:
             if end.result is None:
-                return self.refuse(end.problem)
+                return self.refuse(end.problem, tab)
             result = end.result
-            return self.answer(lambda: ended(result))(None)
+            return self.answer(lambda: ended(result), tab)(None)
 
         job = LatestJob(work, conclude)
         self._latest.append(job)
         return job
+
+    def note_files(self) -> None:
+        """Tell the tabs that there may be new files."""
+        for update in self.when_files_changed:
+            update()
 
     def rest(self) -> None:
         """Cancel all jobs that run, and stop to play."""
@@ -167,5 +216,5 @@ class Page:
         self._is_closed = True
         self.rest()
 
-    def _show_progress(self, progress: Progress) -> None:
-        self.say(f"{progress}" if progress.message else f"{progress} …")
+    def _show_progress(self, progress: Progress, tab: str) -> None:
+        self.say(f"{progress}" if progress.message else f"{progress} …", tab)

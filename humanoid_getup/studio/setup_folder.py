@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 ROBOT_FILE = "robot.toml"
 SCENE_KEYS = re.compile(rb"^\[*(ground|boxes|capsules|spheres|starts)\b", re.MULTILINE)
 """One of them is in every scene file that is not level ground."""
+GROUND = "Of rough ground: one seed gives the same ground again."
 BODY = "Factors on the lengths of shoulders, arms, torso or legs, such as arms=1.6,torso=2.2."
 
 
@@ -39,8 +40,8 @@ class SetupFolder:
             self._robot = gui.add_dropdown("Robot", robots, initial_value=given.robot)
             self._body = gui.add_text("Body", given.body, hint=BODY)
             self._scene = gui.add_dropdown("Scene", scenes, initial_value=given.scene)
-            self._ground = gui.add_number("Ground seed", given.seed, min=0, step=1)
-            gui.add_button("Open").on_click(page.answer(self._open))
+            self._ground = gui.add_number("Ground seed", given.seed, min=0, step=1, hint=GROUND)
+            page.add_button("Open", self._open, main=True)
 
     def _open(self) -> None:
         given, robot, scene = self._page.request, self._robot.value, self._scene.value

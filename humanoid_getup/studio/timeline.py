@@ -47,6 +47,9 @@ class Timeline:
         self._at = 0.0  # s since the beginning of the take
         self._clock = self._marked = 0.0  # s, of the last picture and the last line in the plots
         self._wanted = self._playing = self._is_dragged = self._ended = False
+        self._shows_start = False
+        self.when_shown: list[Callable[[], None]] = []
+        """Called after the start of a rise is shown, or something else again."""
         self.pictures = 0
         """Number of pictures that were drawn."""
         self._add_controls(server.gui)
@@ -71,12 +74,18 @@ class Timeline:
             self._seek(0.0)
             self._start() if play else self._stop()
 
-    def pose(self, qpos: Array, ghost: Array | None = None) -> None:
+    @property
+    def shows_start(self) -> bool:
+        """Return whether the posture that is shown is the one from which a rise starts."""
+        return self._shows_start
+
+    def pose(self, qpos: Array, ghost: Array | None = None, *, is_start: bool = False) -> None:
         """Show a posture at rest, MuJoCo positions (nq,); the take stays on the timeline."""
         with self._changed:
             self._pose = Picture(qpos=qpos, ghost=ghost)
             self._stop()
             self._want()
+            self._note_start(is_start=is_start)
 
     def pause(self) -> None:
         """Stop to play."""
@@ -161,6 +170,13 @@ class Timeline:
     def _seek(self, seconds: float) -> None:
         self._at, self._pose, self._is_dragged = seconds, None, False
         self._want()
+        self._note_start(is_start=False)
+
+    def _note_start(self, *, is_start: bool) -> None:
+        if is_start is not self._shows_start:
+            self._shows_start = is_start
+            for update in self.when_shown:
+                update()
 
     def _want(self) -> None:
         self._wanted = True

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,17 +64,24 @@ class Workspace:
         _aim_camera(server, world.robot.standing_neck_height)
         self.timeline = Timeline(server, Stage(server, world))
         self.page = Page(request, server, world, self.timeline, scratch)
-        with self.timeline.panel.add_tab("Picture"):
+        with self.timeline.panel.add_tab("Picture"), self._speaking("Picture"):
             PictureTab(self.page)
         SetupFolder(self.page, change)
         tabs = server.gui.add_tab_group()
         self.tabs: dict[str, Any] = {}
         """What was made of `TABS`."""
         for name, tab in TABS.items():
-            with tabs.add_tab(name):
+            with tabs.add_tab(name), self._speaking(name):
                 self.tabs[name] = tab(self.page)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(WIDTH)
+
+    @contextmanager
+    def _speaking(self, name: str) -> Iterator[None]:
+        """Let the elements that are added meanwhile speak in the name of a tab."""
+        self.page.tab = name
+        yield
+        self.page.tab = ""
 
     def close(self) -> None:
         """Cancel all jobs, and stop to draw."""

@@ -16,7 +16,9 @@ from humanoid_getup.jobs.search_map import WAY_UP, MappedState, read_search_map
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.takes.way_take import make_motion_take
 from robots import Robot, load_robot
+from robots.kinematics import place
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -99,6 +101,14 @@ def test_a_state_that_is_clicked_on_poses_the_robot_and_its_way_can_be_scrubbed(
         assert studio.timeline.take.name == FOUND
         recorded = Motion.load(robot / "motions" / f"{FOUND}.npz")
         assert len(studio.timeline.take.time) == len(recorded.time)
+
+
+@pytest.mark.parametrize(("scene", "is_told"), [("flat", False), ("rough:medium", True)])
+def test_a_motion_on_other_ground_than_its_own_is_told(op3: Robot, scene: str, *, is_told: bool):
+    world = World(op3, scene)
+    motion = find_motion(op3, "supine_sit_up_fast")
+    take = make_motion_take(world, motion, place(op3, world.model, op3.standing))
+    assert any("Recorded on level ground" in fact for fact in take.facts) == is_told
 
 
 def test_a_search_is_resumed_followed_and_cancelled(

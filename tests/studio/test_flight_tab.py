@@ -28,7 +28,7 @@ REFUSED = {
     "gone.mcap": "gone.mcap: No such file or directory",
     "../swing.mcap": "expected a file in",
 }
-EVENTS = ("phase", "over"), ("fault", MARKUP)
+EVENTS = ("phase", "over"), ("fault", MARKUP), ("ended", "attempt 1: its neck came to 0.3")
 
 
 @pytest.fixture(scope="session")
@@ -77,6 +77,10 @@ def test_a_flight_is_listed_opened_and_scrubbed(browser: "Browser", flight: Path
         window.click("Open")
         window.see("Opened ")
         timeline, take = studio.timeline, studio.timeline.take
+        ended, found, *_ = take.facts
+        assert ended == "Ended: attempt 1: its neck came to 0.3"
+        assert found.startswith("joint 'l_knee' differed by")
+        window.see("torque limit up to 1.00 N·m")
         window.see("joint 'l_knee' differed by +0.200 rad after 0.40 s")
         window.see("diverged: joint 'l_knee' differs by +0.200 rad")
         window.see("20 joints: torque limit cut by up to 0.50 N·m")
@@ -115,6 +119,8 @@ def test_the_files_are_those_of_the_command_that_is_shown(
         line = f"getup replay {logs}/op3.mcap --out '{logs}/of the page'"
         window.see(line)
         window.click("Save files")
+        window.click("Open")
+        window.see("files are being saved, expected their end, or Cancel first")
         window.see("replay.json, flight.png, replay.png.")
         window.type("Folder", "../outside")
         window.click("Save files")

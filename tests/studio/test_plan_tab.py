@@ -2,6 +2,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from studio_page import StudioPage, open_studio
 
 from humanoid_getup.motions.motion import Motion
@@ -16,10 +17,30 @@ def plan_a_rise(window: StudioPage) -> None:
     window.click("Plan")
 
 
-def test_a_fall_is_planned_played_scrubbed_and_saved(browser: "Browser", tmp_path: Path):
+def find_tabs(window: StudioPage) -> float:
+    """Find how far from the top the tabs are [pixels]."""
+    box = window.page.get_by_role("tab", name="Pose").bounding_box()
+    assert box is not None
+    return box["y"]
+
+
+def test_a_fall_is_planned_played_scrubbed_and_saved(
+    browser: "Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
     with open_studio(browser, folder=(tmp_path,)) as (studio, window):
+        height, said, say = find_tabs(window), list[tuple[str, str | None]](), studio.page.say
+
+        def listen(text: str, tab: str | None = None) -> None:
+            said.append((text, tab))
+            say(text, tab)
+
+        studio.page.say = listen
         plan_a_rise(window)
         window.see("stands after")
+        assert ("tracking 3 candidates in physics …", "Plan") in said
+        window.see("Plan:")
+        assert find_tabs(window) == height
         take = studio.timeline.take
         np.testing.assert_allclose(take.qpos[0, 3:7], studio.page.start.orientation, atol=0.05)
         np.testing.assert_allclose(take.ghost[0, :2], take.qpos[0, :2], atol=0.02)
@@ -35,13 +56,36 @@ def test_a_fall_is_planned_played_scrubbed_and_saved(browser: "Browser", tmp_pat
         motion = Motion.load(tmp_path / "rise" / "motion.npz")
         assert motion.rises
         window.click("Copy as command")
-        window.see(f"getup rise --from {tmp_path}/rise/start.json --out {tmp_path}/rise")
+        window.see("getup rise --from rise/start.json --out rise")
+        window.open_tab("Flight")
+        window.see_value("File", "rise/flight.mcap")
+        window.click("Open")
+        window.see("Ended: attempt 1: held stand")
+
+
+def test_the_pose_says_that_the_scene_shows_something_else_and_takes_it_over(browser: "Browser"):
+    with open_studio(browser) as (studio, window):
+        plan_a_rise(window)
+        window.see("stands after")
+        lying, take = studio.page.start, studio.timeline.take
+        window.open_tab("Pose")
+        window.see("The scene shows something else")
+        window.click("Show start")
+        window.page.get_by_text("The scene shows something else").wait_for(state="hidden")
+        shown = studio.timeline.picture.qpos
+        layout = studio.page.world.robot.layout(studio.page.world.model)
+        np.testing.assert_array_equal(shown[layout.qpos], lying.joint_pos)
+        window.type("Time [s]", f"{take.duration:.3f}")
+        window.see("The scene shows something else")
+        window.click("Take over")
+        window.see("on no side")
+        np.testing.assert_allclose(studio.page.start.joint_pos, take.qpos[-1, layout.qpos])
 
 
 def test_a_plan_that_is_cancelled_ends_at_once(browser: "Browser"):
     with open_studio(browser) as (studio, window):
         plan_a_rise(window)
-        window.see("planning")
+        window.see("Plan:")
         window.click("Cancel")
         window.see("Cancelled.")
         assert studio.timeline.take is None
@@ -51,7 +95,7 @@ def test_a_plan_that_is_cancelled_ends_at_once(browser: "Browser"):
 def test_a_window_that_is_closed_ends_what_it_began(browser: "Browser"):
     with open_studio(browser) as (studio, window):
         plan_a_rise(window)
-        window.see("planning")
+        window.see("Plan:")
         (job,) = studio.page.jobs
         window.page.close()
         end = job.wait(60.0)

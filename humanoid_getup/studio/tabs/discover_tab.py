@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 WRITTEN = (MOTION_FOLDER, UNFINISHED, KEYFRAMES)
 """What a search writes into the folder of its robot."""
+SEED = "One seed finds the same motions again."
+SEARCHED = "Simulated time after which the search ends; it takes hours."
 RESUME = "Go on with the search that is stored, with its sides, seed and limit."
 REACHED, NONE = "from lying", "none"
 ALL_REACHED: tuple[str, ...] = (REACHED,)
@@ -70,7 +72,7 @@ class DiscoverTab:
         self._note_files()
 
     def _add_search(self) -> None:
-        gui, answer = self._page.gui, self._page.answer
+        gui = self._page.gui
         if not self._page.world.scene.is_flat:
             gui.add_markdown("Motions are searched on level ground, without the scene of the page.")
         with gui.add_folder("Sides"):
@@ -78,22 +80,22 @@ class DiscoverTab:
                 side: gui.add_checkbox(side.capitalize(), True)
                 for side in list_sides(self._page.world.robot)
             }
-        self._seed = gui.add_number("Seed", 0, min=0, step=1)
-        self._budget = gui.add_number("Budget [s]", BUDGET, min=1.0, step=1000.0)
-        self._limit = gui.add_number("Limit [N·m]", 0.0, min=0.0, step=0.1, hint="0 for none")
+        self._seed = gui.add_number("Seed", 0, min=0, step=1, hint=SEED)
+        self._budget = gui.add_number("Budget [s]", BUDGET, min=1.0, step=1000.0, hint=SEARCHED)
+        self._limit = gui.add_number(
+            "Torque limit [N·m]", 0.0, min=0.0, step=0.1, hint="Of every servo; 0 for none."
+        )
         self._resume = gui.add_checkbox("Resume", False, hint=RESUME)
-        self._begin_button = gui.add_button("Discover")
-        self._cancel = gui.add_button("Cancel", disabled=True)
-        gui.add_button("Copy as command").on_click(answer(self._write_command))
+        self._begin_button = self._page.add_button("Discover", self._begin, main=True)
+        self._cancel = self._page.add_button("Cancel", self._end, disabled=True)
+        self._page.add_button("Copy as command", self._write_command)
         self._command = gui.add_markdown("")
-        self._begin_button.on_click(answer(self._begin))
-        self._cancel.on_click(answer(self._end))
 
     def _add_map(self) -> None:
         gui = self._page.gui
         with gui.add_folder("Map"):
             self._switch = BoardSwitch(self._page, "Show map", self.board, self._read_map)
-            gui.add_button("Refresh").on_click(self._page.answer(self._refresh))
+            self._page.add_button("Refresh", self._refresh)
             self._of: viser.GuiDropdownHandle[str] = gui.add_dropdown("States", ALL_REACHED)
             self._color = gui.add_dropdown("Color", (MOVES, SIDE))
             gui.add_markdown("A click on a state poses the robot in it.")
@@ -104,7 +106,7 @@ class DiscoverTab:
         gui = self._page.gui
         with gui.add_folder("Motions found"):
             self._motion: viser.GuiDropdownHandle[str] = gui.add_dropdown("Found", NO_MOTION)
-            gui.add_button("Show motion").on_click(self._page.answer(self._show_motion))
+            self._page.add_button("Show motion", self._show_motion)
 
     # Searching ----------------------------------------------------------------------------------
 

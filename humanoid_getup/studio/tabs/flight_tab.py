@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.execution.phase import Phase
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.command_text import write_command
@@ -26,6 +28,13 @@ from robots.kinematics import transfer_positions
 SUFFIX = ".mcap"
 NO_LOG = f"no {SUFFIX} file"
 AS_MEASURED = "Of the twin; 0: as measured at the start"
+DIVERGES = "Difference of a joint or of the tilt from which robot and twin count as diverged."
+START = {
+    "logged": "the twin starts where the log says",
+    "estimated": "the twin starts where the first measurement puts it",
+}
+ENDED = Phase.ENDED.name.lower()
+"""Kind of the event that tells how a rise ended."""
 PLOTTED = 5  # joints, those that differ most
 MOST_EVENTS = 100  # marks
 MOST_CUTS = 20  # marks, of the longest
@@ -36,25 +45,29 @@ class FlightTab:
 
     def __init__(self, page: Page) -> None:
         """Add the elements where the caller is adding them."""
-        self._page, gui, answer = page, page.gui, page.answer
+        self._page, gui = page, page.gui
         self._job: BackgroundJob[Any] | None = None
+        self._saving: BackgroundJob[ReplayedFlight] | None = None
         self._opened: ReplayRequest | None = None
         with gui.add_folder("Flight log"):
             self._list = gui.add_dropdown("Log", self._find_logs())
             self._name = gui.add_text("File", "")
-            gui.add_button("Refresh").on_click(answer(self._refresh))
-            gui.add_button("Open").on_click(answer(self._open))
-            gui.add_button("Cancel").on_click(answer(self._cancel))
+            page.add_button("Refresh", self._refresh)
+            page.add_button("Open", self._open, main=True)
+            page.add_button("Cancel", self._cancel)
         with gui.add_folder("Twin", expand_by_default=False):
             self._supply = gui.add_number("Supply [V]", 0.0, min=0.0, step=0.1, hint=AS_MEASURED)
-            self._threshold = gui.add_number("Threshold [rad]", THRESHOLD, min=0.0, step=0.01)
+            self._threshold = gui.add_number(
+                "Threshold [rad]", THRESHOLD, min=0.0, step=0.01, hint=DIVERGES
+            )
         with gui.add_folder("Command"):
             self._command = gui.add_markdown("")
             self._folder = gui.add_text("Folder", "replay")
-            gui.add_button("Save files").on_click(answer(self._save))
+            page.add_button("Save files", self._save)
         with gui.add_folder("Differences [rad]"):
             self._table = gui.add_markdown("No flight log yet.")
         self._choose()
+        page.when_files_changed.append(self._note_logs)
         page.on_change(self._list, self._choose)
         page.on_change(self._folder, self._write_command)
 
@@ -64,10 +77,19 @@ class FlightTab:
         return self._page.folders.list_files(SUFFIX) or [NO_LOG]
 
     def _refresh(self) -> None:
-        logs = self._find_logs()
-        self._list.options = logs
-        self._list.value = logs[0]
+        """List the logs, and choose the newest one."""
+        self._note_logs()
+        self._list.value = self._list.options[0]
         self._choose()
+
+    def _note_logs(self) -> None:
+        """List the logs; the choice stays, unless there was none to choose."""
+        chosen, logs = self._list.value, self._find_logs()
+        if tuple(logs) != self._list.options:
+            self._list.options = tuple(logs)
+            self._list.value = chosen if chosen in logs else logs[0]
+        if not self._name.value:
+            self._choose()
 
     def _choose(self) -> None:
         self._name.value = "" if self._list.value == NO_LOG else self._list.value
@@ -83,11 +105,16 @@ class FlightTab:
         request.check()
         self._run(request, partial(self._show, request))
 
-    def _run(self, request: ReplayRequest, ended: Callable[[ReplayedFlight], None]) -> None:
-        """Replay in the background, instead of what runs there."""
+    def _run(
+        self, request: ReplayRequest, ended: Callable[[ReplayedFlight], None]
+    ) -> BackgroundJob[ReplayedFlight]:
+        """Replay in the background, instead of what runs there; files are saved to the end."""
+        if self._saving is not None and self._saving.is_running:
+            raise BadInputError("files are being saved, expected their end, or Cancel first")
         self._cancel()
         work = partial(replay_flight, folders=self._page.request.folder)
-        self._job = self._page.run(work, request, ended)
+        self._job = job = self._page.run(work, request, ended, over=self._note_logs)
+        return job
 
     def _cancel(self) -> None:
         if self._job is not None:
@@ -119,7 +146,7 @@ class FlightTab:
             raise BadInputError("no flight log is open, expected one: see Open")
         request = replace(self._opened, out=self._find_folder())
         request.check()
-        self._run(request, self._tell_saved)
+        self._saving = self._run(request, self._tell_saved)
 
     def _tell_saved(self, flight: ReplayedFlight) -> None:
         folder, names = flight.written[0].parent, ", ".join(path.name for path in flight.written)
@@ -194,7 +221,8 @@ def _make_marks(flight: ReplayedFlight) -> list[Mark]:
 def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
     record, report = flight.record, flight.report
     date = f"{record.started.removesuffix('+00:00').replace('T', ' ')} UTC"
-    facts = [report.headline, record.describe(), f"start {flight.start}, recorded {date}"]
+    facts = [*_find_ending(record), report.headline, record.describe()]
+    facts += [f"{_describe_limit(record)}; {START[flight.start]}; recorded {date}"]
     if flight.scene != world.scene.name:
         facts.append(
             f"recorded in the scene '{flight.scene}', shown in '{world.scene.name}': "
@@ -210,6 +238,20 @@ def _list_facts(flight: ReplayedFlight, world: World) -> list[str]:
         )
         facts.append(f"largest (RMS) differences [rad]: {', '.join(worst)}")
     return facts
+
+
+def _find_ending(record: FlightRecord) -> list[str]:
+    """Find how the flight ended, as the program that logged it told; none if it did not."""
+    told = [event.text for event in record.events if event.kind == ENDED]
+    return [f"Ended: {told[-1]}"] if told else []
+
+
+def _describe_limit(record: FlightRecord) -> str:
+    """Describe the torque limit that the servos were sent while they had torque."""
+    sent = record.sent["torque_limit"]
+    largest = float(np.max(sent, initial=0.0, where=np.isfinite(sent)))
+    by = record.about.get("limit_by")
+    return f"torque limit up to {largest:.2f} N·m{f' by {by}' if by else ''}"
 
 
 def write_table(report: ReplayReport) -> str:

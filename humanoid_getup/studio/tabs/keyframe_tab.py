@@ -11,7 +11,6 @@ from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, START_CLASSES, EndClass
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.progress.background_job import BackgroundJob
-from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.key_list import KeyList
 from humanoid_getup.studio.key_store import KeyStore
@@ -21,6 +20,7 @@ from humanoid_getup.studio.takes.keyframe_take import locate_key, make_take
 ENDS: tuple[EndClass, ...] = get_args(EndClass)
 SQUAT = (40, 100, 75)  # % of the neck's height in the stance: least, greatest, first
 
+HEIGHT = "Of the neck, as a share of its height in the stance."
 NEW = "The present pose is the first key; the stance follows as the last key of a rise."
 
 
@@ -39,10 +39,13 @@ class KeyframeTab:
             self._add_beginning()
         with page.gui.add_folder("Keys"):
             self._list = KeyList(page, self.draft, self._editor, self._show)
-            add_button_row(page, "Physics", {"Play keys": self._play, "Cancel": self._cancel})
+            page.add_button("Play keys", self._play, main=True)
+            page.add_button("Cancel", self._cancel)
         with page.gui.add_folder("Squat"):
-            self._height = page.gui.add_slider("Height [%]", SQUAT[0], SQUAT[1], 1, SQUAT[2])
-            page.gui.add_button("Squat").on_click(page.answer(self._squat))
+            self._height = page.gui.add_slider(
+                "Height [%]", SQUAT[0], SQUAT[1], 1, SQUAT[2], hint=HEIGHT
+            )
+            page.add_button("Squat", self._squat)
         with page.gui.add_folder("Store"):
             self._store.add_storing()
         with page.gui.add_folder("Import", expand_by_default=False):
@@ -52,8 +55,8 @@ class KeyframeTab:
         gui = self._page.gui
         self._name = gui.add_text("Motion name", "motion_1")
         self._start = gui.add_dropdown("Starts", START_CLASSES)
-        self._end = gui.add_dropdown("Ends", ENDS, initial_value=STANDING)
-        gui.add_button("New", hint=NEW).on_click(self._page.answer(self._begin))
+        self._end = gui.add_dropdown("Ends", ENDS, initial_value=STANDING, hint=NEW)
+        self._page.add_button("New", self._begin)
 
     def _begin(self) -> None:
         posed = self._page.start.joint_pos

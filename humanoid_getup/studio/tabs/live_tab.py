@@ -25,6 +25,7 @@ from humanoid_getup.reporting.live_figures import (
     format_degrees,
     list_joints,
 )
+from humanoid_getup.studio.page import PLAIN
 from humanoid_getup.studio.plain_text import escape, make_table
 from robots import Posture, Robot, quaternion
 from robots.description.posture_file import format_posture
@@ -48,6 +49,8 @@ AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
 GYRO_COLOR = (230, 60, 200)
 START = "start.json"
+SUPPORTED = "Check that somebody or something holds the robot; for one Read."
+ARMED = "Permits one rise."
 PINNED = {"x": -12.0, "y": 12.0, "width": 230.0}
 """Place of the second STOP, from the upper right corner of the scene [pixels]."""
 HEADINGS = ("Joint", "deg", "Target", "A", "°C", "Remark")
@@ -58,7 +61,7 @@ class LiveTab:
 
     def __init__(self, page: Page) -> None:
         """Add the elements where the caller is adding them."""
-        self._page, gui, answer = page, page.gui, page.answer
+        self._page, self._tab, gui = page, page.tab, page.gui
         self._follower: LiveFollower | None = None
         self._own_follower: LiveFollower | None = None  # of the job that was started here
         self._job: BackgroundJob[Any] | None = None
@@ -74,9 +77,9 @@ class LiveTab:
         self._pinned.float(**PINNED)
         with gui.add_folder("Program"):
             self._programs: viser.GuiDropdownHandle[str] = gui.add_dropdown("Feed", NO_PROGRAM)
-            gui.add_button("Refresh").on_click(answer(self._refresh))
-            gui.add_button("Follow").on_click(answer(self._follow_chosen))
-            gui.add_button("Leave").on_click(answer(self._leave))
+            page.add_button("Refresh", self._refresh)
+            page.add_button("Follow", self._follow_chosen)
+            page.add_button("Leave", self._leave)
         with gui.add_folder("Robot"):
             self._add_robot(gui)
         self._numbers = gui.add_markdown("")
@@ -111,9 +114,9 @@ class LiveTab:
         except FeedError as error:
             problem = str(error)
         if problem and not is_cancelled:
-            self._page.refuse(problem)
+            self._page.refuse(problem, self._tab)
         else:
-            self._page.say("STOP: torque is off from the next cycle on, and stays off.")
+            self._page.say("STOP: torque is off from the next cycle on, and stays off.", self._tab)
 
     def _cancel_unfollowed(self) -> bool:
         """Cancel what was started here and is not followed yet; return whether there was any."""
@@ -181,7 +184,7 @@ class LiveTab:
 
     def _end(self, problem: str) -> None:
         if problem:
-            self._page.refuse(problem)
+            self._page.refuse(problem, self._tab)
         self._has_ended = True
         self._unpin()
         self._drawn_at = self._written_at = 0.0
@@ -195,7 +198,7 @@ class LiveTab:
         goes_limp = sample.is_limp and not (self._last is not None and self._last.is_limp)
         self._last = sample
         if not np.isfinite([*sample.joint_pos, *sample.orientation]).all():
-            self._page.refuse("the robot measures values that are no numbers")
+            self._page.refuse("the robot measures values that are no numbers", self._tab)
             return
         now = time.monotonic()
         if goes_limp or now - self._drawn_at >= PICTURE_EVERY:
@@ -240,17 +243,19 @@ class LiveTab:
     def _add_robot(self, gui: viser.GuiApi) -> None:
         """Add what reads a limp robot, and what starts a rise if the command permits it."""
         request = self._page.request
+        self._supported: viser.GuiCheckboxHandle | None = None
         if request.robot_port:
             gui.add_markdown(
-                f"Robot at `{', '.join(request.robot_port)}`. *Read* switches torque **off**: "
-                "support it."
+                f"Robot at `{', '.join(request.robot_port)}`. *Read* switches torque **off**: a "
+                "robot that stands falls, unless it is supported."
             )
+            self._supported = gui.add_checkbox("Supported", False, hint=SUPPORTED)
         else:
             robot = "Servos on a virtual bus" if self._page.world.robot.bus else "The twin"
             gui.add_markdown(f"{robot}, from the posture of the page, no faster than in real time.")
-        gui.add_button("Read").on_click(self._page.answer(self._read))
+        self._page.add_button("Read", self._read)
         self._add_rise(gui)
-        gui.add_button("Cancel").on_click(lambda _: self._cancel())
+        gui.add_button("Cancel", color=PLAIN).on_click(lambda _: self._cancel())
 
     def _add_rise(self, gui: viser.GuiApi) -> None:
         """Add what starts a rise: on a virtual bus, or on a robot if the command permits it."""
@@ -261,19 +266,23 @@ class LiveTab:
             return
         if request.robot_port:
             gui.add_markdown("With *Rise* it **will move**.")
-            self._armed = gui.add_checkbox("Armed", False)
+            self._armed = gui.add_checkbox("Armed", False, hint=ARMED)
         gui.add_button("Rise").on_click(self._click_rise)
 
     def _read(self) -> None:
         stops = self._stops
         self._check_idle()
+        if self._supported is not None:
+            if not self._supported.value:
+                raise ValueError("the robot goes limp, expected Supported first")
+            self._supported.value = False
         request = WatchRequest(**self._make_common())
         job = self._page.run(watch, request, self._conclude_reading, over=self._unpin)
         self._begin(job, stops)
 
     async def _click_rise(self, _: object) -> None:
         """Begin a rise, unless STOP is pressed while it waits for other callbacks."""
-        begin = self._page.answer(partial(self._rise, self._stops))
+        begin = self._page.answer(partial(self._rise, self._stops), self._tab)
         threading.Thread(target=begin, args=(None,), daemon=True).start()
 
     def _rise(self, stops: int) -> None:
@@ -318,7 +327,7 @@ class LiveTab:
         """Follow a job that was started here, once it has a feed."""
         while job.is_running:
             if job.pid is not None and (path := find_feed(job.pid)) is not None:
-                self._page.answer(partial(self._follow_own, path))(None)
+                self._page.answer(partial(self._follow_own, path), self._tab)(None)
                 return
             threading.Event().wait(POLL)
 

@@ -13,6 +13,7 @@ from PIL import Image
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
 from humanoid_getup.reporting.video import find_rate, write_video
+from humanoid_getup.studio.page import PLAIN
 from robots.storage.files import atomic_path
 
 if TYPE_CHECKING:
@@ -41,21 +42,22 @@ class PictureTab:
 
     def __init__(self, page: Page) -> None:
         """Add the elements where the caller is adding them."""
-        self._page, gui = page, page.gui
+        self._page, self._tab, gui = page, page.tab, page.gui
         self._file = gui.add_text("File name", "studio", hint="without .png, .mp4 or .gif")
         gui.add_button("Save picture").on_click(self._answer(self._save_picture))
         self._format = gui.add_dropdown("Video as", FORMATS)
-        gui.add_button("Save video").on_click(self._answer(self._begin_video))
-        gui.add_button("Cancel").on_click(page.answer(self._cancel))
+        gui.add_button("Save video", color=PLAIN).on_click(self._answer(self._begin_video))
+        page.add_button("Cancel", self._cancel)
         self._job = page.run_latest(self._film, self._tell)
 
     def _answer(self, work: Callable[[Camera], None]) -> Callable[[Any], None]:
         """Make a callback that knows which browser it came from."""
+        tab = self._page.tab
 
         def run(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
             client = event.client
             if client is not None:
-                self._page.answer(lambda: work(Camera(client)))(event)
+                self._page.answer(lambda: work(Camera(client)), tab)(event)
 
         return run
 
@@ -110,7 +112,7 @@ class PictureTab:
         times = np.arange(0.0, take.duration + 0.5 / rate, 1.0 / rate)
         for number, time in enumerate(times, start=1):
             monitor.check()
-            self._page.say(f"Draws picture {number} of {len(times)} …")
+            self._page.say(f"Draws picture {number} of {len(times)} …", self._tab)
             drawn = timeline.pictures
             timeline.scrub(min(float(time), take.duration))
             if not timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, TIMEOUT):

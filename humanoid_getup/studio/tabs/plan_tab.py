@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, get_args
 from humanoid_getup.jobs.get_up.rise import rise
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.shared import Prefer
-from humanoid_getup.studio.plain_text import make_block
+from humanoid_getup.studio.plain_text import make_block, name_side
 from humanoid_getup.studio.takes.rise_take import make_rise_take
 from robots import Posture
 from robots.description.posture_file import format_posture
@@ -34,6 +35,14 @@ GHOSTS: tuple[str, ...] = (THE_PLAN, NOTHING)
 APART = 1.0  # standing neck heights between two rises that are shown side by side
 MOST_KEPT = 12
 """Number of rises that can be compared."""
+PREFER = "What a rise should be besides successful: quick, of little torque, gentle or robust."
+LIMIT = "Of every servo; 0 for none but the servo's own."
+LIMITED = (
+    "Register by which servos limit torque: goal current, or PWM; ideal caps the torque itself."
+)
+BUDGET = "Simulated time in which the search may vary a rise that does not stand yet."
+ATTEMPTS = "Tries until the robot stands, each with a plan from where it lies then."
+GHOST = "What is drawn translucent beside the rise."
 START, KEY = "start.json", "key_{}.json"
 
 
@@ -52,33 +61,35 @@ class PlanTab:
 
     def __init__(self, page: Page) -> None:
         """Add the elements where the caller is adding them."""
-        self._page, gui, answer = page, page.gui, page.answer
+        self._page, gui = page, page.gui
         self._keys: list[Posture] = []
         self._kept: dict[str, ListedRise] = {}
         self._job: BackgroundJob[FinishedRise] | None = None
         self._count = 0
-        self._prefer = gui.add_dropdown("Prefer", get_args(Prefer))
-        self._limit = gui.add_number("Limit [N·m]", 0.0, min=0.0, step=0.1, hint="0 for none")
-        self._limit_by = gui.add_dropdown("Limit by", (OWN, *get_args(LimitMode)))
-        self._budget = gui.add_number("Budget [s]", RiseRequest.search_budget, min=1.0, step=1.0)
-        self._attempts = gui.add_slider("Attempts", 1, 5, 1, 1)
+        self._prefer = gui.add_dropdown("Prefer", get_args(Prefer), hint=PREFER)
+        self._limit = gui.add_number("Torque limit [N·m]", 0.0, min=0.0, step=0.1, hint=LIMIT)
+        self._limit_by = gui.add_dropdown("Limited by", (OWN, *get_args(LimitMode)), hint=LIMITED)
+        self._budget = gui.add_number(
+            "Search budget [s]", RiseRequest.search_budget, min=1.0, step=1.0, hint=BUDGET
+        )
+        self._attempts = gui.add_slider("Attempts", 1, 5, 1, 1, hint=ATTEMPTS)
         with gui.add_folder("Key postures"):
             self._listed = gui.add_markdown("")
-            gui.add_button("Grab key").on_click(answer(self._grab))
-            gui.add_button("Remove last key").on_click(answer(self._drop_key))
-        self._plan = gui.add_button("Plan")
-        self._cancel = gui.add_button("Cancel", disabled=True)
+            page.add_button("Grab key", self._grab)
+            page.add_button("Remove last key", self._drop_key)
+        self._plan = page.add_button("Plan", self._begin, main=True)
+        self._cancel = page.add_button("Cancel", self._end, disabled=True)
         with gui.add_folder("Rises"):
             self._shown: viser.GuiDropdownHandle[str] = gui.add_dropdown("Show", NO_RISES)
-            self._ghost: viser.GuiDropdownHandle[str] = gui.add_dropdown("Ghost", GHOSTS)
+            self._ghost: viser.GuiDropdownHandle[str] = gui.add_dropdown(
+                "Ghost", GHOSTS, hint=GHOST
+            )
             self._apart = gui.add_checkbox("Side by side", False)
         with gui.add_folder("File"):
             self._folder = gui.add_text("Folder", "rise")
-            gui.add_button("Save").on_click(answer(self._save))
-            gui.add_button("Copy as command").on_click(answer(self._write_command))
+            page.add_button("Save", self._save)
+            page.add_button("Copy as command", self._write_command)
             self._command = gui.add_markdown("")
-        self._plan.on_click(answer(self._begin))
-        self._cancel.on_click(answer(self._end))
         for element in (self._shown, self._ghost, self._apart):
             page.on_change(element, self._show)
         self._list_keys()
@@ -99,7 +110,11 @@ class PlanTab:
 
     def _list_keys(self) -> None:
         count = len(self._keys)
-        self._listed.content = f"{count} to rise through, in the order in which they were grabbed."
+        self._listed.content = (
+            f"{count} to rise through, in the order in which they were grabbed."
+            if count
+            else "None: *Grab key* makes one of what the scene shows, to rise through it."
+        )
 
     # Planning ---------------------------------------------------------------------------------
 
@@ -152,7 +167,7 @@ class PlanTab:
         """Show a rise, and list it."""
         result = done.rise
         ended = f"stands at {done.report.stand_time_s:.1f} s" if result.stood else "does not stand"
-        name = f"{self._count}: {result.start_class}, {ended}"
+        name = f"{self._count}: {name_side(result.start_class)}, {ended}"
         take = make_rise_take(self._page.world, result, name)
         if take is None:
             raise ValueError(f"nothing was played: {result.reason}")
@@ -194,6 +209,7 @@ class PlanTab:
         with staging(folder, names) as staged:
             copytree(kept.folder, staged, dirs_exist_ok=True)
         self._page.say(f"Saved {', '.join(names)} in {self._page.folders.name(folder)}.")
+        self._page.note_files()
 
     def _write_command(self) -> None:
         """Show the command that makes the same rise, and write the postures that it names."""
@@ -203,11 +219,12 @@ class PlanTab:
         named = [kept.folder / START, *map(Path, request.key)]
         for file in named:
             write_atomically(folder / file.name, file.read_text())
+        shown = shorten_path(folder)
         moved = replace(
             request,
-            origin=str(folder / START),
-            key=tuple(str(folder / Path(file).name) for file in request.key),
-            out=folder,
+            origin=str(shown / START),
+            key=tuple(str(shown / Path(file).name) for file in request.key),
+            out=shown,
         )
         self._command.content = make_block(write_command("rise", moved))
 

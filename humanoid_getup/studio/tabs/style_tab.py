@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +23,7 @@ from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RunRequest
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
+from humanoid_getup.progress.callback import Cancel
 from humanoid_getup.studio.boards.board_switch import BoardSwitch
 from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.folders import containing
@@ -48,6 +48,11 @@ SOURCES = (".npz", ".mcap", ".bvh", ".amc")
 STEP, FACTOR = 0.2, 1.25  # s; of one press of a button
 OFTEN = 0.5  # s between two rollouts while a point is dragged
 START = "-start.json"
+STYLES = "A named style, or a style file below --folder."
+CURVES = "Those of one way of lying, which are edited."
+BY_STEP = "Time by which Sooner and Later move the rise, and for which Hold holds."
+HELD = "Time from which Hold holds what the robot does."
+FINISHED = "Let the last point be a stand where the source does not end in one."
 STYLE_KEY = re.compile(b"neck_height")  # in every style file
 
 
@@ -68,6 +73,7 @@ class StyleTab:
         self._twin = StyledTwin(page.world)
         self.rollouts = page.run_latest(self._twin.roll_out, self._show_rollout)
         """Rises that follow it."""
+        self._extractions = page.run_latest(extract, self._show_extracted)
         self._asked_at = -math.inf
         self.editor = StyleEditor(page.world.robot, self._load(list_styles()[0]))
         """The style that is edited."""
@@ -82,10 +88,10 @@ class StyleTab:
         gui, first = self._page.gui, POLICY if POLICY in policies else policies[0]
         self._state = gui.add_markdown("")
         self._policy = gui.add_dropdown("Policy", policies, initial_value=first)
-        self._style = gui.add_dropdown("Preset", self._list_styles())
-        self._curves = gui.add_dropdown("Curves", self._name_curves())
+        self._style = gui.add_dropdown("Preset", self._list_styles(), hint=STYLES)
+        self._curves = gui.add_dropdown("Curves", self._name_curves(), hint=CURVES)
         BoardSwitch(self._page, "Show curves", self.board)
-        gui.add_button("Run").on_click(self._page.answer(self._run))
+        self._page.add_button("Run", self._run, main=True)
         self._page.on_change(self._policy, self._run_if_lying)
         self._page.on_change(self._style, self._choose_style)
         self._page.on_change(self._curves, self._choose_curves)
@@ -95,19 +101,21 @@ class StyleTab:
             self._add_point()
         with gui.add_folder("Curves from"):
             self._source = gui.add_dropdown("Source", self._list_sources())
-            self._finish = gui.add_checkbox("End in a stand", False)
-            gui.add_button("Take curves").on_click(self._page.answer(self._extract))
+            self._finish = gui.add_checkbox("End in a stand", False, hint=FINISHED)
+            self._page.add_button("Take curves", self._extract)
         with gui.add_folder("Style file"):
             self._file = gui.add_text("File", f"style{SUFFIX}")
-            gui.add_button("Save style").on_click(self._page.answer(self._save))
-            gui.add_button("Copy as command").on_click(self._page.answer(self._copy))
+            self._page.add_button("Save style", self._save)
+            self._page.add_button("Copy as command", self._copy)
             self._command = gui.add_markdown("")
 
     def _add_times(self) -> None:
         gui = self._page.gui
         self._duration = gui.add_slider("Duration [s]", SHORTEST, 10.0, 0.05, 3.0)
         self._page.on_change(self._duration, lambda: self._edit(self._last))
-        self._step = gui.add_number("Step [s]", STEP, min=0.01, max=LONGEST, step=0.01)
+        self._step = gui.add_number(
+            "Step [s]", STEP, min=0.01, max=LONGEST, step=0.01, hint=BY_STEP
+        )
         self._add_group(
             "Rise",
             {
@@ -122,7 +130,9 @@ class StyleTab:
                 "Faster": lambda: self.editor.last(self.editor.curves.duration / FACTOR),
             },
         )
-        self._hold_at = gui.add_number("Hold at [s]", 1.0, min=0.0, max=LONGEST, step=0.01)
+        self._hold_at = gui.add_number(
+            "Hold at [s]", 1.0, min=0.0, max=LONGEST, step=0.01, hint=HELD
+        )
         self._add_group(
             "Shape",
             {
@@ -144,7 +154,7 @@ class StyleTab:
         """Value of the chosen control point, as a share of standing or in degrees."""
         self._page.on_change(self._feature, self._show)
         self._page.on_change(self._point, self._show)
-        gui.add_button("Set").on_click(self._page.answer(self._set_point))
+        self._page.add_button("Set", self._set_point)
 
     # Styles ------------------------------------------------------------------------------------
 
@@ -178,14 +188,16 @@ class StyleTab:
         if name not in self._source.options:
             raise BadInputError(f"source {name}: expected one of the list")
         source = str(self._page.folders.resolve(name)) if is_file else name
-        with tempfile.TemporaryDirectory() as scratch:
-            request = ExtractRequest(
-                robot=self._page.request.robot,
-                source=source,
-                finish=self._finish.value,
-                out=Path(scratch, f"{Path(name).stem}{SUFFIX}"),
-            )
-            style = extract_style(request)
+        request = ExtractRequest(
+            robot=self._page.request.robot,
+            source=source,
+            finish=self._finish.value,
+            out=self._page.scratch / f"{Path(name).stem}{SUFFIX}",
+        )
+        self._page.say(f"Curves of {name} are extracted …")
+        self._extractions.ask(request)
+
+    def _show_extracted(self, style: Style) -> None:
         self._begin(style)
         self._page.say(f"Curves {style.about}.")
 
@@ -349,6 +361,11 @@ class StyleTab:
         name = _name(followed, editor.style.curves[followed].start)
         these = "these" if followed == editor.chosen else f"'{escape(name)}'"
         return f"{text}. From this start it follows {these}{mirrored}."
+
+
+def extract(request: ExtractRequest, cancel: Cancel) -> Style:
+    """Extract the curves of a request."""
+    return extract_style(request, cancel=cancel)
 
 
 def _name(number: int, start: str) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOVE_TIME = 0.6  # s in which a move is shown
 SAMPLES = 20  # of a move
+ON_LEVEL = "Recorded on level ground: the ground and the obstacles that are drawn were not there."
 BETWEEN = "Between resting postures the robot is interpolated, not simulated."
 
 
@@ -68,6 +69,7 @@ def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
     share = motion.provenance.get("disturbed_success")
     facts = [f"From {motion.start_class}: {motion.strategy}"]
     facts += [] if share is None else [f"Stands in {float(share):.0%} of disturbed worlds"]
+    facts += [] if world.scene.is_flat else [ON_LEVEL]
     stand = motion.stand_time
     return Take(
         name=motion.name,

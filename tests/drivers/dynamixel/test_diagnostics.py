@@ -99,7 +99,7 @@ def test_a_battery_that_is_flat_for_all_is_one_finding(rig):
     ("error", "shutdown", "words"),
     [
         (HardwareError.VOLTAGE, 52, "reports an error: voltage; restart it"),
-        (HardwareError.SHOCK, 52, "has switched itself off: shock; restart it"),
+        (HardwareError.SHOCK, 52, "has switched itself off: electrical shock; restart it"),
         (HardwareError.OVERLOAD, 52, "has switched itself off: overload; let it cool down"),
         (HardwareError.OVERLOAD, 0, "reports an error: overload; let it cool down"),
     ],

@@ -250,6 +250,9 @@ class Pacer:
         self._deadline += self.period
 
 
+FIRST_READS = 5  # at most: after a pause, one lost reply would leave values of before it
+
+
 class _Loop:
     """State of a run, kept after an exception."""
 
@@ -270,7 +273,7 @@ class _Loop:
         # Deadlines count from here: connecting took its own time.
         self.pacer = Pacer(self.guard.period) if self._realtime else None
         began = clock()
-        state = self.guard.read()
+        state = self._begin()
         start = state.time
         controller.reset(state)
         while not controller.done:
@@ -298,3 +301,11 @@ class _Loop:
             state = self.guard.read()
             self.duration = state.time - start
         return Ending.DONE, Ending.DONE.value
+
+    def _begin(self) -> State:
+        """Measure for the first time; again if values are those from before a pause."""
+        for _ in range(FIRST_READS - 1):
+            state = self.guard.read()
+            if not self.guard.is_outdated(state):
+                return state
+        return self.guard.read()

@@ -134,6 +134,11 @@ class SafetyGuard(Backend):
         self._state = self.backend.read()
         return self._state
 
+    def is_outdated(self, state: State) -> bool:
+        """Return whether joints or orientation were measured too long ago to move."""
+        is_lost = bool(np.any(~(state.joint_age <= self._limp_age)))
+        return is_lost or not state.imu_age <= self.limits.max_imu_age
+
     def write(self, command: Command) -> Command:
         """Send a command within the limits, or torque off after a fault; return what was sent."""
         state = self.read() if self._state is None else self._state

@@ -2,7 +2,9 @@
 
 import gc
 import time
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from recording_backend import RecordingBackend, still_state
 
 from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
 from drivers.control_loop import Pacer, Timing, TimingSummary
+from robots import Robot
 
 
 class Hold:
@@ -73,6 +76,25 @@ def test_a_guards_fault_ends_the_run_limp(tiny, backend):
     assert "target is nan rad" in report.reason
     assert report.cycles == 3
     assert backend.received[-1].is_limp
+
+
+@pytest.mark.parametrize("lost", [{"imu_age": 0.5}, {"joint_age": np.array([0.0, 0.5])}])
+@pytest.mark.parametrize(("times", "ending"), [(2, Ending.DONE), (99, Ending.FAULT)])
+def test_replies_that_are_lost_after_a_pause_are_no_fault_unless_they_stay_lost(
+    tiny: Robot,
+    backend: RecordingBackend,
+    monkeypatch: pytest.MonkeyPatch,
+    lost: dict[str, Any],
+    times: int,
+    ending: Ending,
+):
+    sound, stale = backend.state, replace(backend.state, **lost)
+    reads = iter([stale] * times)
+    monkeypatch.setattr(
+        backend, "read", lambda: replace(next(reads, sound), time=backend.state.time)
+    )
+    report = run(Hold(tiny, cycles=3), SafetyGuard(backend), max_time=1.0)
+    assert report.ending is ending
 
 
 def test_a_broken_device_ends_the_run_with_its_own_words(tiny, backend):

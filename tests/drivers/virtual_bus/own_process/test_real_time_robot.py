@@ -64,7 +64,7 @@ def test_a_robot_that_is_placed_is_limp(tiny: Robot, served: RealTimeRobot):
         servos = served.physics.motors
         wait_until(lambda: all(servo.motor_command().torque_on for servo in servos))
         served.place(tiny.standing)
-        assert not any(servo.motor_command().torque_on for servo in servos)
+        assert [servo.motor_command().torque_on for servo in servos] == [False] * tiny.n
 
 
 def test_an_answer_does_not_wait_for_physics_which_falls_behind(

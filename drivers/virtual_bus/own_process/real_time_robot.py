@@ -93,16 +93,18 @@ class RealTimeRobot:
             DriverError: if a port cannot be created.
         """
         if not self._paths:
-            answer = self._await_reply(LONGEST_START)
-            if isinstance(answer, DriverError):
-                raise answer
-            self._paths |= answer
+            self._paths |= self._await_reply(LONGEST_START)
         return self._paths
 
     @property
     def behind(self) -> float:
         """Return by how much physics has fallen behind the clock since the start [s]."""
         return self._late
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process of its wire."""
+        return self._process.pid
 
     @property
     def running(self) -> bool:
@@ -131,10 +133,6 @@ class RealTimeRobot:
         self._ask(TorqueOff())
         self._devices.receive()
         self.physics.place(posture)
-
-    def kill(self) -> None:
-        """Kill the process of the wire, as a failing computer does."""
-        self._process.kill()
 
     def __enter__(self) -> RealTimeRobot:
         """Start the process; its ports are there when `paths` returns."""
@@ -176,11 +174,13 @@ class RealTimeRobot:
         return self._await_reply(LONGEST_REPLY)
 
     def _await_reply(self, longest: float) -> Any:
-        """Wait for the next reply, some time [s] at most."""
+        """Wait for the next reply, some time [s] at most; raise what ended the process."""
         try:
             reply = self._replies.get(timeout=longest)
         except queue.Empty:
             raise VirtualBusError(f"the virtual bus does not answer within {longest:g} s") from None
+        if isinstance(reply, DriverError):
+            raise reply
         if reply is ENDED:
             raise VirtualBusError("the virtual bus stopped unexpectedly")
         return reply

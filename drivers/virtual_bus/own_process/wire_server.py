@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+import threading
 from functools import partial
 from multiprocessing.connection import Connection
+from typing import Any
 
 from drivers.errors import DriverError
 from drivers.virtual_bus.own_process.messages import (
@@ -12,7 +15,6 @@ from drivers.virtual_bus.own_process.messages import (
     Peek,
     PhysicsRequest,
     TorqueOff,
-    WireSetup,
 )
 from drivers.virtual_bus.own_process.mirrored_robot import MirroredRobot
 from drivers.virtual_bus.serving.server import TimeMode
@@ -29,11 +31,14 @@ def main(commands: int, measurements: int, descriptor: int) -> None:
         measurements: Descriptor of the rows of measurements.
         descriptor: Descriptor of the connection to the parent.
     """
-    connection = Connection(descriptor)
-    setup: WireSetup = connection.recv()
+    line = Line(Connection(descriptor))
+    try:
+        setup = line.receive()
+    except EOFError:
+        return
 
     def request(name: str, *values: float) -> None:
-        connection.send(PhysicsRequest(name=name, values=values))
+        line.send(PhysicsRequest(name=name, values=values))
 
     try:
         robot = MirroredRobot(
@@ -46,28 +51,55 @@ def main(commands: int, measurements: int, descriptor: int) -> None:
         )
         ports = VirtualPorts(robot, time_mode=TimeMode.REAL_TIME, options=setup.options)
         with ports:
-            connection.send(ports.paths)
-            _serve(connection, robot, ports)
+            line.send(ports.paths)
+            _serve(line, robot, ports)
     except DriverError as error:
-        connection.send(error)
+        line.send(error)
 
 
-def _serve(connection: Connection, robot: MirroredRobot, ports: VirtualPorts) -> None:
+class Line:
+    """The connection to the parent; any thread may send."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection, self._lock = connection, threading.Lock()
+
+    def send(self, message: object) -> None:
+        """Send a message, unless the parent has ended."""
+        with self._lock, contextlib.suppress(OSError):
+            self._connection.send(message)
+
+    def receive(self) -> Any:
+        """Wait for a message.
+
+        Raises:
+            EOFError: if the parent has ended.
+        """
+        try:
+            return self._connection.recv()
+        except OSError as error:
+            raise EOFError from error
+
+    def has_message(self, within: float) -> bool:
+        """Wait for a message, some time [s] at most; return whether there is one, or the end."""
+        return self._connection.poll(within)
+
+
+def _serve(line: Line, robot: MirroredRobot, ports: VirtualPorts) -> None:
     """Answer the parent until it ends, or a bus does."""
     while ports.running:
-        if not connection.poll(CHECK_PERIOD):
+        if not line.has_message(CHECK_PERIOD):
             continue
         try:
-            asked = connection.recv()
-        except (EOFError, OSError):
+            asked = line.receive()
+        except EOFError:
             return
         if isinstance(asked, TorqueOff):
             ports.main.call(robot.release)
-            connection.send(asked)
+            line.send(asked)
         elif isinstance(asked, Peek):
-            connection.send(ports.main.call(partial(robot.peek, asked.name)))
+            line.send(ports.main.call(partial(robot.peek, asked.name)))
         elif isinstance(asked, Count):
-            connection.send({name: bus.statistics for name, bus in ports.buses.items()})
+            line.send({name: bus.statistics for name, bus in ports.buses.items()})
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """A virtual robot whose wire is in another process: it answers, moves, and ends with its parent."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -142,7 +143,7 @@ def test_a_port_that_cannot_be_created_is_refused(tiny: Robot, tmp_path: Path):
 
 
 def test_a_wire_that_died_is_noticed(tiny: Robot, served: RealTimeRobot):
-    served.kill()
+    os.kill(served.pid, signal.SIGKILL)
     wait_until(lambda: not served.running)
     with pytest.raises(VirtualBusError, match="stopped unexpectedly"):
         served.place(tiny.standing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -28,17 +29,17 @@ def serve_bus(command: ServeBus) -> int:
     rng = np.random.default_rng(command.seed)
     ids = [servo.id for servo in devices.servos]
     schedule = FaultSchedule.from_file(command.faults, ids) if command.faults else None
-    print(f"getup: {world.robot.name} falls and settles", file=sys.stderr)
     options = PortOptions(
         link=command.link, adapter_latency=command.latency, schedule=schedule, rng=rng
     )
     simulation = Simulation(world, voltage=command.voltage)
     time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
-    with serve_robot(
-        simulation, time_mode=time_mode, options=options, powered=command.powered
-    ) as served:
-        served.place(find_start(world, command.origin, rng).posture)
-        for path in served.paths.values():
+    serving = serve_robot(simulation, time_mode=time_mode, options=options, powered=command.powered)
+    with serving as served, ThreadPoolExecutor(1) as beside:
+        start = beside.submit(find_start, world, command.origin, rng)
+        paths = served.paths
+        served.place(start.result().posture)
+        for path in paths.values():
             print(path, flush=True)
         print(describe(devices), file=sys.stderr)
         _wait(served)

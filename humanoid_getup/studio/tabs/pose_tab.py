@@ -43,8 +43,8 @@ class PoseTab:
         self._page, gui = page, page.gui
         self._state = gui.add_markdown("")
         self._figures = ""
-        scene = {"Show start": self._show_start, "Take over": self._take_over}
-        add_button_row(page, "Scene", scene)
+        shown = {"Show start": self._show_start, "Take over": self._take_over}
+        add_button_row(page, "Start posture", shown)
         self._drops = page.run_latest(self._settle, self._show_settled)
         page.timeline.when_shown.append(self._describe)
         with gui.add_folder("Fall"):

@@ -13,6 +13,7 @@ beside the busy processes, too.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 import serial
 import tyro
-from bus_cycle import busy_processes, stub_learning_libraries
+from bus_cycle import busy_processes, open_lerobot
 
 from drivers.dynamixel import protocol2
 from robots import load_robot
@@ -39,6 +40,7 @@ FIRST, BOARD = IDS[0], 200
 BAUD = ROBOT.bus.baud if ROBOT.bus else 0  # bit/s
 LED, GOAL, POSITION = 65, 116, 132
 MIDDLE = 2048  # ticks
+SETTLING, RESTING = 3.0, 10.0  # s until the robot rests, and in which its bus is measured
 PAUSE = 0.002  # s between two operations, in which the bus may do something else
 
 Operations = Mapping[str, Callable[[], object]]
@@ -46,15 +48,26 @@ Operations = Mapping[str, Callable[[], object]]
 
 
 @contextmanager
-def bus(*options: str) -> Iterator[str]:
-    """Serve a virtual robot in another process; yield its path."""
+def bus_process(*options: str) -> Iterator[subprocess.Popen[str]]:
+    """Run `getup bus`."""
     command = [*GETUP, "bus", "--robot", "op3", "--powered", *options]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().strip()
+        yield process
         process.terminate()
+
+
+@contextmanager
+def bus(*options: str) -> Iterator[str]:
+    """Serve a virtual robot in another process; yield its path."""
+    with bus_process(*options) as process:
+        yield read_path(process)
+
+
+def read_path(process: subprocess.Popen[str]) -> str:
+    """Wait for a bus; return its path."""
+    return process.stdout.readline().strip() if process.stdout else ""
 
 
 @contextmanager
@@ -146,17 +159,7 @@ def dynamixel_python(path: str) -> Iterator[Operations]:
 @contextmanager
 def lerobot(path: str) -> Iterator[Operations]:
     """Use LeRobot's Dynamixel bus."""
-    stub_learning_libraries()
-    from lerobot.motors import Motor, MotorNormMode  # pyright: ignore[reportMissingImports]
-    from lerobot.motors.dynamixel import DynamixelMotorsBus  # pyright: ignore[reportMissingImports]
-
-    motors = {
-        joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.DEGREES)
-        for joint in ROBOT.joints
-    }
-    port = DynamixelMotorsBus(path, motors)
-    port.connect(handshake=False)
-    port.set_baudrate(BAUD)
+    port = open_lerobot(path, ROBOT)
     first = ROBOT.joint_names[0]
     goals: dict[str, Any] = dict.fromkeys(ROBOT.joint_names, MIDDLE)
     yield {
@@ -214,6 +217,27 @@ def measure_client(name: str, path: str, repeats: int) -> dict[str, dict[str, fl
     return cases
 
 
+def measure_rest() -> dict[str, float]:
+    """Measure which share of a core a bus takes whose limp robot lies still."""
+    with bus_process() as process:
+        read_path(process)
+        time.sleep(SETTLING)
+        before = count_processor_time(process.pid)
+        time.sleep(RESTING)
+        return {"core_share": (count_processor_time(process.pid) - before) / RESTING}
+
+
+def count_processor_time(parent: int) -> float:
+    """Count the processor time of a process and its children so far [s]."""
+    found = 0.0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it ended meanwhile
+            fields = stat.read_text().rpartition(")")[2].split()
+            if parent in (int(stat.parent.name), int(fields[1])):
+                found += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return found
+
+
 def count_rises(count: int) -> int:
     """Play a rise over the port some times; return how often the robot stood."""
     stood = 0
@@ -240,7 +264,8 @@ def main(*, repeats: int = 500, rises: int = 0, json: Path | None = None) -> Non
         json: File for the results.
     """
     cores = os.cpu_count() or 1
-    cases: dict[str, Any] = {}
+    cases: dict[str, Any] = {"rest": measure_rest()}
+    print(f"at rest: {cases['rest']['core_share']:.3f} of a core", flush=True)
     for load in (0, cores):
         kind = "busy" if load else "idle"
         with busy_processes(load):

@@ -216,23 +216,29 @@ def sdk_handlers(path: str, baud: int, *, fast: bool, latency: int) -> Iterator[
     port.closePort()
 
 
+def open_lerobot(path: str, robot: Robot) -> Any:
+    """Open LeRobot's bus for a robot, whose servos are taken for XM430-W350."""
+    stub_learning_libraries()
+    from lerobot.motors import Motor, MotorNormMode  # pyright: ignore[reportMissingImports]
+    from lerobot.motors.dynamixel import DynamixelMotorsBus  # pyright: ignore[reportMissingImports]
+
+    motors = {
+        joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.DEGREES)
+        for joint in robot.joints
+    }
+    assert robot.bus is not None
+    bus = DynamixelMotorsBus(path, motors)
+    bus.connect(handshake=False)
+    bus.set_baudrate(robot.bus.baud)
+    return bus
+
+
 @contextmanager
 def lerobot_bus(path: str, baud: int) -> Iterator[Client]:
     """Use LeRobot's bus, and its packet handler for the IMU, which the bus does not support."""
     import dynamixel_sdk as sdk
 
-    stub_learning_libraries()
-    from lerobot.motors import Motor, MotorNormMode  # pyright: ignore[reportMissingImports]
-    from lerobot.motors.dynamixel import DynamixelMotorsBus  # pyright: ignore[reportMissingImports]
-
-    robot = robot_at(baud)
-    motors = {
-        joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.DEGREES)
-        for joint in robot.joints
-    }
-    bus = DynamixelMotorsBus(path, motors)
-    bus.connect(handshake=False)
-    bus.set_baudrate(baud)
+    bus = open_lerobot(path, robot := robot_at(baud))
     packets: Any = bus.packet_handler
     failures = [0]
 

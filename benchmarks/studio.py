@@ -44,7 +44,7 @@ from robots import load_robot
 GETUP = [sys.executable, "-m", "humanoid_getup.cli.main"]
 MOTION, SIDE = "prone_push_up_gentle", "prone"
 CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-PATIENCE = 60.0  # s
+TIMEOUT = 60.0  # s
 POLL = 0.005  # s
 POINT = 6  # control point of the neck height that is edited, counted from 0
 PLAYED = 1.0  # s of the motion before the stop
@@ -142,7 +142,7 @@ def _measure_scrubbing(browser: Browser, scrubs: int) -> dict[str, Any]:
                 before = _read_memory()
             drawn, began = timeline.pictures, time.perf_counter()
             timeline.scrub(float(rng.uniform(0.0, take.duration)))
-            timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, PATIENCE)
+            timeline.wait_for(lambda drawn=drawn: timeline.pictures > drawn, TIMEOUT)
             took.append(time.perf_counter() - began)
         return {
             "pictures_per_s": round(scrubs / sum(took), 1),
@@ -205,11 +205,11 @@ def _time_stop() -> float:
 
     with TemporaryDirectory() as folder, _live_rise(folder) as (feed, _):
         follower = LiveFollower(feed, watch)
-        moves.wait(PATIENCE)
+        moves.wait(TIMEOUT)
         time.sleep(PLAYED)
         began = time.perf_counter()
         follower.stop()
-        limp.wait(PATIENCE)
+        limp.wait(TIMEOUT)
         return time.perf_counter() - began
 
 

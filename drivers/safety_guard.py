@@ -136,8 +136,7 @@ class SafetyGuard(Backend):
 
     def is_outdated(self, state: State) -> bool:
         """Return whether joints or orientation were measured too long ago to move."""
-        is_lost = bool(np.any(~(state.joint_age <= self._limp_age)))
-        return is_lost or not state.imu_age <= self.limits.max_imu_age
+        return self._find_lost(state).size > 0 or not state.imu_age <= self.limits.max_imu_age
 
     def write(self, command: Command) -> Command:
         """Send a command within the limits, or torque off after a fault; return what was sent."""
@@ -184,8 +183,7 @@ class SafetyGuard(Backend):
                 for i in np.flatnonzero(alerts)
             )
             return Fault(FaultKind.SERVO_ERROR, detail, state.time)
-        lost = np.flatnonzero(~(state.joint_age <= self._limp_age))
-        if lost.size:
+        if (lost := self._find_lost(state)).size:
             return Fault(FaultKind.LOST_JOINTS, _name_lost(state, lost, names), state.time)
         if not state.imu_age <= limits.max_imu_age:
             return Fault(FaultKind.LOST_IMU, f"since {state.imu_age:.2f} s", state.time)
@@ -199,6 +197,10 @@ class SafetyGuard(Backend):
             )
             return Fault(FaultKind.TOO_HOT, detail, state.time)
         return None
+
+    def _find_lost(self, state: State) -> Integers:
+        """Find the joints that have been silent for too long, by their numbers."""
+        return np.flatnonzero(~(state.joint_age <= self._limp_age))
 
     def _find_low_supply(self, state: State) -> Fault | None:
         least = self.limits.min_voltage

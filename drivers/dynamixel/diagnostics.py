@@ -396,12 +396,11 @@ def _examine(
 def _explain_silence(
     bus: DynamixelBus, silent: Sequence[Joint], *, is_alone: bool
 ) -> list[Finding]:
-    names, port = name_all(silent), bus.port
-    if is_alone and len(silent) > 1:
-        names = f"all {len(silent)} servos"
+    port = bus.port
     if not is_alone:
         remedy = "check its cable, its power and its id (getup scan)"
-        return [Finding.error(names, "silent", remedy)]
+        return [Finding.error(name_all(silent), "silent", remedy)]
+    names = _name_devices([name_of(joint) for joint in silent], len(silent))
     rate = find_baud_rate(bus, [joint.servo.id for joint in silent])
     if rate is None:
         remedy = "check the robot's power switch, the battery and the cable"

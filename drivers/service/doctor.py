@@ -20,6 +20,7 @@ from drivers.dynamixel.diagnostics import (
     ServoFacts,
     Severity,
     check_cycle_time,
+    merge_findings,
     name_all,
 )
 from drivers.dynamixel.requests import Request
@@ -236,19 +237,17 @@ def _check_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
 
 def _check_settings(servos: Sequence[ServoFacts], limit_by: LimitMode) -> list[Finding]:
     """List the EEPROM items that the driver is going to set, equal ones together."""
-    groups: dict[tuple[str, int, int], list[Joint]] = {}
-    for servo in servos:
-        for name, value in list_eeprom_settings(servo, limit_by).items():
-            groups.setdefault((name, servo.registers[name], value), []).append(servo.joint)
-    return [
+    found = [
         Finding(
             Severity.WARNING,
-            name_all(joints) if len(joints) < len(servos) else f"all {len(servos)} servos",
-            _describe_setting(name, found),
+            servo.name,
+            _describe_setting(name, servo.registers[name]),
             f"nothing to do: the driver sets it to {wanted} when it first connects to move",
         )
-        for (name, found, wanted), joints in groups.items()
+        for servo in servos
+        for name, wanted in list_eeprom_settings(servo, limit_by).items()
     ]
+    return merge_findings(found, [servo.joint for servo in servos])
 
 
 def _describe_setting(name: str, value: int) -> str:

@@ -78,10 +78,6 @@ class LockStepRobot(VirtualPorts):
         """Return 0: the clock waits for physics."""
         return 0.0
 
-    def __enter__(self) -> LockStepRobot:
-        super().__enter__()
-        return self
-
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
         self.main.call(lambda: self._virtual.place(posture))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.source import ImuSource
@@ -87,7 +88,7 @@ class VirtualPorts:
             return None
         return build_i2c_source(settings, chip)
 
-    def __enter__(self) -> VirtualPorts:
+    def __enter__(self) -> Self:
         with ExitStack() as opening:
             if self.imu_line is not None:
                 opening.callback(self.imu_line.close)  # after the bus that waits for it has ended

@@ -144,17 +144,16 @@ def rise_all(
     """
     rises = list[MeasuredRise]()
     for number, fall in enumerate(falls):
-        name = str(number)
-        if ledger is not None and name in ledger.done:
-            measured = convert(ledger.done[name], MeasuredRise)
-        else:
+        kept = None if ledger is None else ledger.done.get(str(number))
+        if kept is None:
             rise = rise_from(strategy, fall, number, seed, preflight=preflight)
             bench_class = classes[number * len(classes) // len(falls)]
-            measured = MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way)
+            rises.append(MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way))
             if ledger is not None:
-                ledger.add(name, measured)
-        rises.append(measured)
-        report(measured)
+                ledger.add(str(number), rises[-1])
+        else:
+            rises.append(convert(kept, MeasuredRise))
+        report(rises[-1])
     return rises
 
 

@@ -20,7 +20,7 @@ from drivers.live_feed.messages import FeedError, LiveSample, find_feeds_folder
 from drivers.safety_limits import ClipCounts
 from robots import Robot
 
-PATIENCE = 60.0  # s; a wait ends with its event
+TIMEOUT = 60.0  # s; a wait ends with its event
 ENOUGH = 1000  # cycles that fill the buffer of a connection
 
 
@@ -64,7 +64,7 @@ def test_a_follower_receives_the_newest_cycle(
     assert follower.hello.robot == tiny.name
     assert follower.hello.joint_names == tuple(tiny.joint_names)
     feed.show(make_cycle(tiny, 1.5))
-    sample = samples.get(timeout=PATIENCE)
+    sample = samples.get(timeout=TIMEOUT)
     assert sample.time == 1.5
     assert sample.target == tiny.standing.joint_pos.tolist()
     assert sample.busy == pytest.approx(0.004)
@@ -77,7 +77,7 @@ def test_every_follower_sees_the_same(
 ):
     followers = [LiveFollower(feed.path, samples.put) for _ in range(2)]
     feed.show(make_cycle(tiny, 2.0))
-    assert samples.get(timeout=PATIENCE) == samples.get(timeout=PATIENCE)
+    assert samples.get(timeout=TIMEOUT) == samples.get(timeout=TIMEOUT)
     for follower in followers:
         follower.close()
 
@@ -87,7 +87,7 @@ def test_a_stop_reaches_the_program(
 ):
     follower = LiveFollower(feed.path, samples.put)
     follower.stop()
-    assert stops.get(timeout=PATIENCE) == "stopped from the live page"
+    assert stops.get(timeout=TIMEOUT) == "stopped from the live page"
     follower.close()
     assert stops.empty()
 
@@ -100,7 +100,7 @@ def test_a_follower_that_leaves_or_hangs_changes_nothing(
     LiveFollower(feed.path, samples.put).close()
     other = LiveFollower(feed.path, samples.put)
     feed.show(make_cycle(tiny, 3.0))
-    assert samples.get(timeout=PATIENCE).time == 3.0
+    assert samples.get(timeout=TIMEOUT).time == 3.0
     assert stops.empty()
     other.close()
     hanging.close()
@@ -112,7 +112,7 @@ def test_the_last_cycle_is_seen_even_if_the_program_ends_with_it(
     with LiveFeed(tiny, stops.put) as feed:
         follower = LiveFollower(feed.path, samples.put)
         feed.show(make_cycle(tiny, 7.0))
-    assert samples.get(timeout=PATIENCE).time == 7.0
+    assert samples.get(timeout=TIMEOUT).time == 7.0
     follower.close()
 
 
@@ -138,7 +138,7 @@ def test_the_last_cycle_reaches_a_follower_that_lags_behind(
         followers = [LiveFollower(feed.path, each) for each in (samples.put, lag)]
         for time in range(ENOUGH):
             feed.show(make_cycle(tiny, time))
-            assert samples.get(timeout=PATIENCE).time == time
+            assert samples.get(timeout=TIMEOUT).time == time
         feed.show(make_cycle(tiny, ENOUGH))
         threading.Thread(target=go_on_once_closed, args=(feed, goes_on)).start()
     for follower in followers:
@@ -153,7 +153,7 @@ def test_the_end_of_the_program_ends_the_feed(
     ended = threading.Event()
     with LiveFeed(tiny, stops.put) as feed:
         follower = LiveFollower(feed.path, samples.put, lambda _: ended.set())
-    assert ended.wait(PATIENCE)
+    assert ended.wait(TIMEOUT)
     assert list_feeds() == []
     with pytest.raises(FeedError, match=r"live feed .*: No such file"):
         LiveFollower(feed.path, samples.put)

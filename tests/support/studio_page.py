@@ -16,7 +16,7 @@ from robots import quaternion
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
-PATIENCE = 60_000.0  # ms; a wait ends with its event, this only bounds a failure
+TIMEOUT = 60_000.0  # ms; a wait ends with its event, this only bounds a failure
 WINDOW = {"width": 1400, "height": 900}
 # Chromium draws in software where there is no GPU; a sandbox needs rights that containers lack.
 OPTIONS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -32,7 +32,7 @@ class StudioPage:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        page.set_default_timeout(PATIENCE)
+        page.set_default_timeout(TIMEOUT)
 
     def open_tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
@@ -88,7 +88,7 @@ class StudioPage:
         """Wait until the input beside a label has a value."""
         from playwright.sync_api import expect
 
-        expect(self.find_input(label)).to_have_value(text, timeout=PATIENCE)
+        expect(self.find_input(label)).to_have_value(text, timeout=TIMEOUT)
 
     def drag_point(self, server: Any, start: Any, end: Any) -> None:
         """Drag what is drawn at a point of the scene to another one, (3,) [m] each."""

@@ -1,6 +1,7 @@
 """A virtual robot in real time: devices and wire in a process of their own, physics in another.
 
-An answer never waits for physics, nor for a client that computes. `RealTimeRobot` is the side of
-the physics, `wire_server` that of the wire; they share newest values in `SharedMemory`. Physics
-that a busy computer keeps from its time falls behind, which is counted.
+A reply waits neither for physics nor for a program that computes. On the side of the physics,
+`real_time_robot` starts the other process and keeps physics at the clock; it drives the
+`remote_devices`. On the side of the wire, `wire_server` serves the `mirrored_robot`. Both publish
+their newest values as `shared_rows`, in the format of `row_formats`, and send rare `messages`.
 """

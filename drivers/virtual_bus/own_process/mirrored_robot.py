@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.own_process.rows import (
+from drivers.virtual_bus.own_process.row_formats import (
     Measurements,
     count_commands,
     count_measurements,

@@ -10,7 +10,7 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import MotorCommand
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.own_process.rows import (
+from drivers.virtual_bus.own_process.row_formats import (
     BodyReading,
     Measurements,
     count_commands,

@@ -49,7 +49,7 @@ AXES = 0.25  # length of the IMU's axes, in standing neck heights
 SECONDS_OF_TURN = 0.1  # s of turning that the arrow of the gyro shows
 GYRO_COLOR = (230, 60, 200)
 START = "start.json"
-SUPPORTED = "Check that somebody or something holds the robot; for one Read."
+SUPPORTED = "Confirms that the robot is held and cannot fall; for one Read."
 ARMED = "Permits one rise."
 PINNED = {"x": -12.0, "y": 12.0, "width": 230.0}
 """Place of the second STOP, from the upper right corner of the scene [pixels]."""

@@ -12,7 +12,7 @@ from waiting import wait_until
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 
-PATIENCE = 60.0  # s; a wait ends with its event
+TIMEOUT = 60.0  # s; a wait ends with its event
 
 
 def double(request: int, report: Callable[[Progress], None], cancel: Callable[[], bool]) -> int:
@@ -45,7 +45,7 @@ def ignore(_: object, report: Callable[[Progress], None], *__: object) -> None:
 def test_a_job_reports_its_progress_and_its_result():
     seen, ends = list[Progress](), list[JobEnd[int]]()
     job = BackgroundJob(double, 21, report=seen.append, ended=ends.append)
-    assert job.wait(PATIENCE) == JobEnd(result=42)
+    assert job.wait(TIMEOUT) == JobEnd(result=42)
     assert seen == [Progress(phase="doubling"), Progress(message="easy")]
     assert ends == [JobEnd(result=42)]
     assert not job.is_running
@@ -53,7 +53,7 @@ def test_a_job_reports_its_progress_and_its_result():
 
 @pytest.mark.parametrize(("work", "problem"), [(fail, "no such robot"), (die, "process ended")])
 def test_a_job_that_fails_or_is_killed_says_so(work: Callable[..., None], problem: str):
-    end = BackgroundJob(work, "no such robot").wait(PATIENCE)
+    end = BackgroundJob(work, "no such robot").wait(TIMEOUT)
     assert end is not None
     assert problem in end.problem
 
@@ -67,9 +67,9 @@ def test_a_cancelled_job_ends_even_if_it_does_not_listen(work: Callable[..., Non
         begun.set()
 
     job = BackgroundJob(work, None, report=note)
-    assert begun.wait(PATIENCE)
+    assert begun.wait(TIMEOUT)
     job.cancel()
-    assert job.wait(PATIENCE) == JobEnd(cancelled=True)
+    assert job.wait(TIMEOUT) == JobEnd(cancelled=True)
     if work is ignore:
         with pytest.raises(ProcessLookupError):
             os.kill(int(phases[0]), 0)
@@ -87,9 +87,9 @@ def hold(file: str, report: Callable[[Progress], None], *_: object) -> None:
 def test_a_job_that_is_interrupted_releases_the_robot(tmp_path: Path):
     begun = threading.Event()
     job = BackgroundJob(hold, str(tmp_path / "robot"), report=lambda _: begun.set())
-    assert begun.wait(PATIENCE)
+    assert begun.wait(TIMEOUT)
     job.cancel()
-    assert job.wait(PATIENCE) == JobEnd(cancelled=True)
+    assert job.wait(TIMEOUT) == JobEnd(cancelled=True)
     assert (tmp_path / "robot").read_text() == "released"
 
 

@@ -9,7 +9,7 @@ import pytest
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.own_process.rows import (
+from drivers.virtual_bus.own_process.row_formats import (
     BodyReading,
     Measurements,
     count_commands,

@@ -18,7 +18,7 @@ from humanoid_getup.progress.callback import Progress
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.video import save_video
 
-PATIENCE = 60.0  # s; a wait ends with its event
+TIMEOUT = 60.0  # s; a wait ends with its event
 MOTION = "prone_push_up_gentle"
 
 

@@ -1,4 +1,4 @@
-"""What the two processes of a virtual robot publish to each other, as rows of numbers."""
+"""Formats of the rows: commands to the motors, and measurements of all devices, as numbers."""
 
 from __future__ import annotations
 

@@ -10,6 +10,8 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.jobs.errors import needing
 from humanoid_getup.jobs.requests.studio import StudioRequest
 
+LONGEST_WAIT = 1.0  # s
+
 
 def studio(command: StudioRequest) -> int:
     """Serve the page until interrupted; return the exit code."""
@@ -18,8 +20,11 @@ def studio(command: StudioRequest) -> int:
 
         opened = Studio(command, _announce)
     with opened:
+        never = threading.Event()
         try:
-            threading.Event().wait()
+            # A signal that comes just before a wait without end would be noticed by its end only.
+            while not never.wait(LONGEST_WAIT):
+                pass
         except KeyboardInterrupt:
             return DID_IT
     return DID_IT

@@ -10,6 +10,7 @@ from msgspec import Meta
 from robots.imu import AxesSetting
 from robots.storage.validation import Names, positive, whole
 
+MAIN_PORT = "main"  # name of the port when all joints share one
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
 
 

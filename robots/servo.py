@@ -148,6 +148,9 @@ class Servo:
     gear: float = 1.0
     """Turns of the servo per turn of the joint, above 0."""
 
+    keeps_limits: bool = False
+    """Whether the position limits in its EEPROM stay as they are: those of its joint's range."""
+
     @property
     def rad_per_tick(self) -> float:
         """Return the angle by which a tick turns the joint [rad]."""

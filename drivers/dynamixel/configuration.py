@@ -25,8 +25,8 @@ OPERATING_MODES: dict[LimitMode, OperatingMode] = {
 def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
     """List the EEPROM items that differ from what the driver needs, and the needed values.
 
-    The servo accepts every tick of its turn: the guard limits the joint's range, and a joint
-    that starts outside it must be held where it is.
+    The servo accepts every tick of its turn, unless it keeps its limits: the guard limits the
+    joint's range, and a joint that starts outside it must be held where it is.
     """
     wanted = {
         "return_delay_time": 0,
@@ -34,9 +34,9 @@ def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, in
         # calibration.
         "drive_mode": servo.registers["drive_mode"] & DriveMode.REVERSE,
         "operating_mode": int(OPERATING_MODES[limit_by]),
-        "max_position_limit": TICKS_PER_TURN - 1,
-        "min_position_limit": 0,
     }
+    if not servo.joint.servo.keeps_limits:
+        wanted |= {"max_position_limit": TICKS_PER_TURN - 1, "min_position_limit": 0}
     return {name: value for name, value in wanted.items() if servo.registers[name] != value}
 
 

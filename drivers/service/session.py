@@ -23,6 +23,7 @@ from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, SerialPort
 from robots import Joint, Robot
+from robots.bench import ServoBench
 
 
 class RobotBus:
@@ -100,6 +101,8 @@ class RobotBus:
 
     def _open_imu(self, imu: ImuSource | None) -> None:
         """Open the IMU, on the board or on its own line."""
+        if imu is None and isinstance(self.robot, ServoBench):
+            return
         if imu is None:
             text, remedy = "names no IMU", "add an [imu] table, or [bus.board] for one on the bus"
             self.findings.append(Finding.error("robot.toml", text, remedy))

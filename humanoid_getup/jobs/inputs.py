@@ -23,14 +23,21 @@ from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name
+from robots.bench import ServoBench
 from robots.imu import IMU_PORT
 
 
-def load_robot(options: RobotOption) -> Robot:
-    """Load the robot of a command."""
+def load_robot(options: RobotOption, *, takes_bench: bool = False) -> Robot:
+    """Load the robot of a command, which may need no body (``takes_bench``)."""
     with refusing():
         body = options.body if isinstance(options, BodyOption) else ""
-        return load_robot_by_name(options.robot, Body.parse(body))
+        robot = load_robot_by_name(options.robot, Body.parse(body))
+    if isinstance(robot, ServoBench) and not takes_bench:
+        raise BadInputError(
+            f"robot '{robot.name}' is servos on a bench, expected a robot with a model: its body "
+            "is unknown"
+        )
+    return robot
 
 
 def load_robot_of(options: RobotOption, robot: str, owner: str) -> Robot:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.arguments import expect
+from robots.description.bench_table import BENCH, load_bench
 from robots.description.calibration import CALIBRATION_FILE, Calibration, CalibrationError
 from robots.description.model_checks import find_model_problems
 from robots.description.schema import JointRow, RobotTable, read_description
@@ -50,9 +51,29 @@ def _load_original(name_or_folder: str | Path) -> Robot:
     file = folder / "robot.toml"
     servos, wrong_servos = read_servo_models(folder)
     try:
-        table, problems = read_description(load_toml(file), servos)
-    except ValueError as error:
-        raise RobotError(f"{file}: {error}") from error
+        toml = load_toml(file)
+        load = load_bench if BENCH in toml else _load_body
+        robot, problems = load(folder, toml, servos, wrong_servos)
+        if problems or robot is None:
+            raise RobotError(
+                f"{file}: {'; '.join(problems)}", [f"{file}: {problem}" for problem in problems]
+            )
+        robot.spec().compile()
+        calibration = folder / CALIBRATION_FILE
+        return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
+    except CalibrationError as error:
+        raise RobotError(str(error)) from error
+    except RobotError:
+        raise
+    except MODEL_ERRORS as error:
+        raise RobotError(f"{file}: {describe(error)}") from error
+
+
+def _load_body(
+    folder: Path, toml: dict[str, Any], servos: Mapping[str, ServoModel], wrong_servos: list[str]
+) -> tuple[Robot | None, list[str]]:
+    """Load the robot of a robot.toml that names a model; return it, or None and all problems."""
+    table, problems = read_description(toml, servos)
     problems += wrong_servos
     model = None
     if table.model:
@@ -62,18 +83,11 @@ def _load_original(name_or_folder: str | Path) -> Robot:
         except RobotError as error:
             problems.append(f"model {error}")
     if problems or model is None:
-        raise RobotError(
-            f"{file}: {'; '.join(problems)}", [f"{file}: {problem}" for problem in problems]
-        )
+        return None, problems
     try:
-        robot = _build_robot(folder, table, model, servos)
-        robot.spec().compile()
-        calibration = folder / CALIBRATION_FILE
-        return Calibration.load(calibration, robot).apply(robot) if calibration.exists() else robot
-    except CalibrationError as error:
-        raise RobotError(str(error)) from error
-    except MODEL_ERRORS as error:
-        raise RobotError(f"{file}: {describe(error)}") from error
+        return _build_robot(folder, table, model, servos), []
+    except RobotError as error:
+        return None, [str(error)]
 
 
 def reshape(robot: Robot, body: Body) -> Robot:

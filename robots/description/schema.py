@@ -10,12 +10,11 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from robots.bus_settings import BoardSettings, BusSettings
+from robots.bus_settings import MAIN_PORT, BoardSettings, BusSettings
 from robots.imu import IMU_PORT, ImuSettings, find_axes_problems, find_imu_problems
 from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.storage.validation import Angle, Names, Sign, positive, read_table, shown, whole, within
 
-MAIN_PORT = "main"  # name of the port when all joints share one
 BOARD_REGISTERS = ("gyro_address", "accelerometer_address", "gyro_scale", "accelerometer_scale")
 AXES_BYTES = 6  # of a gyro or an accelerometer: three axes, two bytes each
 MIN_CONTROL_PERIOD = 0.001  # s; faster than any servo bus
@@ -112,7 +111,8 @@ def read_description(
     table = read_table(RobotTable, toml, "", problems)
     problems += _wrong_servos(table.joints, servos)
     if table.bus is not None:
-        table = replace(table, bus=_complete_bus(table.bus, table.joints, problems))
+        names = tuple(row.name for row in table.joints)
+        table = replace(table, bus=complete_bus(table.bus, names, problems))
     mirror = {row.name: row.mirror for row in table.joints}
     rising = _choose_rising_joints(table, mirror, problems)
     problems += _wrong_pairs("spreading_joints", table.spreading_joints, mirror)
@@ -132,9 +132,8 @@ def read_description(
     return replace(table, rising_joints=rising), problems
 
 
-def _complete_bus(bus: BusSettings, rows: tuple[JointRow, ...], problems: list[str]) -> BusSettings:
+def complete_bus(bus: BusSettings, joints: tuple[str, ...], problems: list[str]) -> BusSettings:
     """Check the ports of a bus and fill in those that a robot.toml may leave out."""
-    joints = tuple(row.name for row in rows)
     ports = bus.ports or {MAIN_PORT: joints}
     listed = [joint for names in ports.values() for joint in names]
     if bus.ports:

@@ -39,6 +39,7 @@ from robots.imu import SensorAxes
 LONGEST_START = 60.0  # s
 LONGEST_REPLY = 10.0  # s
 LONGEST_CATCH_UP = 0.02  # s of physics at once; what is older is lost
+REST_PAUSE = 0.008  # s between two advances of a robot at rest
 ENDED = None
 """Reply of a process that has ended."""
 SERVER = "drivers.virtual_bus.own_process.wire_server"
@@ -66,8 +67,7 @@ class RealTimeRobot:
         Raises:
             SetupError: if the robot has no bus, or servos that cannot be driven.
         """
-        robot = simulation.robot
-        find_bus(robot)
+        robot, has_board = simulation.robot, find_bus(simulation.robot).board is not None
         self.simulation = simulation
         self._paths = dict[str, str]()
         self._setup = WireSetup(
@@ -76,9 +76,8 @@ class RealTimeRobot:
         self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
         self._chip: VirtualI2cChip | None = None
         self._late = 0.0
-        self.physics = ServoPhysics(
-            simulation, self._devices.servos, self._devices.board, rests=True
-        )
+        board = self._devices.board if has_board else None
+        self.physics = ServoPhysics(simulation, self._devices.servos, board, rests=True)
         self._connect_imu()
         self.physics.on_sense.append(self._devices.publish)
         self._replies = queue.Queue[Any]()
@@ -205,7 +204,7 @@ class RealTimeRobot:
             self._devices.receive()
             self.physics.advance(monotonic() - start)
             step = self.simulation.model.opt.timestep
-            pause = self.simulation.period if self.physics.is_at_rest else step
+            pause = REST_PAUSE if self.physics.is_at_rest else step
             self._stopping.wait(max(start + self.physics.time + pause - monotonic(), 0.0))
 
     def _receive(self) -> None:

@@ -12,15 +12,27 @@ from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
 from humanoid_getup.jobs.requests.files import READ
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
-from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.jobs.requests.values import Items, between
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServeBus(BodyOption, SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
-    Prints the path of the serial port; of a robot with several, one line each.
+    Prints the path of the serial port; of a robot with several, one line each. Behind it are, with
+    --servos, servos on a bench instead of a robot.
     """
+
+    servos: Annotated[
+        tuple[str, ...], Items(twice=True), arg(metavar="MODEL:ID,ID,MODEL:ID,...")
+    ] = ()
+    """Servos on a bench instead of a robot: each model with its ids, such as
+    XL430-W250:1,2,XM430-W350:3."""
+    load: Annotated[str | None, arg(metavar="KG:M")] = None
+    """Mass that hangs from each horn on a bench, and its distance; default: none."""
+    baud: Annotated[int | None, arg(metavar="BIT/S")] = None
+    """Baud rate of the bus [bit/s]; default: the robot's, or 57600 on a bench, as servos are
+    shipped."""
 
     origin: Annotated[str, READ, arg(name="from", metavar="supine|prone|left|right|FILE")] = (
         "supine"
@@ -38,6 +50,13 @@ class ServeBus(BodyOption, SceneOptions):
     """Supply [V]; default: the robot's nominal voltage."""
     latency: Annotated[float, between(0.0, 0.1, "s"), arg(metavar="S")] = 0.0
     """Latency timer of the USB adapter [s]; FTDI adapters: 0.016 as shipped."""
+
+    def find_problems(self) -> list[str]:
+        """Report a load without a bench as well."""
+        problems = super().find_problems()
+        if self.load is not None and not self.servos:
+            problems.append("--load needs --servos: it hangs from the servos of a bench")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

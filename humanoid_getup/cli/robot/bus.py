@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
+from drivers.dynamixel.protocol2 import MAX_ID
+from drivers.service.scan import check_rate
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
@@ -15,17 +20,25 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_devices import VirtualDevices
 from humanoid_getup.cli.options.hardware import ServeBus
 from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import find_start, load_world
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_start, load_robot
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.world import World
+from robots import Joint, Posture, Robot
+from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
+from robots.description.bench_table import MAX_ARM, MAX_MASS
+from robots.description.servo_catalog import servo_models
 
+FACTORY_BAUD = 57_600  # bit/s, as servos are shipped
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 LATE = 0.5  # s by which physics falls behind before that is said, again and again
 
 
 def serve_bus(command: ServeBus) -> int:
     """Serve until stopped."""
-    world = load_world(command)
-    devices = VirtualDevices(world.robot, powered=command.powered)
+    robot = _load_robot(command)
+    world = robot if isinstance(robot, ServoBench) else _build_world(command, robot)
+    devices = VirtualDevices(robot, powered=command.powered)
     rng = np.random.default_rng(command.seed)
     ids = [servo.id for servo in devices.servos]
     schedule = FaultSchedule.from_file(command.faults, ids) if command.faults else None
@@ -36,14 +49,89 @@ def serve_bus(command: ServeBus) -> int:
     time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
     serving = serve_robot(simulation, time_mode=time_mode, options=options, powered=command.powered)
     with serving as served, ThreadPoolExecutor(1) as beside:
-        start = beside.submit(find_start, world, command.origin, rng)
+        start = beside.submit(_find_start, world, command.origin, rng)
         paths = served.paths
-        served.place(start.result().posture)
+        served.place(start.result())
         for path in paths.values():
             print(path, flush=True)
         print(describe(devices), file=sys.stderr)
         _wait(served)
     return DID_IT
+
+
+def _load_robot(command: ServeBus) -> Robot:
+    """Load the robot, or build the bench of servos, with the baud rate of the command."""
+    robot = _build_bench(command) if command.servos else load_robot(command, takes_bench=True)
+    if command.baud is None or robot.bus is None:
+        return robot
+    with refusing():
+        check_rate(command.baud)
+    return replace(robot, bus=replace(robot.bus, baud=command.baud))
+
+
+def _build_world(command: ServeBus, robot: Robot) -> World:
+    with refusing():
+        return World(robot, load_scene(command.scene, robot, command.seed))
+
+
+def _find_start(world: World | ServoBench, origin: str, rng: np.random.Generator) -> Posture:
+    """Find the posture in which a robot lies; a bench is where it is."""
+    return (
+        world.standing if isinstance(world, ServoBench) else find_start(world, origin, rng).posture
+    )
+
+
+def _build_bench(command: ServeBus) -> ServoBench:
+    """Build the bench whose servos a command lists.
+
+    Raises:
+        BadInputError: if a model or an id is unknown, an id is given twice, or the load is none.
+    """
+    with refusing():
+        servos = list_bench_servos(command.servos)
+        load = BARE if command.load is None else parse_load(command.load)
+        return make_bench(servos, baud=FACTORY_BAUD, loads=[load] * len(servos))
+
+
+def list_bench_servos(words: Sequence[str]) -> list[Joint]:
+    """List the servos that words name: MODEL:ID, or the ID of another one of the same model.
+
+    Raises:
+        ValueError: if a word names none, or an id is given twice.
+    """
+    joints: list[Joint] = []
+    model = ""
+    for word in words:
+        before, colon, number = word.rpartition(":")
+        model = before if colon else model
+        if model not in servo_models():
+            known = ", ".join(servo_models())
+            raise ValueError(f"--servos has '{word}', expected MODEL:ID with a model of {known}")
+        if not number.isdecimal() or int(number) > MAX_ID:
+            raise ValueError(f"--servos has '{word}', expected an id from 0 to {MAX_ID}")
+        joints.append(make_bench_joint(servo_models()[model], int(number)))
+    ids = [joint.servo.id for joint in joints]
+    if twice := [i for i in ids if ids.count(i) > 1]:
+        raise ValueError(f"--servos has the id {twice[0]} twice, expected each once")
+    return joints
+
+
+def parse_load(text: str) -> Load:
+    """Read a load written as KG:M.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    try:
+        mass, arm = map(float, text.split(":"))
+    except ValueError:
+        mass, arm = math.nan, math.nan
+    if not (0.0 <= mass <= MAX_MASS and 0.0 < arm <= MAX_ARM):
+        raise ValueError(
+            f"--load is '{text}', expected KG:M, a mass of 0 to {MAX_MASS:g} kg and its distance "
+            f"from the horn, up to {MAX_ARM:g} m, such as 0.2:0.1"
+        )
+    return Load(mass=mass, arm=arm)
 
 
 def describe(robot: VirtualDevices) -> str:

@@ -71,7 +71,7 @@ class DoctorResult(msgspec.Struct, frozen=True, kw_only=True):
 
 def doctor(command: Doctor) -> int:
     """Check and report; 0 if the robot is healthy, 3 if it must not move."""
-    robot = load_robot(command)
+    robot = load_robot(command, takes_bench=True)
     ports = name_ports(robot, command.port)
     with phase("checking"), open_robot_bus(robot, ports) as bus:
         health = examine(bus)

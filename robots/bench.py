@@ -1,0 +1,182 @@
+"""Servos on a bench: a robot that is nothing but its servos, on a plate that does not move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.bus_settings import MAIN_PORT, WATCHDOG, BusSettings
+from robots.imu import ImuSettings
+from robots.posture import Posture
+from robots.robot import Joint, Robot
+from robots.servo import RAD_PER_TICK, LimitMode, Servo, ServoModel
+
+MIDDLE = 2048  # ticks at angle 0
+LOWEST, HIGHEST = -math.pi, math.pi - RAD_PER_TICK  # rad, the ends of the turn about the middle
+
+# The plate is so heavy that servos on it do not move it.
+PLATE_MASS, PLATE_HEIGHT, PLATE_DEPTH = 100.0, 0.05, 0.2  # kg, m, m
+SPACING, HORN_HEIGHT = 0.1, 0.3  # m between two servos; m of their horns over the plate
+HORN_MASS, HORN_RADIUS = 0.01, 0.01  # kg, m
+
+# A cycle's bytes may take this share of its period, and a period is at least as long as this.
+WIRE_SHARE, LEAST_PERIOD, PERIOD_STEP = 0.6, 0.01, 0.002
+WATCHDOG_CYCLES = 5  # without a command after which the servos stop
+SERVO_BITS, CYCLE_BITS = 300, 1000  # on the wire in a cycle: for each servo, and once
+
+
+@dataclass(frozen=True, kw_only=True)
+class Load:
+    """A mass on a lever, which hangs down from the horn at angle 0."""
+
+    mass: float = 0.0
+    """[kg]; 0 for a bare horn."""
+    arm: float = 0.1
+    """Distance from the horn [m]."""
+
+
+BARE = Load()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoBench(Robot):
+    """Servos side by side on a heavy plate, each with its load.
+
+    It has joints, servos and a bus as any robot, so that whatever needs no body works with it:
+    virtual bus, diagnosis, calibration, guarded motion. Its stance is that of the plate.
+    """
+
+    loads: tuple[Load, ...] = ()
+    """Load of each servo."""
+
+    def read_model(self) -> mujoco.MjSpec:
+        """Build the plate with a hinge for each servo."""
+        return build_bench_model(self.joints, self.loads)
+
+
+def build_bench_model(joints: Sequence[Joint], loads: Sequence[Load]) -> mujoco.MjSpec:
+    """Build a plate with a hinge and a load for each joint, x forward, hinges about y."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    half_width = 0.5 * SPACING * (len(joints) + 1)
+    plate = spec.worldbody.add_body(name="plate")
+    plate.add_freejoint()
+    plate.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.5 * PLATE_DEPTH, half_width, 0.5 * PLATE_HEIGHT],
+        pos=[0.0, 0.0, 0.5 * PLATE_HEIGHT],
+        mass=PLATE_MASS,
+    )
+    for name, height in (("top", HORN_HEIGHT), ("imu", PLATE_HEIGHT), ("underside", 0.0)):
+        plate.add_site(name=name, pos=[0.0, 0.0, height])
+    for i, (joint, load) in enumerate(zip(joints, loads, strict=True)):
+        place = [0.0, half_width - SPACING * (i + 1), PLATE_HEIGHT + HORN_HEIGHT]
+        horn = plate.add_body(name=f"horn {joint.name}", pos=place)
+        horn.add_joint(
+            name=joint.name,
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0.0, 1.0, 0.0],
+            range=[joint.lower, joint.upper],
+            limited=True,
+        )
+        _add_weight(horn, HORN_MASS, 0.0)
+        if load.mass:
+            _add_weight(horn, load.mass, load.arm)
+    return spec
+
+
+def make_bench(
+    servos: Sequence[Joint],
+    *,
+    baud: int,
+    loads: Sequence[Load] | None = None,
+    name: str = "bench",
+    folder: Path = Path("bench"),
+    control_period: float | None = None,
+    supply_voltage: float | None = None,
+    bus: BusSettings | None = None,
+    imu: ImuSettings | None = None,
+    limit_by: LimitMode | None = None,
+) -> ServoBench:
+    """Make a bench of servos.
+
+    Args:
+        servos: The servos as joints, with their ranges; see `make_bench_joint`.
+        baud: Baud rate [bit/s].
+        loads: Load of each servo; None for bare horns.
+        name: Name of the bench.
+        folder: Folder in which its calibration is.
+        control_period: [s]; None for one that suits the baud rate.
+        supply_voltage: [V]; None for the nominal one of the first servo.
+        bus: Its ports and watchdog; None for one port.
+        imu: An IMU on a line of its own; None for none.
+        limit_by: What torque limits act on; None for the current, where all servos sense it.
+    """
+    period = choose_period(len(servos), baud) if control_period is None else control_period
+    if bus is None:
+        ports = {MAIN_PORT: tuple(joint.name for joint in servos)}
+        bus = BusSettings(baud=baud, watchdog=max(WATCHDOG, WATCHDOG_CYCLES * period), ports=ports)
+    senses_current = all(joint.servo.model.has_current_mode for joint in servos)
+    nominal = servos[0].servo.model.nominal_voltage
+    return ServoBench(
+        name=name,
+        folder=folder,
+        joints=tuple(servos),
+        loads=tuple(loads or (BARE for _ in servos)),
+        torso="plate",
+        neck_site="top",
+        imu_site=None if imu is None else "imu",
+        sole_sites=("underside",),
+        control_period=period,
+        supply_voltage=nominal if supply_voltage is None else supply_voltage,
+        standing=Posture(
+            position=np.zeros(3),
+            orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+            joint_pos=np.array([min(max(0.0, j.lower), j.upper) for j in servos]),
+        ),
+        standing_neck_height=HORN_HEIGHT,
+        mirror_index=np.arange(len(servos)),
+        mirror_sign=np.ones(len(servos)),
+        model_file=folder / "none",
+        bus=bus,
+        imu=imu,
+        limit_by=limit_by or ("current" if senses_current else "pwm"),
+    )
+
+
+def make_bench_joint(
+    model: ServoModel,
+    servo_id: int,
+    *,
+    name: str = "",
+    lower: float = LOWEST,
+    upper: float = HIGHEST,
+    keeps_limits: bool = False,
+) -> Joint:
+    """Make a joint of a servo on a bench, angle 0 in the middle of its turn; ranges in rad."""
+    servo = Servo(id=servo_id, model=model, sign=1, zero_ticks=MIDDLE, keeps_limits=keeps_limits)
+    name = name or f"servo_{servo_id}"
+    return Joint(name=name, lower=lower, upper=upper, servo=servo, segment="other")
+
+
+def choose_period(servos: int, baud: int) -> float:
+    """Choose a control period [s] that leaves time beside a cycle's bytes at a baud rate."""
+    wire = (CYCLE_BITS + servos * SERVO_BITS) / baud
+    steps = math.ceil(max(LEAST_PERIOD, wire / WIRE_SHARE) / PERIOD_STEP)
+    return round(steps * PERIOD_STEP, 6)
+
+
+def _add_weight(horn: mujoco.MjsBody, mass: float, arm: float) -> None:
+    horn.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[HORN_RADIUS, 0.0, 0.0],
+        pos=[0.0, 0.0, -arm],
+        mass=mass,
+        contype=0,
+        conaffinity=0,
+    )

@@ -1,0 +1,142 @@
+"""A robot.toml that lists servos on a bench instead of a body."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
+
+from robots.bench import HIGHEST, LOWEST, MIDDLE, Load, ServoBench, make_bench
+from robots.bus_settings import BusSettings
+from robots.description.schema import (
+    MAX_CONTROL_PERIOD,
+    MAX_SUPPLY_VOLTAGE,
+    MIN_CONTROL_PERIOD,
+    complete_bus,
+)
+from robots.imu import ImuSettings, find_imu_problems
+from robots.robot import Joint
+from robots.servo import MAX_TICKS, PGain, Servo, ServoModel
+from robots.storage.validation import (
+    Sign,
+    find_unknown_keys,
+    positive,
+    read_table,
+    shown,
+    whole,
+    within,
+)
+
+BENCH = "bench"
+"""Key of the servos; a robot.toml with it has no model."""
+MAX_MASS, MAX_ARM = 20.0, 2.0  # kg, m
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRow:
+    """One servo on the bench."""
+
+    id: Annotated[int, whole(0, 252)]
+    servo: str
+    """Name of the servo model."""
+    name: str = ""
+    """servo_ID if left out."""
+    sign: Sign = 1
+    zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)] = MIDDLE
+    lower: Annotated[float, within(-100.0, 100.0, "rad")] = LOWEST
+    """[rad]"""
+    upper: Annotated[float, within(-100.0, 100.0, "rad")] = HIGHEST
+    """[rad]"""
+    p_gain: PGain | None = None
+    """Position P gain; that of the servo type if left out."""
+    load_mass: Annotated[float, within(0.0, MAX_MASS, "kg")] = 0.0
+    """Mass on a lever of its horn [kg]."""
+    load_arm: Annotated[float, positive(MAX_ARM, "m")] = 0.1
+    """Its distance from the horn [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchTable:
+    """The content of a robot.toml of servos on a bench."""
+
+    name: str
+    bench: Annotated[
+        tuple[BenchRow, ...],
+        Meta(description="a list of tables, one for each servo", min_length=1),
+    ]
+    bus: BusSettings
+    control_period: Annotated[float, within(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")] | None = (
+        None
+    )
+    """[s]; one that suits the baud rate if left out."""
+    supply_voltage: Annotated[float, positive(MAX_SUPPLY_VOLTAGE, "V")] | None = None
+    """[V]; the nominal one of the first servo if left out."""
+    imu: ImuSettings | None = None
+    limit_by: Literal["current", "pwm"] | None = None
+
+
+def load_bench(
+    folder: Path, toml: dict[str, Any], servos: Mapping[str, ServoModel], wrong_servos: list[str]
+) -> tuple[ServoBench | None, list[str]]:
+    """Load the bench of a robot.toml; return it, or None and all problems, also of servo types."""
+    problems = wrong_servos + find_unknown_keys(BenchTable, toml)
+    table = read_table(BenchTable, toml, "", problems)
+    rows = tuple(replace(row, name=row.name or f"servo_{row.id}") for row in table.bench)
+    problems += _find_problems(rows, servos, table.imu)
+    bus = complete_bus(table.bus, tuple(row.name for row in rows), problems)
+    if bus.board is not None:
+        problems.append("bus.board is given, expected none: a bench has no board")
+    if problems:
+        return None, problems
+    bench = make_bench(
+        [_make_joint(row, servos[row.servo]) for row in rows],
+        baud=bus.baud,
+        loads=[Load(mass=row.load_mass, arm=row.load_arm) for row in rows],
+        name=table.name,
+        folder=folder,
+        control_period=table.control_period,
+        supply_voltage=table.supply_voltage,
+        bus=bus,
+        imu=table.imu,
+        limit_by=table.limit_by,
+    )
+    return bench, []
+
+
+def _make_joint(row: BenchRow, model: ServoModel) -> Joint:
+    servo = Servo(
+        id=row.id,
+        model=model,
+        sign=row.sign,
+        zero_ticks=row.zero_ticks,
+        own_p_gain=row.p_gain,
+    )
+    return Joint(name=row.name, lower=row.lower, upper=row.upper, servo=servo, segment="other")
+
+
+def _find_problems(
+    rows: tuple[BenchRow, ...], servos: Mapping[str, ServoModel], imu: ImuSettings | None
+) -> list[str]:
+    problems = [
+        f"servo {shown(row.name)}: servo is {shown(row.servo)}, expected {', '.join(servos)}"
+        for row in rows
+        if row.servo and row.servo not in servos
+    ]
+    problems += [
+        f"servo {shown(row.name)}: lower is {row.lower:g} rad, expected below upper, "
+        f"{row.upper:g} rad"
+        for row in rows
+        if row.lower >= row.upper
+    ]
+    for key in ("id", "name"):
+        counts = Counter(getattr(row, key) for row in rows)
+        problems += [
+            f"{BENCH}: {key} {shown(value)} is given {count} times, expected once"
+            for value, count in counts.items()
+            if count > 1
+        ]
+    return problems + (find_imu_problems(imu, has_board=False) if imu is not None else [])

@@ -1,0 +1,128 @@
+"""Servos on a bench: a robot without a body, for whatever needs none."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from drivers import Command, Twin
+from humanoid_getup.cli.robot.bus import list_bench_servos, parse_load
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import load_robot as load_for_command
+from humanoid_getup.jobs.requests.shared import RobotOption
+from robots import RobotError, load_robot
+from robots.bench import Load, make_bench, make_bench_joint
+from robots.description.servo_catalog import servo_models
+
+DESK = """
+name = "desk"
+bench = [
+  { id = 1, servo = "XL430-W250" },
+  { id = 7, servo = "XM430-W350", name = "arm", lower = -1.0, upper = 0.5, load_mass = 0.2 },
+]
+[bus]
+baud = 57600
+"""
+
+
+def write_desk(folder: Path, old: str = "", new: str = "") -> Path:
+    (folder / "robot.toml").write_text(DESK.replace(old, new) if old else DESK)
+    return folder
+
+
+def make_arm(mass: float, arm: float):
+    joint = make_bench_joint(servo_models()["XL430-W250"], 1)
+    return make_bench([joint], baud=57_600, loads=[Load(mass=mass, arm=arm)])
+
+
+def test_a_folder_without_a_model_describes_servos_on_a_bench(tmp_path: Path):
+    desk = load_robot(write_desk(tmp_path))
+    assert desk.joint_names == ("servo_1", "arm")
+    assert [joint.servo.id for joint in desk.joints] == [1, 7]
+    np.testing.assert_allclose(desk.lower, [-math.pi, -1.0])
+    np.testing.assert_allclose(desk.upper, [math.pi - math.tau / 4096, 0.5])
+    assert desk.bus is not None
+    assert desk.bus.ports == {"main": ("servo_1", "arm")}
+    assert desk.limit_by == "pwm"  # the XL430 has no current sensor
+
+
+def test_a_cycle_of_a_bench_has_time_for_its_bytes_at_any_baud_rate():
+    for baud in (57_600, 1_000_000, 4_000_000):
+        for count in (1, 3, 20):
+            joints = [make_bench_joint(servo_models()["XM430-W350"], i) for i in range(count)]
+            bench = make_bench(joints, baud=baud)
+            assert (94 + 26 * count) * 10 / baud < 0.75 * bench.control_period
+            assert bench.bus is not None
+            assert bench.bus.watchdog >= 5 * bench.control_period or bench.bus.watchdog == 0.1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("id = 7", "id = 1", "id 1 is given 2 times, expected once"),
+        ("XM430-W350", "XM999", "servo is 'XM999', expected"),
+        ("lower = -1.0", "lower = 1.0", "lower is 1 rad, expected below upper, 0.5 rad"),
+        ("load_mass = 0.2", "load_mass = 200", "load_mass is 200 kg, expected 0 to 20 kg"),
+        ("baud = 57600", "baud = 57601", "bus.baud is 57601"),
+        ("id = 7", "id = 7, torso = 'arm'", "unknown key"),
+    ],
+)
+def test_a_wrong_bench_is_refused_with_its_place(tmp_path: Path, old: str, new: str, expected: str):
+    with pytest.raises(RobotError) as refused:
+        load_robot(write_desk(tmp_path, old, new))
+    assert expected in str(refused.value)
+
+
+def test_a_command_that_needs_a_body_refuses_a_bench(tmp_path: Path):
+    request = RobotOption(robot=str(write_desk(tmp_path)))
+    with pytest.raises(BadInputError, match="servos on a bench, expected a robot with a model"):
+        load_for_command(request)
+    assert load_for_command(request, takes_bench=True).name == "desk"
+
+
+def test_a_load_on_a_limp_servo_swings_down_and_its_weight_is_the_torque_that_holds_it():
+    bench = make_arm(mass=1.0, arm=0.1)
+    with Twin(bench, without_imu=True) as twin:
+        twin.place(replace(bench.standing, joint_pos=np.array([math.pi / 2])))
+        for _ in range(round(4.0 / bench.control_period)):
+            twin.write(Command.limp(1))
+        assert abs(twin.read().joint_pos[0]) < 0.1
+    model = bench.spec().compile()
+    data = mujoco.MjData(model)
+    data.joint("servo_1").qpos[0] = math.pi / 2
+    mujoco.mj_forward(model, data)
+    assert abs(data.qfrc_bias[model.joint("servo_1").dofadr[0]]) == pytest.approx(weight, rel=1e-3)
+
+
+def test_servos_of_a_command_line_are_models_with_their_ids():
+    joints = list_bench_servos(("XL430-W250:1", "2", "XM430-W350:3"))
+    assert [(j.servo.id, j.servo.model.name) for j in joints] == [
+        (1, "XL430-W250"),
+        (2, "XL430-W250"),
+        (3, "XM430-W350"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("1", "XL430-W250:2"), "has '1', expected MODEL:ID"),
+        (("XL999:1",), "has 'XL999:1', expected MODEL:ID"),
+        (("XL430-W250:253",), "expected an id from 0 to 252"),
+        (("XL430-W250:one",), "expected an id from 0 to 252"),
+        (("XL430-W250:1", "1"), "has the id 1 twice"),
+        (("XL430-W250:0", "0"), "has the id 0 twice"),
+    ],
+)
+def test_servos_that_do_not_exist_are_refused(words: tuple[str, ...], expected: str):
+    with pytest.raises(ValueError, match=expected):
+        list_bench_servos(words)
+
+
+@pytest.mark.parametrize("text", ["1", "1:2:3", "a:b", "-1:0.1", "1:0", "nan:1", "1:9"])
+def test_a_load_that_is_none_is_refused(text: str):
+    with pytest.raises(ValueError, match="expected KG:M"):
+        parse_load(text)

@@ -31,6 +31,14 @@ class OperatingMode(IntEnum):
     PWM = 16
 
 
+def name_mode(mode: int) -> str:
+    """Return the name of an operating mode, or the number of an unknown one."""
+    try:
+        return OperatingMode(mode).name.lower().replace("_", " ")
+    except ValueError:
+        return str(mode)
+
+
 class DriveMode(IntFlag):
     """Bits of the item ``drive_mode`` (e-manual)."""
 

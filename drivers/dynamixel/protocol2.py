@@ -187,6 +187,11 @@ def reboot(device: int) -> bytes:
     return Packet(device, Instruction.REBOOT).encode()
 
 
+def factory_reset(device: int, kept: Reset) -> bytes:
+    """Set a device's EEPROM to its defaults, but for some registers; it restarts."""
+    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,))).encode()
+
+
 def clear_turns(device: int) -> bytes:
     """Bring a position of many turns back into one turn; for a servo without torque, at rest."""
     return Packet(device, Instruction.CLEAR, bytes((0x01, *b"DXL\x22"))).encode()

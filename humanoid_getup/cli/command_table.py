@@ -8,7 +8,7 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "prior"),
-    "robot": ("robots", "scan", "doctor", "calibrate", "watch", "bus"),
+    "robot": ("robots", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
@@ -182,6 +182,65 @@ COMMANDS = {
         "Measure the zeros and signs of the servos.",
         "options.hardware.Calibrate",
         "calibrate.calibrate",
+    ),
+    "servo": TableEntry("Set up, read and move single servos on a port."),
+    "servo find-port": TableEntry(
+        "Find the port of an adapter by unplugging it.",
+        "options.servo.FindPort",
+        "servo.ports.find_port",
+    ),
+    "servo list": TableEntry(
+        "List the servos on a port with what they measure.",
+        "options.servo.ListServos",
+        "servo.registers.list_servos",
+    ),
+    "servo setup": TableEntry(
+        "Give the servos of a robot their ids, one at a time.",
+        "options.servo.SetUpServos",
+        "servo.address.set_up",
+    ),
+    "servo id": TableEntry(
+        "Give a servo another id.", "options.servo.ChangeId", "servo.address.change_servo_id"
+    ),
+    "servo baud": TableEntry(
+        "Give a servo another baud rate.",
+        "options.servo.ChangeBaud",
+        "servo.address.change_servo_baud",
+    ),
+    "servo table": TableEntry(
+        "Print all registers of a servo.", "options.servo.ShowTable", "servo.registers.show_table"
+    ),
+    "servo read": TableEntry(
+        "Read registers of a servo.",
+        "options.servo.ReadRegisters",
+        "servo.registers.read_registers",
+    ),
+    "servo write": TableEntry(
+        "Write registers of a servo.",
+        "options.servo.WriteRegisters",
+        "servo.registers.write_registers",
+    ),
+    "servo move": TableEntry(
+        "Move a servo slowly.", "options.servo.MoveServo", "servo.motion.move"
+    ),
+    "servo wiggle": TableEntry(
+        "Swing one servo after the other a little.",
+        "options.servo.WiggleServos",
+        "servo.motion.wiggle",
+    ),
+    "servo jog": TableEntry("Move servos by keys.", "options.servo.JogServos", "servo.motion.jog"),
+    "servo monitor": TableEntry(
+        "Show what servos measure, and their ranges.",
+        "options.servo.MonitorServos",
+        "servo.monitor.monitor",
+    ),
+    "servo reboot": TableEntry(
+        "Restart a servo.", "options.servo.RebootServo", "servo.address.reboot"
+    ),
+    "servo reset": TableEntry(
+        "Set a servo to the values as shipped.",
+        "options.servo.ResetServo",
+        "servo.address.reset",
     ),
     "watch": TableEntry(
         "Show a limp robot while a person turns it by hand.",

@@ -1,6 +1,6 @@
 """Instructions that the driver never sends."""
 
-from drivers.dynamixel.protocol2 import BROADCAST, Instruction, Packet, Reset
+from drivers.dynamixel.protocol2 import BROADCAST, Instruction, Packet
 
 
 def reg_write(device: int, address: int, data: bytes) -> bytes:
@@ -11,11 +11,6 @@ def reg_write(device: int, address: int, data: bytes) -> bytes:
 def action(device: int = BROADCAST) -> bytes:
     """Apply what `reg_write` stored."""
     return Packet(device, Instruction.ACTION).encode()
-
-
-def factory_reset(device: int, kept: Reset) -> bytes:
-    """Set a device's EEPROM to its defaults."""
-    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,))).encode()
 
 
 def clear_turns(device: int) -> bytes:

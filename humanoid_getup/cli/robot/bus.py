@@ -26,10 +26,10 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Joint, Posture, Robot
 from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
+from robots.bus_settings import FACTORY_BAUD
 from robots.description.bench_table import MAX_ARM, MAX_MASS
 from robots.description.servo_catalog import servo_models
 
-FACTORY_BAUD = 57_600  # bit/s, as servos are shipped
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
 LATE = 0.5  # s by which physics falls behind before that is said, again and again
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -31,6 +30,7 @@ from humanoid_getup.cli.options.hardware import Calibrate
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.cli.shared.prompt import open_prompt
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import name_ports
 from robots import Joint, Robot, load_posture, load_robot
@@ -39,6 +39,7 @@ from robots.quaternion import Array
 
 ZERO, STANDING = "zero", "standing"
 NOT_SAVED = "nothing is saved"
+UNFINISHED = f"the input ended before the calibration did: {NOT_SAVED}"
 HEADINGS = ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is")
 VIRTUAL_FILE = "calibration.virtual.toml"
 
@@ -52,7 +53,7 @@ def calibrate(command: Calibrate) -> int:
     path = command.out or robot.folder / (VIRTUAL_FILE if is_virtual else CALIBRATION_FILE)
     check_folder(path.parent)
     console = console_for(command)
-    prompt = open_prompt(console)
+    prompt = open_prompt(console, UNFINISHED)
     if prompt is None and (command.signs or not command.yes):
         needed = "--signs needs a person" if command.signs else "it cannot ask (or use --yes)"
         raise BadInputError(f"standard input is not a terminal: {needed}")
@@ -121,31 +122,6 @@ def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
         names = ", ".join(f"'{joint.name}'" for joint in beyond)
         raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
     return np.zeros(robot.n)
-
-
-class TerminalPrompt:
-    """A person at the terminal."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-
-    def tell(self, text: str) -> None:
-        """Print a line."""
-        self._console.print(escape(text))
-
-    def ask(self, question: str) -> str:
-        """Print a question and read a line."""
-        self._console.print(f"[bold]{escape(question)}[/]", end=" ")
-        line = sys.stdin.readline()
-        if not line:
-            raise BadInputError(f"the input ended before the calibration did: {NOT_SAVED}")
-        return line.rstrip("\n")
-
-
-def open_prompt(console: Console) -> Prompt | None:
-    """Return the person at the terminal, ``None`` without a terminal."""
-    is_terminal = sys.stdin is not None and sys.stdin.isatty()
-    return TerminalPrompt(console) if is_terminal else None
 
 
 def check_folder(folder: Path) -> None:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.configuration import OPERATING_MODES
-from drivers.dynamixel.control_table import OperatingMode
+from drivers.dynamixel.control_table import name_mode
 from drivers.dynamixel.diagnostics import Finding, ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
@@ -146,7 +146,7 @@ def print_health(health: HealthCheck, console: Console) -> None:
             f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes, "
             f"{escape(health.imu_name)}{rate}{note}"
         )
-    mode = _name_mode(OPERATING_MODES[health.robot.limit_by])
+    mode = name_mode(OPERATING_MODES[health.robot.limit_by])
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
@@ -169,7 +169,7 @@ def _tabulate(health: HealthCheck) -> Table:
             f"{math.degrees(servo.angle):+.1f}",
             f"{lower:+d} to {upper:+d}",
             f"{registers['return_delay_time'] * 2}",
-            _name_mode(registers["operating_mode"]),
+            name_mode(registers["operating_mode"]),
             "on" if registers["torque_enable"] else "off",
             " ".join(str(bit.name).lower() for bit in error) or "-",
         )
@@ -196,10 +196,3 @@ def _print_port(port: PortReport, health: HealthCheck, console: Console) -> None
         f"  one cycle: {port.cycle_bytes} bytes, {port.cycle_time * 1e3:.2f} ms on the wire "
         f"of {period * 1e3:.1f} ms"
     )
-
-
-def _name_mode(mode: int) -> str:
-    try:
-        return OperatingMode(mode).name.lower().replace("_", " ")
-    except ValueError:
-        return str(mode)

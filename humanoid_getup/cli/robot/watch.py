@@ -66,6 +66,10 @@ class QuitKey(TerminalKeys):
         """Return whether the key was pressed."""
         return self._pressed.is_set()
 
+    def wait(self, seconds: float) -> None:
+        """Wait until the key is pressed, a time [s] at most."""
+        self._pressed.wait(seconds)
+
     def _note(self, sent: bytes) -> None:
         if sent.lower() in (b"q", b""):
             self._pressed.set()

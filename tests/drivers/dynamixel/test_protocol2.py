@@ -73,7 +73,7 @@ REQUESTS = [
     (p2.write(1, GOAL, hexed("00020000")), "FFFFFD00 01 0900 03 7400 00020000 CA89"),
     (instructions.reg_write(1, 104, hexed("C8000000")), "FFFFFD00 01 0900 04 6800 C8000000 AE8E"),
     (instructions.action(1), "FFFFFD00 01 0300 05 02CE"),
-    (instructions.factory_reset(1, Reset.ALL_BUT_ID), "FFFFFD00 01 0400 06 01 A1E6"),
+    (p2.factory_reset(1, Reset.ALL_BUT_ID), "FFFFFD00 01 0400 06 01 A1E6"),
     (p2.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
     (instructions.clear_turns(1), "FFFFFD00 01 0800 10 01 44584C22 B1DC"),
     (instructions.backup(1), "FFFFFD00 01 0800 20 01 4354524C 16F5"),

@@ -215,7 +215,7 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
     assert look(tell(protocol2.reboot(everyone)), "position_p_gain") == [800, 800]
     tell(instructions.clear_turns(everyone))
     assert look(tell(instructions.backup(everyone)), "backup_ready") == [1, 1]
-    reset = instructions.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
+    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
     assert look(tell(reset), "return_delay_time") == [250, 250]
 
 
@@ -227,7 +227,7 @@ def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
 
 
 def test_new_firmware_refuses_to_reset_all_ids_at_once():
-    reset = request(instructions.factory_reset(BROADCAST, Reset.ALL))
+    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL))
     new, old = servos(3, 4, firmware=42), servos(3, 4, firmware=41)
     new.handle(reset)
     old.handle(reset)

@@ -1,0 +1,1 @@
+"""Service of servos without a robot's description: registers, ids, guarded motion."""

@@ -1,0 +1,277 @@
+"""A servo on a port, known by its control table alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+from drivers.dynamixel.bus import TRIES, DynamixelBus
+from drivers.dynamixel.control_table import ControlTable, Item, table_for
+from drivers.dynamixel.diagnostics import GARBLED, read_items
+from drivers.dynamixel.protocol2 import ErrorNumber, Status, read_identity
+from drivers.dynamixel.startup import BOOT_MARGIN, BOOT_TIME, SETUP_MARGIN
+from drivers.errors import DriverError, SetupError
+from drivers.serial_port import PortError, SerialPort
+from drivers.service.scan import COMMON_RATES, check_rate
+
+# Under torque, a servo obeys these alone: everything else waits until it is released.
+HARMLESS = ("led", "torque_enable")
+MOTION = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
+"""Registers that move a servo, which only the guard may."""
+
+
+class ServoError(DriverError):
+    """A servo does not do what it was sent."""
+
+
+class NoServoError(SetupError):
+    """No servo, or more than one, is at a port as it was named."""
+
+
+@dataclass(frozen=True)
+class LooseServo:
+    """A servo on a port that is open at its baud rate."""
+
+    bus: DynamixelBus
+    id: int
+    table: ControlTable
+    firmware: int
+
+    @property
+    def name(self) -> str:
+        """Return its name in messages."""
+        return f"{self.table.model} (id {self.id})"
+
+    def find_item(self, register: str) -> Item:
+        """Find a register by name.
+
+        Raises:
+            SetupError: if the model has no such register, with those that have a similar name.
+        """
+        if register in self.table:
+            return self.table[register]
+        near = get_close_matches(register, self.table.items, n=3)
+        expected = ", ".join(near) if near else "a name of: getup servo table"
+        raise SetupError(f"{self.name} has no register '{register}', expected {expected}")
+
+    def read(self, register: str) -> int:
+        """Read a register, in counts.
+
+        Raises:
+            SetupError: if the model has no such register.
+            ServoError: if it does not reply.
+        """
+        item = self.find_item(register)
+        value = self.bus.read_item(self.id, item)
+        if value is None:
+            raise ServoError(f"{self.name}: silent when {register} is read")
+        return value
+
+    def read_table(self) -> dict[str, int]:
+        """Read all registers but the indirect ones, by name, in counts.
+
+        Raises:
+            ServoError: if it does not reply.
+        """
+        names = [item.name for item in self.table if not item.name.startswith("indirect_")]
+        values = read_items(self.bus, self.id, self.table, names)
+        if values is None:
+            raise ServoError(f"{self.name}: its registers cannot be read")
+        return {name: values[name] for name in names}
+
+    def check_write(self, register: str, value: int) -> Item:
+        """Check that a register may be written with a value; nothing is written.
+
+        Raises:
+            SetupError: if it may not, with what is expected.
+        """
+        item = self.find_item(register)
+        if not item.writable:
+            raise SetupError(f"{self.name}: {register} can only be read")
+        if not item.accepts(value) or (
+            register == "operating_mode" and value not in self.table.modes
+        ):
+            raise SetupError(
+                f"{self.name}: {register} is {value}, expected {_describe(self, item)}"
+            )
+        moves = register in MOTION or register.startswith("indirect_")
+        if moves or (register == "torque_enable" and value):
+            raise SetupError(
+                f"{self.name}: {register} may move it, which only the guard does: getup servo move"
+            )
+        return item
+
+    def write(self, register: str, value: int) -> None:
+        """Write a register, in counts, and read it back.
+
+        Raises:
+            SetupError: if it may not be written like that, or the servo has torque.
+            ServoError: if it does not confirm, or reads back another value.
+        """
+        item = self.check_write(register, value)
+        if register not in HARMLESS and self.read("torque_enable"):
+            raise SetupError(
+                f"{self.name} has torque, expected none: "
+                f"getup servo write torque_enable=0 --id {self.id}"
+            )
+        status = self.bus.write(self.id, item.address, item.encode(value), TRIES)
+        _check_status(self, f"{register} = {value}", status)
+        if (found := self.read(register)) != value:
+            raise ServoError(f"{self.name}: {register} reads {found} after {value} was written")
+
+    def reboot(self) -> LooseServo:
+        """Restart it, and wait until it replies again.
+
+        Raises:
+            ServoError: if it does not.
+        """
+        _check_status(self, "reboot", self.bus.reboot(self.id, TRIES))
+        return self.await_reply(self.id)
+
+    def await_reply(self, servo_id: int) -> LooseServo:
+        """Wait until it replies at an id after a restart.
+
+        Raises:
+            ServoError: if it does not.
+        """
+        until = time.monotonic() + BOOT_TIME
+        self.bus.answer_margin, before = BOOT_MARGIN, self.bus.answer_margin
+        try:
+            while time.monotonic() < until:
+                if self.bus.ping(servo_id) is not None:
+                    return replace(self, id=servo_id)
+        finally:
+            self.bus.answer_margin = before
+        raise ServoError(f"{self.name}: silent {BOOT_TIME:g} s after its restart")
+
+
+@contextmanager
+def open_servo(path: str, servo_id: int | None, baud: int | None) -> Iterator[LooseServo]:
+    """Open a port and find a servo on it; torque stays as it is.
+
+    Args:
+        path: Serial port.
+        servo_id: Id of the servo; None for the only one on the port.
+        baud: Baud rate [bit/s]; None for the first of `COMMON_RATES` at which it replies.
+
+    Raises:
+        SetupError: if port, baud rate or id cannot be used.
+    """
+    with open_bus(path, COMMON_RATES[0] if baud is None else baud) as bus:
+        yield find_servo(bus, servo_id, COMMON_RATES if baud is None else (baud,))
+
+
+@contextmanager
+def open_bus(path: str, baud: int) -> Iterator[DynamixelBus]:
+    """Open a port at a baud rate [bit/s].
+
+    Raises:
+        SetupError: if no servo has that baud rate, or the port does not open.
+    """
+    try:
+        check_rate(baud)
+    except ValueError as error:
+        raise SetupError(str(error)) from error
+    port = SerialPort(path, baud)
+    port.open()
+    try:
+        yield DynamixelBus(port, answer_margin=SETUP_MARGIN)
+    finally:
+        port.close()
+
+
+def find_servo(bus: DynamixelBus, servo_id: int | None, rates: Sequence[int]) -> LooseServo:
+    """Find a servo on an open port at one of several baud rates [bit/s], and stay at its rate.
+
+    Raises:
+        NoServoError: if there is none, or if it is not named and there are several.
+    """
+    found = find_any(bus, rates, servo_id)
+    if len(found) > 1:
+        listed = ", ".join(str(servo.id) for servo in found)
+        raise NoServoError(
+            f"port {bus.port.path}: servos {listed} reply, expected --id with one of them"
+        )
+    return found[0]
+
+
+def find_any(
+    bus: DynamixelBus, rates: Sequence[int], servo_id: int | None = None
+) -> list[LooseServo]:
+    """Find all servos, or one, at the first of several baud rates [bit/s] with a reply.
+
+    The port stays at that rate.
+
+    Raises:
+        NoServoError: if there is none at any rate, or replies are garbled.
+    """
+    for rate in rates:
+        try:
+            bus.port.set_baud(rate)
+        except PortError:
+            continue  # the adapter does not have it
+        if found := find_servos(bus) if servo_id is None else list_present(bus, (servo_id,)):
+            return found
+    raise _no_servo(bus, servo_id, rates)
+
+
+def find_servos(bus: DynamixelBus) -> list[LooseServo]:
+    """Find all servos that reply at the present baud rate, by id.
+
+    Raises:
+        NoServoError: if replies are garbled.
+    """
+    damaged = bus.statistics.damaged
+    found = list_present(bus, sorted(bus.ping_all()))
+    if not found and bus.statistics.damaged > damaged:
+        raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
+    return found
+
+
+def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
+    """List the servos of some ids that reply; boards are left out.
+
+    Raises:
+        UnknownModelError: if one is of an unknown model.
+    """
+    found = []
+    for servo_id in ids:
+        if (pong := bus.ping(servo_id, TRIES)) is not None:
+            number, firmware = read_identity(pong)
+            table = table_for(number, firmware)
+            if table.modes:
+                found.append(LooseServo(bus, servo_id, table, firmware))
+    return found
+
+
+def _no_servo(bus: DynamixelBus, servo_id: int | None, rates: Sequence[int]) -> NoServoError:
+    who = "no servo replies" if servo_id is None else f"no servo of id {servo_id} replies"
+    at = ", ".join(map(str, rates))
+    return NoServoError(
+        f"port {bus.port.path}: {who} at {at} bit/s; check its power and its cable, "
+        "getup scan --all-bauds tries every baud rate"
+    )
+
+
+def _describe(servo: LooseServo, item: Item) -> str:
+    """Describe the values that a register accepts."""
+    if item.name == "operating_mode":
+        return ", ".join(map(str, servo.table.modes))
+    lower, upper = item.lower or 0, item.upper or 0
+    if not item.unit:
+        return f"{lower} to {upper}"
+    return f"{lower} to {upper} ({item.to_si(lower):g} to {item.to_si(upper):g} {item.unit})"
+
+
+def _check_status(servo: LooseServo, what: str, status: Status | None) -> None:
+    if status is None:
+        raise ServoError(f"{servo.name}: {what} is not confirmed: silent; check cable and power")
+    if status.number:
+        try:
+            reason = ErrorNumber(status.number).name.lower().replace("_", " ")
+        except ValueError:
+            reason = "unknown"
+        raise ServoError(f"{servo.name}: {what} is refused: error {status.number}, {reason}")

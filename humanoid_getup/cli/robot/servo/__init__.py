@@ -1,0 +1,1 @@
+"""`getup servo`: single servos on a port."""

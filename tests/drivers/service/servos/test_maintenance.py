@@ -1,0 +1,86 @@
+"""Id, baud rate and factory reset of one servo."""
+
+import pytest
+from desk import BAUD
+
+from drivers.dynamixel.protocol2 import Reset
+from drivers.errors import SetupError
+from drivers.service.servos.loose_servo import find_any, find_servo
+from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
+from drivers.virtual_bus.devices.servo import VirtualServo
+
+
+def test_a_servo_with_a_new_id_replies_there_and_no_longer_at_the_old_one(desk, bus):
+    servo = change_id(find_servo(bus, 1, (BAUD,)), 9)
+    assert servo.id == 9
+    assert servo.read("id") == 9
+    assert [found.id for found in find_any(bus, (BAUD,))] == [3, 9]
+    assert desk.peek("id") == [9, 3]
+
+
+@pytest.mark.parametrize(
+    ("new", "expected"), [(3, "a device has the id 3"), (253, "expected 0 to 252"), (-1, "to 252")]
+)
+def test_an_id_that_is_taken_or_does_not_exist_is_refused(desk, bus, new: int, expected: str):
+    with pytest.raises(SetupError, match=expected):
+        change_id(find_servo(bus, 1, (BAUD,)), new)
+    assert desk.peek("id") == [1, 3]
+
+
+def test_two_servos_of_one_id_do_not_both_get_the_new_one(desk, bus):
+    servo = find_servo(bus, 1, (BAUD,))
+    twin = VirtualServo(1, "XL430-W250", baud=BAUD)
+    twin.poke("present_temperature", 31)
+    desk.add(twin)
+    with pytest.raises(SetupError, match="garbled, as by two servos of one id"):
+        change_id(servo, 9)
+    assert desk.peek("id") == [1, 3]
+    assert twin.peek("id") == 1
+
+
+def test_a_servo_at_a_new_baud_rate_replies_there_and_no_longer_at_the_old_one(bus):
+    servo = change_baud(find_servo(bus, 1, (BAUD,)), 2_000_000)
+    assert servo.bus.port.baud == 2_000_000
+    assert servo.read("baud_rate") == 4
+    assert [found.id for found in find_any(bus, (BAUD,))] == [3]
+    assert [found.id for found in find_any(bus, (2_000_000,))] == [1]
+
+
+def test_a_baud_rate_that_the_model_lacks_is_refused(bus):
+    servo = find_servo(bus, 1, (BAUD,))
+    with pytest.raises(SetupError, match="baud rate is 250000 bit/s, expected 9600, 57600"):
+        change_baud(servo, 250_000)
+    assert servo.read("id") == 1
+    assert bus.port.baud == BAUD
+
+
+def test_neither_id_nor_baud_rate_changes_under_torque(desk, bus):
+    servo = find_servo(bus, 1, (BAUD,))
+    desk.poke("servo_1", "torque_enable", 1)
+    for change in (lambda: change_id(servo, 9), lambda: change_baud(servo, 57_600)):
+        with pytest.raises(SetupError, match="has torque, expected none"):
+            change()
+    with pytest.raises(SetupError, match="has torque"):
+        reset_servo(servo, Reset.ALL_BUT_ID)
+    assert (servo.read("id"), servo.read("baud_rate")) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("kept", "place"),
+    [
+        (Reset.ALL_BUT_ID_AND_BAUD, (3, BAUD)),
+        (Reset.ALL_BUT_ID, (3, 57_600)),
+        (Reset.ALL, (5, 57_600)),
+    ],
+)
+def test_a_reset_keeps_what_it_says_and_the_servo_is_found_again(bus, kept, place):
+    if kept is Reset.ALL:  # whose id would be that of the other one
+        with pytest.raises(SetupError, match="a device has the id 1"):
+            reset_servo(find_servo(bus, 3, (BAUD,)), kept)
+        change_id(find_servo(bus, 1, (BAUD,)), 2)
+        place = (1, 57_600)
+    servo = find_servo(bus, 3, (BAUD,))
+    servo.write("temperature_limit", 70)
+    again = reset_servo(servo, kept)
+    assert (again.id, again.bus.port.baud) == place
+    assert again.read("temperature_limit") == 80

@@ -1,0 +1,260 @@
+"""`getup servo`: from an unknown port to a servo that moves, at the virtual bus."""
+
+import json
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from bus_stories import Served, run_json
+from desk import BAUD, make_desk, serving_desk
+from waiting import LONGEST_WAIT
+
+from drivers.dynamixel import bus as bus_module
+from drivers.service.servos import port_finder
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
+from drivers.virtual_bus.serving.server import TimeMode
+from humanoid_getup.cli.main import main
+from humanoid_getup.cli.robot.servo.monitor import draw_bars
+
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
+
+
+@pytest.fixture
+def desk(monkeypatch) -> Iterator[Served]:
+    monkeypatch.setattr(bus_module, "PING_SLOT", 0.001)  # replies come at once in lock-step
+    with serving_desk() as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def moving() -> Iterator[ServedRobot]:
+    """Serve two servos in real time."""
+    with serve_robot(Simulation(MOVING), time_mode=TimeMode.REAL_TIME) as served:
+        served.place(MOVING.standing)
+        yield served
+
+
+class Person:
+    """A person who answers at the terminal."""
+
+    def __init__(self, *answers: str) -> None:
+        self.answers = list(answers)
+
+    def isatty(self) -> bool:
+        return True
+
+    def readline(self) -> str:
+        return f"{self.answers.pop(0)}\n" if self.answers else ""
+
+
+def port(served: Served) -> tuple[str, ...]:
+    return ("--port", served.path, "--baud", str(BAUD))
+
+
+# Registers --------------------------------------------------------------------------------------
+
+
+def test_the_servos_of_a_port_are_listed_with_what_they_measure(desk, capsys):
+    desk.place(servo_3=90.0)
+    assert main(("servo", "list", *port(desk))) == 0
+    out = capsys.readouterr().out
+    assert f"2 servos at {BAUD} bit/s" in out
+    assert "XM430-W350" in out
+    assert "+90.0" in out
+
+
+def test_registers_are_read_in_counts_and_units(desk, capsys):
+    desk.place(servo_3=90.0)
+    names = ("present_position", "temperature_limit")
+    code, read = run_json("servo", "read", *names, "--id", "3", *port(desk), capsys=capsys)
+    assert code == 0
+    assert read["present_position"]["value"] == 3072
+    assert read["present_position"]["si"] == pytest.approx(3072 * 6.283185 / 4096)
+    assert read["temperature_limit"] == {
+        "address": 31,
+        "size": 1,
+        "value": 80,
+        "si": 80.0,
+        "unit": "°C",
+        "lower": 0,
+        "upper": 100,
+        "is_kept": True,
+    }
+
+
+def test_a_table_has_every_register_of_the_model(desk, capsys):
+    code, table = run_json("servo", "table", "--id", "1", *port(desk), capsys=capsys)
+    assert code == 0
+    assert len(table) > 50
+    assert table["id"]["value"] == 1
+
+
+def test_what_is_kept_without_power_is_written_after_a_yes_only(desk, capsys, monkeypatch):
+    line = ("servo", "write", "temperature_limit=70", "--id", "1", *port(desk))
+    monkeypatch.setattr(sys, "stdin", Person("no"))
+    assert main(line) == 1
+    assert desk.peek("temperature_limit")[0] == 72
+    monkeypatch.setattr(sys, "stdin", Person("yes"))
+    assert main(line) == 0
+    assert desk.peek("temperature_limit")[0] == 70
+    assert "keeps temperature_limit without power: write?" in capsys.readouterr().out
+
+
+def test_without_a_terminal_nothing_is_written_unless_yes_is_said_before(desk, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    line = ("servo", "id", "9", "--id", "1", *port(desk))
+    assert main(line) == 2
+    assert (
+        "standard input is not a terminal: it cannot ask (or use --yes)" in capsys.readouterr().err
+    )
+    assert desk.peek("id") == [1, 3]
+    assert main((*line, "--yes")) == 0
+    assert desk.peek("id") == [9, 3]
+
+
+def test_one_wrong_value_of_several_writes_none(desk, capsys):
+    values = ("temperature_limit=70", "shutdown=99")
+    assert main(("servo", "write", *values, "--id", "1", *port(desk), "--yes")) == 2
+    assert "shutdown is 99, expected 0 to 63" in capsys.readouterr().err
+    assert desk.peek("temperature_limit")[0] == 72
+
+
+def test_a_servo_is_restarted_and_reset(desk):
+    desk.poke("servo_3", "hardware_error_status", 32)
+    assert main(("servo", "reboot", "--id", "3", *port(desk))) == 0
+    assert desk.peek("hardware_error_status") == [0, 0]
+    desk.poke("servo_3", "temperature_limit", 70)
+    assert main(("servo", "reset", "--id", "3", *port(desk), "--yes")) == 0
+    assert desk.peek("temperature_limit")[1] == 80
+    assert desk.peek("id") == [1, 3]
+
+
+def test_a_monitored_range_is_saved_and_nothing_is_changed(desk, tmp_path: Path):
+    before = desk.peek("torque_enable"), desk.peek("return_delay_time")
+    desk.place(servo_1=-90.0)
+    saved = tmp_path / "ranges.json"
+    line = ("servo", "monitor", *port(desk), "--seconds", "0.2", "--save", str(saved))
+    assert main(line) == 0
+    ranges = json.loads(saved.read_text())
+    assert ranges["1"]["range_min"] == ranges["1"]["range_max"] == 1024
+    assert (desk.peek("torque_enable"), desk.peek("return_delay_time")) == before
+
+
+def test_bars_go_from_the_least_to_the_largest_value():
+    assert draw_bars([0, 7, 14]) == "▁▄█"
+    assert draw_bars([5, 5]) == "▁▁"
+    assert draw_bars([]) == ""
+
+
+# With a person ----------------------------------------------------------------------------------
+
+
+def test_the_port_that_a_person_unplugs_is_named(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setattr(port_finder, "list_serial_ports", lambda: ())
+    ports = [tmp_path / "a", tmp_path / "b"]
+    for path in ports:
+        path.touch()
+
+    class Unplugging(Person):
+        def readline(self) -> str:
+            ports[0].unlink()
+            return "\n"
+
+    monkeypatch.setattr(sys, "stdin", Unplugging())
+    among = ",".join(map(str, ports))
+    assert main(("servo", "find-port", "--among", among)) == 0
+    assert f"{ports[0]} is the adapter's port" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, monkeypatch):
+    (tmp_path / "robot.toml").write_text(
+        'name = "arm"\n[bus]\nbaud = 2_000_000\n'
+        '[[bench]]\nid = 4\nservo = "XL430-W250"\n[[bench]]\nid = 5\nservo = "XM430-W350"\n'
+    )
+    monkeypatch.setattr(bus_module, "PING_SLOT", 0.001)
+    with serving_desk((1, "XM430-W350")) as served:
+        (servo,) = served.virtual.servos
+        monkeypatch.setattr(sys, "stdin", Person("", "", "q"))
+        line = ("servo", "setup", "--robot", str(tmp_path), "--port", served.path)
+        assert main(line) == 1  # the second servo is never connected
+        out = " ".join(capsys.readouterr().out.split())
+        assert "1 of 2: connect only joint 'servo_5' (id 5), XM430-W350" in out
+        assert f"joint 'servo_5' (id 5): set up at 2000000 bit/s; was id 1 at {BAUD} bit/s" in out
+        assert "is on the bus, expected a XL430-W250 for joint 'servo_4' (id 4)" in out
+        assert "left: servo_4; go on with --joint servo_4" in out
+        assert (servo.peek("id"), servo.peek("baud_rate")) == (5, 4)
+        monkeypatch.setattr(sys, "stdin", Person(""))
+        assert main((*line, "--joint", "servo_5")) == 0
+        assert "was set up already" in capsys.readouterr().out
+
+
+# Motion -----------------------------------------------------------------------------------------
+
+
+def test_a_servo_moves_to_an_angle_and_back_and_is_limp_afterwards(moving, capsys):
+    where = ("--port", moving.paths["main"], "--id", "3", "--speed", "120", "--hold", "0", "--yes")
+    code, there = run_json("servo", "move", "--to", "-20", *where, capsys=capsys)
+    assert code == 0
+    assert there["servo_3"]["reached_deg"][0] == pytest.approx(-20.0, abs=3.0)
+    code, back = run_json("servo", "move", "--by", "20", *where, capsys=capsys)
+    assert code == 0
+    assert back["servo_3"]["start_deg"] == pytest.approx(-20.0, abs=3.0)
+    assert back["servo_3"]["reached_deg"][0] == pytest.approx(0.0, abs=4.0)
+    code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
+    assert torque["torque_enable"]["value"] == 0
+
+
+def test_a_target_beyond_the_range_is_refused_before_torque_comes_on(moving, capsys):
+    where = ("--port", moving.paths["main"], "--id", "3", "--yes")
+    assert main(("servo", "move", "--to", "300", *where)) == 2
+    assert "target is +300.0°, expected -180.0° to +179.9°" in capsys.readouterr().err
+
+
+def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
+    where = ("--port", moving.paths["main"], "--speed", "180", "--yes")
+    code, moved = run_json("servo", "wiggle", "--swing", "6", *where, capsys=capsys)
+    assert code == 0
+    assert list(moved) == ["servo_1", "servo_3"]
+    for joint in moved.values():
+        up, down, _ = (angle - joint["start_deg"] for angle in joint["reached_deg"])
+        assert 3.0 < up < 9.0
+        assert -9.0 < down < -3.0
+        assert joint["moved"]
+
+
+def test_in_a_terminal_keys_move_a_servo_until_q_ends_it(moving):
+    master, slave = pty.openpty()
+    where = ("--port", moving.paths["main"], "--speed", "180", "--yes", "--step", "10")
+    command = [sys.executable, "-m", "humanoid_getup.cli.main", "servo", "jog", *where]
+    environment = os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
+    with subprocess.Popen(
+        command, stdin=slave, stdout=slave, stderr=slave, env=environment
+    ) as jogging:
+        os.close(slave)
+        read_until(master, r"servo_1 +1 .*limp")
+        os.write(master, b"\x1b[C")
+        read_until(master, r"servo_1 +1 +\+(9|10)\.\d +\+10\.0")
+        os.write(master, b"n\x1b[D")  # two keys that arrive together
+        read_until(master, r"servo_3 +3 +-(9|10)\.\d +-10\.0")
+        os.write(master, b"q")
+        assert jogging.wait(LONGEST_WAIT) == 0
+    os.close(master)
+
+
+def read_until(terminal: int, pattern: str) -> None:
+    """Read what a program shows until it shows a pattern."""
+    shown = ""
+    end = time.monotonic() + LONGEST_WAIT
+    while not re.search(pattern, ESCAPES.sub("", shown)):
+        assert time.monotonic() < end, shown
+        if select.select([terminal], [], [], 1.0)[0]:
+            shown += os.read(terminal, 65536).decode()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 
@@ -149,7 +149,7 @@ def jog(command: JogServos) -> int:
         keys,
         Live(
             console=console,
-            get_renderable=lambda: _tabulate(robot, controller),
+            get_renderable=lambda: Group(f"[dim]{KEYS}", _tabulate(robot, controller)),
             refresh_per_second=RATE,
             transient=True,
         ),
@@ -276,7 +276,6 @@ def _exit_code(done: WaypointRun, *, arrived: bool) -> int:
 
 def _tabulate(robot: Robot, controller: JogController) -> Table:
     table = make_table(("joint", "id", "°", "wanted °", "A", "°C"), left=["joint"])
-    table.caption = KEYS
     state = controller.state
     if state is None:
         return table

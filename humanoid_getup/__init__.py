@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.get_up.watch import watch
     from humanoid_getup.jobs.import_clip import import_clip
     from humanoid_getup.jobs.import_keys import import_keys
+    from humanoid_getup.jobs.import_policy import import_policy
     from humanoid_getup.jobs.import_robot import import_robot
     from humanoid_getup.jobs.make_prior import make_prior
     from humanoid_getup.jobs.measure_robot import measure_robot
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
+    from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
     from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.rise import (
         HoldRequest,
@@ -132,6 +134,7 @@ _HOMES = {
     "ExtractRequest": "humanoid_getup.jobs.requests.style",
     "HoldRequest": "humanoid_getup.jobs.requests.rise",
     "ImportKeysRequest": "humanoid_getup.jobs.requests.motions",
+    "ImportPolicyRequest": "humanoid_getup.jobs.requests.policies",
     "ImportRequest": "humanoid_getup.jobs.requests.robots",
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
@@ -172,6 +175,7 @@ _HOMES = {
     "hold": "humanoid_getup.jobs.get_up.stand",
     "import_clip": "humanoid_getup.jobs.import_clip",
     "import_keys": "humanoid_getup.jobs.import_keys",
+    "import_policy": "humanoid_getup.jobs.import_policy",
     "import_robot": "humanoid_getup.jobs.import_robot",
     "keep_stand": "humanoid_getup.execution.keep_stand",
     "load_robot": "robots.description.loading",
@@ -218,6 +222,7 @@ __all__ = [
     "ExtractRequest",
     "HoldRequest",
     "ImportKeysRequest",
+    "ImportPolicyRequest",
     "ImportRequest",
     "LearnedRise",
     "Motion",
@@ -258,6 +263,7 @@ __all__ = [
     "hold",
     "import_clip",
     "import_keys",
+    "import_policy",
     "import_robot",
     "keep_stand",
     "load_robot",

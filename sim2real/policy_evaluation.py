@@ -38,6 +38,8 @@ class PolicyDriver:
 
     action: ActionSpec
     act: PolicyFunction
+    memory: int | None = None
+    """Size of the network's memory; ``None`` for its last action."""
     style: StyleInput | None = None
     """Inputs with which the policy follows style curves."""
     choose_style: StyleChoice | None = None
@@ -53,6 +55,7 @@ class PolicyDriver:
         return PolicyDriver(
             action=policy.action,
             act=policy.act,
+            memory=policy.contract.memory_size,
             style=policy.contract.style,
             choose_style=choose_style,
             sees_ground=sees_ground,
@@ -119,7 +122,7 @@ class PolicySource:
         self._steps = round(duration / sim.step_time)
         style, choose = policy.style, policy.choose_style
         self.follower = StyleFollower(sim.robot, choose, sim.n) if style and choose else None
-        self._memory = np.zeros((sim.n, style.memory if style else policy.action.size))
+        self._memory = np.zeros((sim.n, policy.memory or policy.action.size))
         self.targets: list[Array] = []
         """Targets at the end of each policy step [rad], (N, n)."""
         self.features: list[Array] = []
@@ -134,7 +137,7 @@ class PolicySource:
         target = self.targets[-1] if self.targets else sensed.joint_pos
         following = self._decide(sensed, target)
         self.targets.append(following)
-        return self._sim.make_targets(target, following)
+        return self._sim.make_targets(target, following, self._policy.action.hold_reach)
 
     def _sense(self) -> Sensed:
         """Read the sensors; clear the memory of robots that restart on other style curves."""

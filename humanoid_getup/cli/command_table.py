@@ -7,7 +7,7 @@ from typing import NamedTuple
 SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
-    "learn": ("train", "eval", "export", "prior"),
+    "learn": ("train", "eval", "export", "policy", "prior"),
     "robot": ("robots", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "bench"),
 }
@@ -73,6 +73,13 @@ COMMANDS = {
     ),
     "export": TableEntry(
         "Export the policy of a training.", "requests.learning.ExportRequest", "training.export"
+    ),
+    "policy": TableEntry("Import, check or pack policies, also those of other projects."),
+    "policy import": TableEntry(
+        "Make a policy that was trained elsewhere run here.",
+        "requests.policies.ImportPolicyRequest",
+        "policies.import_policy",
+        json=True,
     ),
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview or show motions."

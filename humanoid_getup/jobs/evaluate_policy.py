@@ -251,7 +251,12 @@ def _plan_curves(
 
 
 def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
-    """Refuse limits of servos that are position actuators without a motor model."""
+    """Refuse a part of the gains, and limits of servos that have no motor model."""
+    if policy.action.gain_share:
+        raise BadInputError(
+            f"policy '{request.policy}' has a part of the servos' position gain, expected all of "
+            "it: `getup run` plays it"
+        )
     has_limits = request.torque_limit or request.voltage or request.weak_servo < 1.0
     if request.physics == "menagerie servos" and (has_limits or policy.action.pwm_limit < 1.0):
         raise BadInputError(

@@ -97,11 +97,21 @@ class ActionSpec:
     """Scaling of rates near the stance; used in mode RATE only."""
     cycles: Annotated[int, whole(1, 1000)] = CYCLES
     """Control cycles in a policy step."""
+    holds: bool = False
+    """Whether targets turn as fast as the servos do and are then held; otherwise they move evenly
+    until the end of the policy step."""
+    gain_share: tuple[float, ...] = ()
+    """Share of each servo's position gain, n numbers; () for all of it."""
 
     @property
     def size(self) -> int:
         """Return the size of an action."""
         return len(self.names)
+
+    @property
+    def hold_reach(self) -> Array | None:
+        """Return the reach of targets that are held [rad], (n,); ``None`` for even ones."""
+        return self.reach if self.holds else None
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -233,15 +243,25 @@ def next_target(
     return target + _clip(wanted - target, -spec.reach, spec.reach)
 
 
-def _clip(values: Array, lower: Array | float, upper: Array | float) -> Array:
-    """Clip values to a range, in half the time of np.clip for twenty joints."""
-    return np.minimum(np.maximum(values, lower), upper)
-
-
-def between(target: Array, following: Array, cycle: int | NDArray[np.int_], cycles: int) -> Array:
+def between(
+    target: Array,
+    following: Array,
+    cycle: int | NDArray[np.int_],
+    cycles: int,
+    reach: Array | None = None,
+) -> Array:
     """Compute the targets of a control cycle of a policy step [rad].
 
     In ``cycles`` cycles, counted from 0, they move from those at its beginning to those at its
-    end; an array of cycles is broadcast.
+    end; an array of cycles is broadcast. With a reach [rad], the most that they move in the step,
+    they are there as early as that allows, and are held.
     """
-    return target + (cycle + 1) / cycles * (following - target)
+    share = (cycle + 1) / cycles
+    if reach is None:
+        return target + share * (following - target)
+    return target + _clip(following - target, -share * reach, share * reach)
+
+
+def _clip(values: Array, lower: Array | float, upper: Array | float) -> Array:
+    """Clip values to a range, in half the time of np.clip for twenty joints."""
+    return np.minimum(np.maximum(values, lower), upper)

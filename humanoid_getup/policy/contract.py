@@ -14,7 +14,7 @@ from humanoid_getup.policy.action import ActionMode, ActionSpec, Vector
 from humanoid_getup.policy.observation import StyleInput, Term, list_terms
 from robots import Robot
 from robots.quaternion import Array
-from robots.storage.validation import Names, positive, read_table, shown
+from robots.storage.validation import Names, positive, read_table, shown, whole
 
 FORMAT = 5
 IMU_FRAME = "gravity and gyro in the torso's frame: x forward, y left, z up"
@@ -58,6 +58,8 @@ class PolicyContract:
     """How it was made: command, seed, iterations..."""
     style: StyleInput | None = None
     """Inputs with which it follows style curves; ``None`` if it follows none."""
+    memory: Annotated[int, whole(0, 10_000)] = 0
+    """Size of the memory of a network without style curves; 0 if it has none."""
 
     @staticmethod
     def of(
@@ -66,12 +68,13 @@ class PolicyContract:
         period: float,
         provenance: Mapping[str, Fact],
         style: StyleInput | None = None,
+        memory: int = 0,
     ) -> PolicyContract:
         """Build the contract of a policy from its robot, actions and control period [s]."""
         return PolicyContract(
             robot=robot.name,
             joints=robot.joint_names,
-            observation=list_terms(robot, action, style),
+            observation=list_terms(robot, action, style, memory),
             action=action,
             control_period=period,
             rate_hz=1.0 / (period * action.cycles),
@@ -80,12 +83,18 @@ class PolicyContract:
             imu_frame=IMU_FRAME,
             provenance=dict(provenance),
             style=style,
+            memory=memory,
         )
 
     @property
     def observation_size(self) -> int:
         """Return the size of the observation."""
         return sum(term.size for term in self.observation)
+
+    @property
+    def memory_size(self) -> int | None:
+        """Return the size of the network's memory; ``None`` if it has none."""
+        return self.style.memory if self.style else self.memory or None
 
     def find_mismatches(self, robot: Robot, period: float) -> list[str]:
         """List every mismatch with a robot and its control period [s]."""
@@ -132,7 +141,8 @@ class PolicyContract:
         problems = []
         layout = tuple((term.name, term.size) for term in self.observation)
         wanted = tuple(
-            (term.name, term.size) for term in list_terms(robot, self.action, self.style)
+            (term.name, term.size)
+            for term in list_terms(robot, self.action, self.style, self.memory)
         )
         if layout != wanted:
             problems.append(f"observation: {_list_sizes(layout)}, here {_list_sizes(wanted)}")
@@ -142,6 +152,10 @@ class PolicyContract:
             found = getattr(self if hasattr(self, name) else self.action, name).shape
             if found != shape:
                 problems.append(f"{name.replace('_', ' ')}: shape {found}, expected {shape}")
+        if len(shares := self.action.gain_share) not in (0, n):
+            problems.append(f"gain share: {len(shares)} numbers, expected {n}")
+        if not all(0.0 < share <= 1.0 for share in shares):
+            problems.append(f"gain share: {min(shares):g} to {max(shares):g}, expected 0 to 1")
         return problems
 
     def _find_value_mismatches(self, robot: Robot, period: float) -> list[str]:

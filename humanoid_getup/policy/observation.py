@@ -90,16 +90,19 @@ class StyleInput:
 
 
 def list_terms(
-    robot: Robot, action: ActionSpec, style: StyleInput | None = None
+    robot: Robot, action: ActionSpec, style: StyleInput | None = None, memory: int = 0
 ) -> tuple[Term, ...]:
-    """List the terms of the observation in order; with style curves there are more."""
+    """List the terms of the observation in order; with style curves there are more.
+
+    The memory is that of a network without style curves; 0 if it has none.
+    """
     terms = (
         Term("gravity", 3),
         Term("gyro", 3),
         Term("joint_pos", robot.n),
         Term("joint_vel", robot.n),
         Term("target_error", robot.n),
-        Term("last_action", style.memory if style else action.size),
+        Term("last_action", style.memory if style else memory or action.size),
         Term("torque_share", 1),
     )
     if style is None:

@@ -77,9 +77,16 @@ class OnnxNetwork:
 
         Without a memory of its own, the memory is the clipped actions.
         """
-        found = self._session.run(None, {self._input.name: observations})
+        found = self._run(observations)
         actions, *memory = (np.asarray(values, dtype=float) for values in found)
         return actions, memory[0] if memory else np.clip(actions, -1.0, 1.0)
+
+    def _run(self, observations: NDArray[np.float32]) -> list[Array]:
+        """Run the network, row by row if it takes one only."""
+        if len(observations) > 1 and self._input.shape[0] == 1:
+            rows = [self._run(row[None]) for row in observations]
+            return [np.concatenate(values) for values in zip(*rows, strict=True)]
+        return [np.asarray(v) for v in self._session.run(None, {self._input.name: observations})]
 
 
 def _create_session(model: bytes) -> InferenceSession:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,9 +123,8 @@ class OnnxPolicy:
             raise PolicyError(file, [describe(error)]) from error
         period = period or robot.control_period
         problems = contract.find_mismatches(robot, period)
-        memory = contract.style.memory if contract.style else None
         problems += network.find_problems(
-            contract.observation_size, len(contract.action.names), memory
+            contract.observation_size, len(contract.action.names), contract.memory_size
         )
         if style is not None and contract.style is None:
             problems.append(f"it follows no style curves, expected no style '{style.name}' with it")
@@ -196,10 +196,12 @@ class OnnxPolicy:
             self._decide(state)
         if self.failure is not None:
             return Command.limp(self.robot.n)
-        cycles = self.action.cycles
-        target = between(self._target, self._following, self._cycle, cycles)
+        cycles, reach = self.action.cycles, self.action.hold_reach
+        target = between(self._target, self._following, self._cycle, cycles, reach)
         self._cycle = (self._cycle + 1) % cycles
-        return Command.position(self.robot, target, self.torque_limit, self.action.pwm_limit)
+        pwm_limit, shares = self.action.pwm_limit, self.action.gain_share
+        command = Command.position(self.robot, target, self.torque_limit, pwm_limit)
+        return replace(command, gain_scale=np.array(shares)) if shares else command
 
     def sense(self, state: State) -> Sensed:
         """Convert a measurement to the quantities that a policy observes."""
@@ -228,8 +230,7 @@ class OnnxPolicy:
 
     def _start_at(self, joint_pos: Array) -> None:
         self._target = self._following = joint_pos
-        style = self.contract.style
-        self._memory = np.zeros(style.memory if style else self.action.size)
+        self._memory = np.zeros(self.contract.memory_size or self.action.size)
         if self._follower is not None:
             self._follower.reset()
         self._cycle = 0

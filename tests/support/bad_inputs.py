@@ -451,6 +451,35 @@ GROUPS: dict[str, list[Case]] = {
         case("export folder --out policy.onnx", "folder", extra="rsl_rl"),
         case("export folder --out folder", "folder: is a folder, expected a file"),
     ],
+    "policies of others": [
+        *(
+            case(f"policy import {line} --out mine", *message, extra="yaml")
+            for line, *message in (
+                ("none.onnx", "none.onnx: No such file"),
+                ("folder", "Is a directory"),
+                ("empty.onnx", "empty.onnx"),
+                ("text.onnx", "text.onnx: it is not"),
+                ("their.pt", "their.pt: it is a pickle of torch, which is never opened"),
+                ("bare.onnx --robot tiny", "nothing describes it, expected an ONNX file with"),
+                ("bare.onnx --config text.txt", "text.txt"),
+                ("bare.onnx --config ball.toml", "ball.toml: not YAML"),
+                ("bare.onnx --from unitree", "expected its file with --config"),
+                ("bare.onnx --from mjlab", "its metadata lacks joint_names"),
+                ("bare.onnx --from gym", "--from is 'gym', expected mjlab, microduck, unitree,"),
+                ("bare.onnx --config deploy.yaml", "it names no joints, expected 2 names"),
+                ("bare.onnx --config loop.yaml", "no known format"),
+                ("their.onnx", "robot 'op3' has no right_hip_joint, left_hip_joint"),
+                ("their.onnx --rename left", "--rename is left, expected THEIRS=OURS,..."),
+                ("their.onnx --robot tiny --rate 50", "every 2.5 control periods of 8 ms"),
+                ("their.onnx --robot tiny --rate 62.5 --gain 99", "'r_hip' 99 (the servo:"),
+                ("their.onnx --robot tiny --gain 0", "--gain is 0 N·m/rad, expected 0.001"),
+                ("stiff.onnx --robot tiny", "joint_stiffness is 1 N·m/rad for every joint"),
+                ("blind.onnx --robot tiny", "'base_lin_vel' is the linear velocity of the base"),
+            )
+        ),
+        case("policy import their.onnx --out text.txt", "text.txt", extra="yaml"),
+        case("policy", "expected a command first"),
+    ],
     "ports": [
         case(
             "rise --backend dynamixel", "--backend dynamixel requires --port", "--port /dev/ttyUSB0"
@@ -942,6 +971,21 @@ def _make_policies(folder: Path, robot: Robot) -> None:
         contract = contract_of(robot, robot="nao", mode="torque").to_json()
         save_policy(folder / "unfit.onnx", robot, contract=contract)
         save_policy(folder / "bare.onnx", robot, contract=None)
+        _make_foreign_policies(folder)
+
+
+def _make_foreign_policies(folder: Path) -> None:
+    from foreign_policies import DEPLOY, mjlab_metadata, save_network, weights
+
+    (folder / "their.pt").write_bytes(b"PK\x03\x04 and code")
+    (folder / "deploy.yaml").write_text(DEPLOY)
+    (folder / "loop.yaml").write_text("a: &a [*a]\n")
+    for name, changes in {
+        "their": {},
+        "stiff": {"joint_stiffness": "1.000,1.000"},
+        "blind": {"observation_names": "base_lin_vel,joint_pos"},
+    }.items():
+        save_network(folder / f"{name}.onnx", weights(), mjlab_metadata(**changes))
 
 
 def _make_robots(folder: Path, robot: Robot) -> None:

@@ -93,10 +93,11 @@ class TrainingSim(VecSim):
         """
         return self.advance(self.make_targets(target, following), self._hold, record)
 
-    def make_targets(self, target: Array, following: Array) -> Array:
+    def make_targets(self, target: Array, following: Array, reach: Array | None = None) -> Array:
         """Interpolate the targets of a step from the joint angles that servos measure, (N, T, n).
 
-        T is the number of control periods, where the physics step divides them.
+        T is the number of control periods, where the physics step divides them. With a reach
+        [rad], (n,), targets are held, as `between` does it.
         """
         p, change = self.parameters, np.arange(self._changes)[:, None]
         offset = p.joint_offset
@@ -105,7 +106,7 @@ class TrainingSim(VecSim):
             share = np.clip(self._torque / BACKLASH_TORQUE, -1.0, 1.0)
             self._backlash = 0.5 * p.backlash[:, None] * share
             offset = offset + self._backlash
-        moving = between(target[:, None], following[:, None], change, self._changes)
+        moving = between(target[:, None], following[:, None], change, self._changes, reach)
         return moving - offset[:, None]
 
     def advance(

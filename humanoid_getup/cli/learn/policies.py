@@ -1,0 +1,26 @@
+"""`getup policy import`: policies of other projects."""
+
+from __future__ import annotations
+
+from humanoid_getup.cli.shared.console import console_for, showing
+from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.import_policy import import_policy as read_and_write
+from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
+
+
+def import_policy(command: ImportPolicyRequest) -> int:
+    """Import a policy; print its description with sources, and notes."""
+    with showing(command) as report:
+        found = read_and_write(command, report)
+    write_json(found, command)
+    console = console_for(command)
+    console.print(f"{command.network}: {found.format}, for robot '{found.robot}'", markup=False)
+    for row in found.fields:
+        text = f"  {row.field}: {row.value} ({row.source})"
+        console.print(text, markup=False, soft_wrap=True)
+    for note in found.notes:
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
+    run = f"getup run {found.file} --robot {command.robot} --from supine"
+    console.print(f"written to {command.out}; next: {run}", markup=False, soft_wrap=True)
+    return DID_IT

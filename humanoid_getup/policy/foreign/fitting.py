@@ -1,0 +1,153 @@
+"""Fits a policy that was trained elsewhere to a robot: its actions, its gains, its contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from humanoid_getup.policy.action import (
+    CALM_AWAY,
+    CALM_TILT,
+    CALMEST,
+    HOMING_SHARE,
+    SPEED_SHARE,
+    ActionMode,
+    ActionSpec,
+    StanceScaling,
+)
+from humanoid_getup.policy.contract import Fact, PolicyContract
+from humanoid_getup.policy.foreign.description import (
+    ForeignPolicy,
+    ForeignPolicyError,
+    Quantity,
+)
+from humanoid_getup.policy.foreign.joint_names import map_joints
+from humanoid_getup.policy.foreign.wrapping import Wrapping
+from robots import Robot
+from robots.quaternion import Array
+
+NO_LEAD = 10.0  # rad of a target before its joint: more than joints turn, so none is cut
+GAIN_SLACK = 0.01  # share of a servo's gain by which another one may exceed it
+RATE_SLACK = 1e-6  # share
+MOST_NAMED = 3  # joints in a message
+
+
+def fit_policy(
+    policy: ForeignPolicy, robot: Robot, renamed: Mapping[str, str] | None = None
+) -> Wrapping:
+    """Fit a policy to a robot.
+
+    Raises:
+        ForeignPolicyError: naming joints, gains or a rate that the robot does not have.
+    """
+    places = map_joints(policy.joints, robot, renamed)
+    cycles, problems = _count_cycles(policy, robot)
+    shares = _share_gains(policy, robot, places, problems)
+    if problems:
+        raise ForeignPolicyError(*problems)
+    action = _build_action_spec(policy, robot, places, cycles, shares)
+    return Wrapping(robot=robot, policy=policy, places=places, action=action)
+
+
+def make_contract(wrapping: Wrapping, provenance: Mapping[str, Fact]) -> PolicyContract:
+    """Make the contract of the wrapped network."""
+    robot = wrapping.robot
+    return PolicyContract.of(
+        robot, wrapping.action, robot.control_period, provenance, memory=wrapping.memory
+    )
+
+
+def list_notes(wrapping: Wrapping) -> list[str]:
+    """List what was assumed, and what differs from the training."""
+    policy, robot, action = wrapping.policy, wrapping.robot, wrapping.action
+    notes = [f"{name}: {text}" for name, text in policy.sources.items() if "assumed" in text]
+    commands = [t.name for t in policy.observation if t.quantity is Quantity.COMMAND]
+    notes += [f"{', '.join(commands)}: zeros"] if commands else []
+    if action.gain_share:
+        share = np.array(action.gain_share)
+        notes.append(f"servos have {share.min():.0%} to {share.max():.0%} of their position gain")
+    if policy.damping is not None:
+        own = robot.torque_speed_slope[[wrapping.places[name] for name in policy.joints]]
+        notes.append(
+            f"damping: {policy.damping.mean():.2g} N·m·s/rad in its training on average, the "
+            f"servos have {own.mean():.2g}"
+        )
+    still = [name for name in robot.joint_names if name not in action.names]
+    notes += [f"{', '.join(still)}: no action moves them, they go to the stance"] if still else []
+    return notes
+
+
+def _count_cycles(policy: ForeignPolicy, robot: Robot) -> tuple[int, list[str]]:
+    exact = 1.0 / (policy.rate * robot.control_period)
+    cycles = max(round(exact), 1)
+    if abs(exact / cycles - 1.0) <= RATE_SLACK:
+        return cycles, []
+    fitting = 1.0 / (policy.rate * max(1, round(exact)))
+    return cycles, [
+        f"it steps at {policy.rate:g} Hz, robot '{robot.name}' every {exact:.3g} control periods "
+        f"of {1e3 * robot.control_period:g} ms: expected a whole number, as with control_period "
+        f"= {fitting:.6g} in its robot.toml"
+    ]
+
+
+def _share_gains(
+    policy: ForeignPolicy, robot: Robot, places: Mapping[str, int], problems: list[str]
+) -> Array | None:
+    """Compute the shares of the servos' position gains, (n,); None for all of them.
+
+    Servos that turn two joints together keep all of theirs.
+    """
+    joints = [places[name] for name in policy.joints]
+    shares = np.ones(robot.n)
+    if policy.position_gain is not None:
+        shares[joints] = policy.position_gain / robot.position_gain[joints]
+    elif policy.p_gain is not None:
+        shares[joints] = policy.p_gain / robot.p_gain[joints]
+    else:
+        return None
+    own = robot.position_gain
+    shares[[i for coupling in robot.couplings for i in coupling.joints]] = 1.0
+    wrong = [i for i in joints if not 0.0 < shares[i] <= 1.0 + GAIN_SLACK]
+    if wrong:
+        named = ", ".join(
+            f"'{robot.joint_names[i]}' {shares[i] * own[i]:.3g} (the servo: {own[i]:.3g})"
+            for i in wrong[:MOST_NAMED]
+        )
+        more = f" and {len(wrong) - MOST_NAMED} more" if len(wrong) > MOST_NAMED else ""
+        problems.append(
+            f"gains [N·m/rad] of {named}{more}: expected above 0 and at most the servo's; p_gain "
+            "in robot.toml sets that, --gain another gain"
+        )
+    shares = np.minimum(shares, 1.0)
+    return None if np.all(shares == 1.0) else shares
+
+
+def _build_action_spec(
+    policy: ForeignPolicy,
+    robot: Robot,
+    places: Mapping[str, int],
+    cycles: int,
+    shares: Array | None,
+) -> ActionSpec:
+    """Build actions that reach every angle of a joint; the network limits them further."""
+    moved = [places[name] for name in policy.moved]
+    home, reach = robot.standing.joint_pos, robot.max_velocity * robot.control_period * cycles
+    width = np.maximum(robot.upper - home, home - robot.lower)
+    if policy.mode is not ActionMode.ABSOLUTE:
+        width = robot.upper - robot.lower
+    return ActionSpec(
+        mode=policy.mode,
+        names=tuple(robot.joint_names[i] for i in moved),
+        directions=np.eye(robot.n)[moved],
+        scale=width,
+        reach=SPEED_SHARE * reach,
+        lead=NO_LEAD,
+        pwm_limit=1.0,
+        home=home,
+        homing=HOMING_SHARE * SPEED_SHARE * reach,
+        calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
+        cycles=cycles,
+        holds=True,
+        gain_share=() if shares is None else tuple(shares.tolist()),
+    )

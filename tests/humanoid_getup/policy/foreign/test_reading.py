@@ -1,0 +1,195 @@
+"""Descriptions of other projects' policies: what is read, from where, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("onnx")
+pytest.importorskip("yaml")
+
+import foreign_policies as made
+from foreign_policies import save_network
+
+from humanoid_getup.policy.foreign.description import (
+    ForeignFormat,
+    ForeignPolicy,
+    ForeignPolicyError,
+    Given,
+)
+from humanoid_getup.policy.foreign.reading import describe_policy, read_network
+
+
+def read(folder: Path, metadata=None, config: dict[str, str] | None = None, **options):
+    """Read a policy from files with these texts."""
+    size = options.pop("size", sum(made.SIZES))
+    file = save_network(folder / "their.onnx", made.weights(size), metadata)
+    files = [folder / name for name in config or {}]
+    for path, text in zip(files, (config or {}).values(), strict=True):
+        path.write_text(text)
+    kind = options.pop("kind", None)
+    return describe_policy(read_network(file).shape, kind, files, Given(**options))
+
+
+def read_deploy(folder: Path, text: str = made.DEPLOY, **options) -> ForeignPolicy:
+    options = {"joints": made.MOTORS, "size": made.DEPLOY_SIZE, **options}
+    return read(folder, config={"deploy.yaml": text}, **options)
+
+
+def read_legged(folder: Path, text: str = made.LEGGED, **options) -> ForeignPolicy:
+    config = {"tiny_config.py": text, "base_config.py": made.LEGGED_BASE}
+    return read(folder, config=config, size=sum(made.SIZES) + 3, **options)
+
+
+def test_five_formats_that_say_the_same_read_the_same(tmp_path: Path):
+    """All five are guessed; names, postures and rates are those of one robot."""
+    found = [
+        read(tmp_path, made.mjlab_metadata(), rate=made.RATE),
+        read(tmp_path, made.microduck_metadata()),
+        read_deploy(tmp_path),
+        read(tmp_path, config={"env.yaml": made.ENV}, joints=made.JOINTS),
+        read_legged(tmp_path),
+    ]
+    assert [policy.format for policy in found] == list(ForeignFormat)
+    for policy in found:
+        assert policy.joints == policy.moved == made.JOINTS
+        assert policy.rate == pytest.approx(made.RATE)
+        np.testing.assert_allclose(policy.default_pos, made.DEFAULT)
+        np.testing.assert_allclose(policy.offset, made.DEFAULT)
+        assert policy.position_gain is None or policy.position_gain[0] in (2.0, 3.0)
+
+
+def test_a_deploy_yaml_orders_gains_as_the_motors_and_scales_as_the_simulator(tmp_path: Path):
+    """The first joint is motor 1, whose gain is 3; the first scale is its own."""
+    policy = read_deploy(tmp_path)
+    np.testing.assert_allclose(policy.position_gain, [3.0, 2.0])
+    np.testing.assert_allclose(policy.damping, [0.2, 0.1])
+    np.testing.assert_allclose(policy.scale, made.SCALE)
+    assert [term.history for term in policy.observation] == [3, 1, 2, 1, 1]
+    assert policy.observation[2].upper == 0.5
+
+
+def test_an_env_yaml_matches_joints_by_patterns(tmp_path: Path):
+    policy = read(tmp_path, config={"env.yaml": made.ENV}, joints=made.JOINTS)
+    np.testing.assert_allclose(policy.scale, made.SCALE)
+    np.testing.assert_allclose(policy.observation[0].scale, [0.2, 0.2, 0.2])
+
+
+def test_a_relative_action_of_isaac_is_added_to_the_measured_angle(tmp_path: Path):
+    text = made.ENV.replace(":JointPositionAction", ":RelativeJointPositionAction")
+    policy = read(tmp_path, config={"env.yaml": text}, joints=made.JOINTS)
+    assert policy.mode == "offset"
+
+
+def test_legged_gym_is_parsed_and_not_run(tmp_path: Path):
+    """The file would remove itself."""
+    policy = read_legged(tmp_path)
+    assert (tmp_path / "tiny_config.py").exists()
+    np.testing.assert_allclose(policy.observation[0].scale, 0.25)
+    assert policy.observation[0].upper == pytest.approx(400.0)  # clipped to 100 after its scale
+    assert policy.sources["joints"].startswith("assumed")
+
+
+def test_scales_clips_and_history_of_mjlab_are_read_a_term(tmp_path: Path):
+    metadata = made.mjlab_metadata(
+        observation_terms_scale="0.25,1.000,[1.0, 2.0],0.05,1.000",
+        observation_terms_clip="[-inf, inf],[-1.0, 1.0],[-inf, inf],[-inf, inf],[-inf, inf]",
+        observation_terms_history_length="0,2,0,0,0",
+    )
+    policy = read(tmp_path, metadata, rate=made.RATE, size=sum(made.SIZES) + 3)
+    scales = [term.scale.tolist() for term in policy.observation]
+    assert scales[0] == [0.25] * 3 and scales[2] == [1.0, 2.0]
+    assert policy.observation[1].upper == 1.0 and policy.observation[1].history == 2
+
+
+def test_a_command_of_unknown_size_takes_what_is_left(tmp_path: Path):
+    metadata = made.mjlab_metadata(observation_names="base_ang_vel,pose_command,joint_pos")
+    policy = read(tmp_path, metadata, size=3 + 4 + 2)
+    assert [term.size for term in policy.observation] == [3, 4, 2]
+
+
+def test_every_field_names_its_source(tmp_path: Path):
+    described = read(tmp_path, made.mjlab_metadata()).describe()
+    sources = {field: source for field, _, source in described}
+    assert sources["joints"] == "ONNX metadata joint_names"
+    assert sources["rate"] == "assumed"
+    assert all(sources.values())
+    told = {field: source for field, _, source in read_deploy(tmp_path).describe()}
+    assert told["rate"] == "deploy.yaml step_dt"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"observation_names": "base_lin_vel,joint_pos"}, "'base_lin_vel' is the linear velocity"),
+        ({"observation_names": "gait_phase,joint_pos"}, "'gait_phase' is unknown"),
+        ({"joint_stiffness": "1.000,1.000"}, "1 N·m/rad for every joint.*--gain"),
+        ({"default_joint_pos": "0.1"}, "takes 12|shape"),
+        ({"default_joint_pos": "0.1,nan"}, "holds nan"),
+        ({"action_scale": "much"}, "'much', expected numbers"),
+        ({"observation_names": "base_ang_vel"}, r"takes 12 numbers, its terms are 3"),
+        ({"observation_names": "a_command,b_command"}, "sizes of observations a_command"),
+        ({"observation_terms_scale": "1.0"}, "1 values for 5 observations"),
+        ({"joint_names": None}, "nothing describes it"),
+    ],
+)
+def test_metadata_that_cannot_be_run_is_refused(tmp_path: Path, changes, message: str):
+    if changes == {"default_joint_pos": "0.1"}:
+        changes = {"default_joint_pos": "0.1,0.2,0.3"}
+    with pytest.raises(ForeignPolicyError, match=message):
+        read(tmp_path, made.mjlab_metadata(**changes))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("joint_ids_map: [1, 0]", "joint_ids_map: [1, 1]", "each motor's number once"),
+        ("stiffness: [2.0, 3.0]", "stiffness: [2.0]", "stiffness has 1 numbers, expected 2"),
+        ("step_dt: 0.016", "step_dt: 0", "step_dt is 0, expected above 0"),
+        ("step_dt: 0.016", "", "deploy.yaml step_dt is missing"),
+        ("  JointPositionAction:", "  JointVelocityAction:", "expected JointPositionAction"),
+        ("projected_gravity:", "height_scan:", "heights of the ground"),
+        ("history_length: 3", "history_length: 4000", "history is 4000"),
+        ("clip: [-0.5, 0.5]", "clip: [1.0, 0.5]", "clip is 1 to 0.5"),
+        ("actions:", "actions: [", "not YAML"),
+    ],
+)
+def test_a_deploy_yaml_that_does_not_fit_is_refused(tmp_path: Path, old, new, message: str):
+    with pytest.raises(ForeignPolicyError, match=message):
+        read_deploy(tmp_path, made.DEPLOY.replace(old, new), kind=ForeignFormat.UNITREE)
+
+
+def test_formats_without_names_ask_for_them(tmp_path: Path):
+    with pytest.raises(ForeignPolicyError, match=r"expected 2 names.*--joints"):
+        read_deploy(tmp_path, joints=())
+    with pytest.raises(ForeignPolicyError, match=r"order of the joints.*--joints"):
+        read(tmp_path, config={"env.yaml": made.ENV})
+
+
+def test_legged_gym_without_its_base_class_names_what_to_give(tmp_path: Path):
+    config = {"tiny_config.py": made.LEGGED}
+    with pytest.raises(ForeignPolicyError, match=r"LeggedRobotCfg; add the file of that class"):
+        read(tmp_path, config=config, size=sum(made.SIZES) + 3)
+
+
+def test_legged_gym_with_the_velocity_of_the_base_is_refused(tmp_path: Path):
+    config = {"tiny_config.py": made.LEGGED, "base_config.py": made.LEGGED_BASE}
+    with pytest.raises(ForeignPolicyError, match="linear velocity of the base"):
+        read(tmp_path, config=config, size=sum(made.SIZES) + 6)
+
+
+@pytest.mark.parametrize("name", ["policy.pt", "policy.onnx"])
+def test_a_pickle_is_refused_unopened(tmp_path: Path, name: str):
+    file = tmp_path / name
+    file.write_bytes(b"PK\x03\x04" + b"cos\nsystem\n")
+    with pytest.raises(ForeignPolicyError, match=r"never opened.*export it to ONNX"):
+        read_network(file)
+
+
+@pytest.mark.parametrize("kept", [0.2, 0.7])
+def test_half_a_file_is_refused(tmp_path: Path, kept: float):
+    file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
+    content = file.read_bytes()
+    file.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ForeignPolicyError, match=r"not an ONNX file|not a complete ONNX file"):
+        read_network(file)

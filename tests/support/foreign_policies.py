@@ -1,0 +1,149 @@
+"""Policies as other projects export them, small enough to be written by hand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from onnx import TensorProto, helper, numpy_helper
+
+JOINTS = ("right_hip_joint", "left_hip_joint")
+"""The joints of the smallest robot, as others call and order them."""
+DEFAULT = (0.1, -0.2)
+SCALE = (0.3, 0.5)
+RATE = 62.5  # Hz; two control periods of the smallest robot
+PLAIN = ("base_ang_vel", "projected_gravity", "joint_pos", "joint_vel", "actions")
+SIZES = (3, 3, 2, 2, 2)
+
+
+def save_network(
+    file: Path, weight: np.ndarray, metadata: dict[str, str] | None = None, batch: int | str = "N"
+) -> Path:
+    """Write a network that multiplies its input by a matrix, with metadata."""
+    sizes = weight.shape
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["obs", "weight"], ["actions"])],
+        "foreign",
+        [helper.make_tensor_value_info("obs", TensorProto.FLOAT, [batch, sizes[0]])],
+        [helper.make_tensor_value_info("actions", TensorProto.FLOAT, [batch, sizes[1]])],
+        [numpy_helper.from_array(np.float32(weight), "weight")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    helper.set_model_props(model, metadata or {})
+    file.write_bytes(model.SerializeToString())
+    return file
+
+
+def weights(size: int = sum(SIZES), seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0.0, 0.02, (size, 2))
+
+
+def mjlab_metadata(**changes: str) -> dict[str, str]:
+    """Lists with commas, as its exporter writes them."""
+    made = {
+        "run_path": "none",
+        "joint_names": ",".join(JOINTS),
+        "joint_stiffness": "2.000,2.000",
+        "joint_damping": "0.100,0.100",
+        "default_joint_pos": "0.100,-0.200",
+        "command_names": "",
+        "observation_names": ",".join(PLAIN),
+        "action_scale": "0.300,0.500",
+    }
+    return {key: value for key, value in {**made, **changes}.items() if value is not None}
+
+
+def microduck_metadata(**changes) -> dict[str, str]:
+    record = {
+        "schema_version": 1,
+        "control_hz": RATE,
+        "joint_names": JOINTS,
+        "default_joint_pos": DEFAULT,
+        "action_scale": 0.4,
+        "kp_fw": 200,
+        "observation": list(zip(PLAIN, SIZES, strict=True)),
+    }
+    return {"microduck": json.dumps({**record, **changes})}
+
+
+DEPLOY = """\
+joint_ids_map: [1, 0]
+step_dt: 0.016
+stiffness: [2.0, 3.0]
+damping: [0.1, 0.2]
+default_joint_pos: [0.1, -0.2]
+actions:
+  JointPositionAction:
+    clip: null
+    joint_names: [.*]
+    scale: [0.3, 0.5]
+    offset: [0.1, -0.2]
+    joint_ids: !!python/object/apply:builtins.slice [null, null, null]
+observations:
+  base_ang_vel: {params: {}, clip: null, scale: [0.2, 0.2, 0.2], history_length: 3}
+  projected_gravity: {params: {}, clip: null, scale: [1.0, 1.0, 1.0], history_length: 1}
+  joint_pos_rel: {params: {}, clip: [-0.5, 0.5], scale: [1.0, 2.0], history_length: 2}
+  joint_vel_rel: {params: {}, clip: null, scale: [0.05, 0.05], history_length: 1}
+  last_action: {params: {}, clip: null, scale: [1.0, 1.0], history_length: 1}
+"""
+DEPLOY_SIZE = 9 + 3 + 4 + 2 + 2
+MOTORS = ("left_hip_joint", "right_hip_joint")
+
+ENV = """\
+sim: {dt: 0.004}
+decimation: 4
+scene:
+  robot:
+    init_state:
+      joint_pos: {right_.*: 0.1, left_hip_joint: -0.2}
+    actuators:
+      hips:
+        joint_names_expr: [.*_hip_.*]
+        stiffness: {.*: 2.0}
+        damping: 0.1
+observations:
+  policy:
+    concatenate_terms: true
+    history_length: null
+    turn: {func: "isaaclab.envs.mdp.observations:base_ang_vel", clip: null, scale: 0.2}
+    down: {func: "isaaclab.envs.mdp.observations:projected_gravity", clip: null, scale: null}
+    angles: {func: "isaaclab.envs.mdp.observations:joint_pos_rel", scale: null}
+    speeds: {func: "isaaclab.envs.mdp.observations:joint_vel_rel", scale: 0.05}
+    before: {func: "isaaclab.envs.mdp.observations:last_action"}
+actions:
+  joint_pos:
+    class_type: isaaclab.envs.mdp.actions.joint_actions:JointPositionAction
+    joint_names: [.*]
+    scale: {right_.*: 0.3, left_.*: 0.5}
+    offset: 0.0
+    use_default_offset: true
+  gripper: null
+rewards: !!python/object/apply:builtins.slice [null, null, null]
+"""
+
+LEGGED = """\
+import os
+os.remove(__file__)
+
+class TinyCfg(LeggedRobotCfg):
+    class init_state(LeggedRobotCfg.init_state):
+        default_joint_angles = {'right_hip_joint': 0.1, 'left_hip_joint': -0.2}
+    class control(LeggedRobotCfg.control):
+        stiffness = {'hip': 2.0}
+        damping = {'hip': 0.1}
+        action_scale = 0.3
+"""
+LEGGED_BASE = """\
+class LeggedRobotCfg(BaseConfig):
+    class control:
+        control_type = 'P'
+        decimation = 4
+    class sim:
+        dt = 0.004
+    class normalization:
+        class obs_scales:
+            ang_vel = 0.25
+            dof_pos = 1.0
+            dof_vel = 0.05
+        clip_observations = 100.
+        clip_actions = 100.
+"""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from humanoid_getup.experiments.starts.falls import sample_fall
     from humanoid_getup.jobs.benchmark import benchmark
     from humanoid_getup.jobs.build_motions import build_motions
+    from humanoid_getup.jobs.check_policy import check_policy
     from humanoid_getup.jobs.check_robot import check_robot
     from humanoid_getup.jobs.discover_motions import discover
     from humanoid_getup.jobs.evaluate_policy import evaluate
@@ -77,7 +78,7 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
-    from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
+    from humanoid_getup.jobs.requests.policies import CheckPolicyRequest, ImportPolicyRequest
     from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.rise import (
         HoldRequest,
@@ -125,6 +126,7 @@ _HOMES = {
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
     "CachedRise": "humanoid_getup.strategies.cache.cached_rise",
     "CancelledError": "humanoid_getup.progress.callback",
+    "CheckPolicyRequest": "humanoid_getup.jobs.requests.policies",
     "CheckRequest": "humanoid_getup.jobs.requests.robots",
     "ClipRequest": "humanoid_getup.jobs.requests.motions",
     "DiscoverRequest": "humanoid_getup.jobs.requests.motions",
@@ -166,6 +168,7 @@ _HOMES = {
     "World": "humanoid_getup.simulation.world",
     "benchmark": "humanoid_getup.jobs.benchmark",
     "build_motions": "humanoid_getup.jobs.build_motions",
+    "check_policy": "humanoid_getup.jobs.check_policy",
     "check_robot": "humanoid_getup.jobs.check_robot",
     "discover": "humanoid_getup.jobs.discover_motions",
     "evaluate": "humanoid_getup.jobs.evaluate_policy",
@@ -213,6 +216,7 @@ __all__ = [
     "BuildRequest",
     "CachedRise",
     "CancelledError",
+    "CheckPolicyRequest",
     "CheckRequest",
     "ClipRequest",
     "DiscoverRequest",
@@ -254,6 +258,7 @@ __all__ = [
     "World",
     "benchmark",
     "build_motions",
+    "check_policy",
     "check_robot",
     "discover",
     "evaluate",

@@ -100,6 +100,8 @@ class Simulation:
         self.truth = GroundTruth(robot, self.model, self.data)
         self.on_sensor_update: list[Callable[[], None]] = []
         """Called after each `update_sensors`."""
+        self.on_step: list[Callable[[], None]] = []
+        """Called after each step of physics."""
         self.place(robot.standing)
 
     @property
@@ -196,6 +198,8 @@ class Simulation:
             # Together they are mj_step, but leave positions and contacts up to date.
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
+            for callback in self.on_step:
+                callback()
 
     def update_sensors(self, duration: float) -> None:
         """Update currents, heat, supply and IMU, ``duration`` seconds after the last update."""

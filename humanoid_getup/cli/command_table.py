@@ -81,6 +81,12 @@ COMMANDS = {
         "policies.import_policy",
         json=True,
     ),
+    "policy check": TableEntry(
+        "Compare a policy with a golden trace, or record one.",
+        "requests.policies.CheckPolicyRequest",
+        "policies.check_policy",
+        json=True,
+    ),
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview or show motions."
     ),

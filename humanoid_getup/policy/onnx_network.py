@@ -41,7 +41,8 @@ class OnnxNetwork:
         self.faults, self.inference_time = _try_in_child(model, limit)
         """Problems of its output for zeros; processor time of one inference [s]."""
         self._session = _create_session(model)
-        self.contract = self._session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY, "")
+        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+        self.contract = self.metadata.get(CONTRACT_KEY, "")
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         problems = [f"{len(inputs)} inputs, expected 1"] if len(inputs) != 1 else []
         if len(outputs) not in (1, 2):

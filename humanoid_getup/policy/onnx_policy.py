@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,20 @@ def read_contract(file: Path) -> PolicyContract:
         raise PolicyError(file, [str(error)]) from error
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """What a policy decided in a policy step."""
+
+    observation: NDArray[np.float32]
+    """Input of the network, (size,)."""
+    action: Array
+    """Output of the network, not clipped, (k,)."""
+    memory: Array
+    """What the network remembers of it, (m,)."""
+    target: Array
+    """Joint targets at the end of the step [rad], (n,)."""
+
+
 class OnnxPolicy:
     """Runs a trained policy with the same code as training: observation, action, interpolation.
 
@@ -85,10 +99,14 @@ class OnnxPolicy:
         self.action = contract.action
         self.failure: str | None = None
         """Reason of a failure; ``None`` without one."""
+        self.decision: Decision | None = None
+        """The last decision; ``None`` before the first one."""
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
-        self._torque_share = compute_torque_share(robot, self.action, limit)
-        self._sense_gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
+        self.torque_share = compute_torque_share(robot, self.action, limit)
+        self.imu_in_torso = imu_in_torso(robot, robot.spec().compile())
+        """Orientation of the IMU in the torso, (4,)."""
+        self._sense_gravity = GravitySense(self.imu_in_torso)
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
@@ -168,6 +186,11 @@ class OnnxPolicy:
         return Guidance(wanted=self._follower.wanted[0], measured=self._follower.measured[0])
 
     @property
+    def metadata(self) -> dict[str, str]:
+        """Return the metadata of its file."""
+        return self._network.metadata
+
+    @property
     def followed(self) -> FollowedStyle | None:
         """Return how well its first curves were followed so far; ``None`` if it follows none."""
         return self._follower and self._follower.summarize()
@@ -219,7 +242,7 @@ class OnnxPolicy:
             more = [term[0] for term in self._follower.observe()]
             if self.contract.style is not None and self.contract.style.height_map:
                 more.append(UNKNOWN)
-        return observe(self.robot, sensed, self._following, self._memory, self._torque_share, more)
+        return observe(self.robot, sensed, self._following, self._memory, self.torque_share, more)
 
     def act(self, observations: NDArray[np.float32]) -> tuple[Array, Array]:
         """Compute actions and memory from observations, (N, size) to (N, k) and (N, m).
@@ -240,7 +263,8 @@ class OnnxPolicy:
         sensed = self.sense(state)
         if self._follower and self._follower.update(sensed, self._step_time).size:
             self._memory = np.zeros_like(self._memory)
-        (action,), (memory,) = self.act(self.observe(sensed)[None])
+        observation = self.observe(sensed)
+        (action,), (memory,) = self.act(observation[None])
         self._target = self._following
         if not np.isfinite(action).all():
             names = self.action.names
@@ -255,6 +279,9 @@ class OnnxPolicy:
             sensed.joint_pos,
             sensed.gravity,
             np.clip(action, -1.0, 1.0),
+        )
+        self.decision = Decision(
+            observation=observation, action=action, memory=memory, target=self._following
         )
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)

@@ -1,12 +1,13 @@
-"""`getup policy import`: policies of other projects."""
+"""`getup policy import`, `check`: policies, also those of other projects."""
 
 from __future__ import annotations
 
 from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.jobs.check_policy import check_policy as compare
 from humanoid_getup.jobs.import_policy import import_policy as read_and_write
-from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
+from humanoid_getup.jobs.requests.policies import CheckPolicyRequest, ImportPolicyRequest
 
 
 def import_policy(command: ImportPolicyRequest) -> int:
@@ -24,3 +25,17 @@ def import_policy(command: ImportPolicyRequest) -> int:
     run = f"getup run {found.file} --robot {command.robot} --from supine"
     console.print(f"written to {command.out}; next: {run}", markup=False, soft_wrap=True)
     return DID_IT
+
+
+def check_policy(command: CheckPolicyRequest) -> int:
+    """Compare a policy with a trace, or record one; print a line for each boundary."""
+    with showing(command) as report:
+        found = compare(command, report)
+    write_json(found, command)
+    console = console_for(command)
+    if found.recorded:
+        console.print(f"{found.recorded}: {found.steps} policy steps", markup=False)
+        return DID_IT
+    for finding in found.findings:
+        console.print(finding.describe(), markup=False, soft_wrap=True)
+    return DID_IT if found.agrees else DID_NOT_STAND

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.files import READ, Written
-from humanoid_getup.jobs.requests.shared import RobotOption
+from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
+from humanoid_getup.jobs.requests.shared import Origin, PolicyName, RobotOption, Seed
 from humanoid_getup.jobs.requests.values import Items, between
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
@@ -48,4 +48,36 @@ class ImportPolicyRequest(RobotOption):
         wrong = [pair for pair in self.rename if len(pair.split("=")) != 2 or "" in pair.split("=")]
         if wrong:
             problems.append(f"--rename is {', '.join(wrong)}, expected THEIRS=OURS,...")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckPolicyRequest(RobotOption):
+    """Compare a policy with a golden trace of it at four boundaries, or record one on the twin.
+
+    They are signals to observation, observation to action, action to torque, and torque to next
+    state. The first one that differs is named, with its likely cause.
+    """
+
+    policy: Positional[PolicyName]
+    robot: Annotated[str, ROBOT] = ""
+    """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
+    trace: Annotated[Path | None, READ, arg(metavar="FILE")] = None
+    """Trace to compare with (.npz or .json)."""
+    record: Annotated[Path | None, WRITTEN, arg(metavar="FILE.npz")] = None
+    """Trace to record on the twin instead."""
+    origin: Origin = None
+    seed: Seed = 0
+    seconds: Annotated[float, between(0.2, 60.0, "s"), arg(metavar="S")] = 4.0
+    """Duration of a recorded trace [s]."""
+
+    def find_problems(self) -> list[str]:
+        """Report a trace that is neither given nor recorded, or both, as well."""
+        problems = super().find_problems()
+        if (self.trace is None) == (self.record is None):
+            problems.append("expected --trace FILE to compare with, or --record FILE.npz")
+        if self.record is None and self.origin is not None:
+            problems.append("--from is given, expected only with --record")
+        if self.record is not None and self.record.suffix != ".npz":
+            problems.append(f"--record is {self.record}, expected an .npz file")
         return problems

@@ -34,6 +34,8 @@ class ForeignRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The robot's names of the joints that actions move, in the order of its actions."""
     windows: tuple[Window, ...]
     """Terms of its observation, in order."""
+    scale: tuple[float, ...] = ()
+    """Changes of targets by an action of 1 [rad], in the order of ``moved``."""
     damping: tuple[float, ...] = ()
     """Gains kd of its training [N·m·s/rad], in the order of ``joints``; () if not known."""
 
@@ -55,6 +57,7 @@ def to_record(wrapping: Wrapping) -> str:
         joints=tuple(names[wrapping.places[name]] for name in policy.joints),
         moved=tuple(names[wrapping.places[name]] for name in policy.moved),
         windows=tuple(windows),
+        scale=tuple(policy.scale.tolist()),
         damping=() if policy.damping is None else tuple(policy.damping.tolist()),
     )
     return msgspec.json.encode(record).decode()

@@ -1,0 +1,1 @@
+"""Golden traces: what a policy measured, observed, did and caused, and checks against them."""

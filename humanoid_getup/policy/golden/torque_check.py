@@ -1,0 +1,200 @@
+"""Boundary C: do actions become the targets, and targets the torques, of the trace?
+
+The law of a servo, ``torque = kp (target - angle) - kd speed``, is fitted to each joint of the
+trace; its gains are compared with those that the policy has on this robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.order_search import find_order, name_order
+from humanoid_getup.policy.golden.replayed import ReplayedPolicy
+from robots.quaternion import Array
+
+ANGLE_SLACK = 5e-3  # rad; a tick of a servo is 1.5e-3
+GAIN_SLACK = 0.1  # share of a gain
+DAMPING_SLACK = 0.3  # share of a damping
+SATURATED = 0.9  # share of the servos' torque from which on the law does not hold
+FEWEST = 6  # rows in which a servo is not saturated
+FEWEST_SPEEDS = 0.05  # rad/s by which speeds must vary, to tell a damping
+FEWEST_MOVED = 0.02  # rad by which targets must lead the joint somewhere, to tell a gain
+
+
+@dataclass(frozen=True)
+class ServoLaw:
+    """Gains of a joint, fitted to a trace."""
+
+    joint: int
+    position_gain: float
+    """[N·m/rad]"""
+    damping: float
+    """[N·m·s/rad]"""
+
+
+def check_torque(replayed: ReplayedPolicy) -> Finding:
+    """Compare targets, then torques of a trace with those that the policy has here."""
+    boundary, trace = Boundary.TORQUE, replayed.trace
+    if trace.target is None:
+        return Finding(boundary=boundary, agrees=None, cause="the trace has no target")
+    share = replayed.step(replayed.signals).share
+    slow, fast = replayed.aim(share), replayed.aim(share, unlimited=True)
+    error = np.minimum(np.abs(trace.target - slow), np.abs(trace.target - fast))
+    difference = float(error.max())
+    if difference > ANGLE_SLACK:
+        cause = _explain_target(replayed, fast)
+        return _finding(difference, "rad", cause)
+    if trace.torque is None:
+        return Finding(
+            boundary=boundary,
+            agrees=True,
+            difference=difference,
+            unit="rad",
+            cause="the trace has no torque",
+        )
+    laws = _fit_laws(replayed)
+    if not laws:
+        return Finding(boundary=boundary, agrees=None, cause="its servos saturate or do not move")
+    off, cause = _compare_gains(replayed, laws)
+    return _finding(off, "of a gain", cause)
+
+
+def _finding(difference: float, unit: str, cause: str) -> Finding:
+    return Finding(
+        boundary=Boundary.TORQUE,
+        agrees=not cause,
+        difference=difference,
+        unit=unit,
+        cause=cause,
+    )
+
+
+def _explain_target(replayed: ReplayedPolicy, found: Array) -> str:
+    """Find the factor, the zero or the order that makes the trace's targets of ours."""
+    recorded, robot = replayed.trace.target, replayed.robot
+    assert recorded is not None
+    if np.abs(recorded[1:] - found[:-1]).max() <= ANGLE_SLACK:
+        return "targets are one policy step late in the trace"
+    inside = (found > robot.lower + ANGLE_SLACK) & (found < robot.upper - ANGLE_SLACK)
+    fits = [_fit_line(found[rows, i], recorded[rows, i]) for i, rows in enumerate(inside.T)]
+    moved = [i for i, fit in enumerate(fits) if fit is not None]
+    made = np.repeat(found.T[:, :, None], robot.n, axis=2)
+    if (order := find_order(recorded, made, ANGLE_SLACK)) is not None:
+        return name_order(robot.joint_names, order)
+    if text := _explain_order(replayed, recorded):
+        return text
+    factors = np.array([fits[i][0] for i in moved])  # type: ignore[index]
+    wrong = [i for i, factor in zip(moved, factors, strict=True) if abs(factor - 1.0) > 0.02]
+    if wrong:
+        return _name_scale(replayed, wrong[0], float(factors[moved.index(wrong[0])]), len(wrong))
+    i = int(np.abs(recorded - found).max(axis=0).argmax())
+    offset = float((recorded - found)[:, i].mean())
+    return (
+        f"joint '{robot.joint_names[i]}': targets are {offset:+.3f} rad in the trace: another zero"
+    )
+
+
+def _explain_order(replayed: ReplayedPolicy, recorded: Array) -> str:
+    """Find two joints whose actions are exchanged, each with its own scale and zero."""
+    record = replayed.record
+    if record is None:
+        return ""
+    names, robot = record.moved, replayed.robot
+    actions = replayed.trace.action
+    columns = recorded[:, [robot.joint_names.index(name) for name in names]]
+    errors = np.array([[_residual(a, c) for a in actions.T] for c in columns.T])
+    own = np.diag(errors)
+    order = errors.argmin(axis=1)
+    wrong = np.flatnonzero((own > ANGLE_SLACK) & (errors.min(axis=1) <= ANGLE_SLACK))
+    if not len(wrong) or len(set(order[wrong])) < len(wrong):
+        return ""
+    whole = np.arange(len(names))
+    whole[wrong] = order[wrong]
+    return f"{name_order(names, whole.tolist())} in the actions"
+
+
+def _residual(action: Array, target: Array) -> float:
+    """Return the largest distance of targets from a line over actions."""
+    line = np.polyfit(action, target, 1) if np.ptp(action) > 1e-9 else np.array([target.mean()])
+    return float(np.abs(np.polyval(line, action) - target).max())
+
+
+def _fit_line(mine: Array, theirs: Array) -> tuple[float, float] | None:
+    """Fit factor and offset; None where the targets hardly move."""
+    if len(mine) < FEWEST or np.ptp(mine) < FEWEST_MOVED:
+        return None
+    factor, offset = np.polyfit(mine, theirs, 1)
+    return float(factor), float(offset)
+
+
+def _name_scale(replayed: ReplayedPolicy, joint: int, factor: float, count: int) -> str:
+    name, record = replayed.robot.joint_names[joint], replayed.record
+    more = f" and {count - 1} more" if count > 1 else ""
+    if record is None or not record.scale or name not in record.moved:
+        return f"joint '{name}'{more}: {factor:.3g} times the scale in the trace"
+    own = record.scale[record.moved.index(name)]
+    return (
+        f"scale of actions: {own:.3g} rad in the policy, {factor * own:.3g} rad in the trace "
+        f"(joint '{name}'{more})"
+    )
+
+
+def _fit_laws(replayed: ReplayedPolicy) -> list[ServoLaw]:
+    """Fit the law of each joint that has a servo of its own and moves."""
+    trace, robot = replayed.trace, replayed.robot
+    torque, coupled = trace.torque, robot.transmission.is_coupled
+    assert torque is not None
+    angle = trace.joint_pos if trace.true_joint_pos is None else trace.true_joint_pos
+    speed = trace.joint_vel if trace.true_joint_vel is None else trace.true_joint_vel
+    lead = replayed.start() - angle
+    laws = []
+    for i in range(robot.n):
+        driven = torque[:, i] + robot.torque_speed_slope[i] * speed[:, i]  # by the voltage
+        limit = SATURATED * robot.max_torque[i] * replayed.policy.action.pwm_limit
+        rows = np.maximum(np.abs(torque[:, i]), np.abs(driven)) < limit
+        if coupled[i] or rows.sum() < FEWEST or np.ptp(lead[rows, i]) < FEWEST_MOVED:
+            continue
+        if np.ptp(speed[rows, i]) < FEWEST_SPEEDS:
+            continue
+        inputs = np.stack((lead[rows, i], -speed[rows, i]), axis=1)
+        gains = np.linalg.lstsq(inputs, torque[rows, i], rcond=None)[0]
+        laws.append(ServoLaw(i, float(gains[0]), float(gains[1])))
+    return laws
+
+
+def _compare_gains(replayed: ReplayedPolicy, laws: list[ServoLaw]) -> tuple[float, str]:
+    """Return the largest difference as a share, and what differs."""
+    robot, shares = replayed.robot, replayed.policy.action.gain_share
+    own = robot.position_gain * (np.array(shares) if shares else 1.0)
+    stiffness = robot.supply_voltage / robot.nominal_voltage
+    ratios = np.array([law.position_gain / (own[law.joint] * stiffness[law.joint]) for law in laws])
+    worst = int(np.abs(np.log(np.maximum(ratios, 1e-9))).argmax())
+    off = float(abs(ratios[worst] - 1.0))
+    if off <= GAIN_SLACK:
+        return off, _compare_damping(replayed, laws)
+    law = laws[worst]
+    mine = own[law.joint] * stiffness[law.joint]
+    count = int((np.abs(ratios - 1.0) > GAIN_SLACK).sum())
+    more = f" and {count - 1} more" if count > 1 else ""
+    return off, (
+        f"position gain kp: {mine:.3g} N·m/rad here, {law.position_gain:.3g} N·m/rad in the trace "
+        f"(joint '{robot.joint_names[law.joint]}'{more})"
+    )
+
+
+def _compare_damping(replayed: ReplayedPolicy, laws: list[ServoLaw]) -> str:
+    """Name a damping that is neither the servos' nor that of the policy's training."""
+    robot, record = replayed.robot, replayed.record
+    known = dict(zip(record.joints, record.damping, strict=False)) if record else {}
+    for law in laws:
+        name, own = robot.joint_names[law.joint], float(robot.torque_speed_slope[law.joint])
+        expected = [own, known.get(name, own)]
+        if min(abs(law.damping - each) / max(each, 1e-3) for each in expected) > DAMPING_SLACK:
+            return (
+                f"damping kd: {own:.3g} N·m·s/rad here, {law.damping:.3g} N·m·s/rad in the trace "
+                f"(joint '{name}')"
+            )
+    return ""

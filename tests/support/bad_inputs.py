@@ -479,6 +479,24 @@ GROUPS: dict[str, list[Case]] = {
         ),
         case("policy import their.onnx --out text.txt", "text.txt", extra="yaml"),
         case("policy", "expected a command first"),
+        *(
+            case(f"policy check robust {line}", *message)
+            for line, *message in (
+                ("", "expected --trace FILE to compare with, or --record FILE.npz"),
+                ("--trace trace.npz --record mine.npz", "expected --trace FILE"),
+                ("--trace none.npz", "trace none.npz: No such file"),
+                ("--trace text.npz", "trace text.npz: it is not an .npz archive"),
+                ("--trace whole.npz", "key 'joints' is missing; key 'gyro' is missing"),
+                ("--trace torque.toml --from prone", "--from is given, expected only with"),
+                ("--trace empty.json", "trace empty.json: not JSON"),
+                ("--trace trace.json", "trace trace.json: key 'time' is missing"),
+                ("--record mine.csv", "--record is mine.csv, expected an .npz file"),
+                ("--record mine.npz --from moon", "unknown start 'moon'"),
+                ("--record mine.npz --seconds 0", "--seconds is 0 s, expected 0.2 to 60 s"),
+            )
+        ),
+        case("policy check styled --record mine.npz", "follows style curves"),
+        case("policy check moonwalk --trace trace.npz", "unknown policy 'moonwalk'"),
     ],
     "ports": [
         case(
@@ -977,6 +995,7 @@ def _make_policies(folder: Path, robot: Robot) -> None:
 def _make_foreign_policies(folder: Path) -> None:
     from foreign_policies import DEPLOY, mjlab_metadata, save_network, weights
 
+    (folder / "trace.json").write_text('{"robot": "op3", "joints": ["head_pan"]}')
     (folder / "their.pt").write_bytes(b"PK\x03\x04 and code")
     (folder / "deploy.yaml").write_text(DEPLOY)
     (folder / "loop.yaml").write_text("a: &a [*a]\n")

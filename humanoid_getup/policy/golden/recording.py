@@ -73,7 +73,7 @@ def _read_decision(policy: OnnxPolicy) -> dict[str, Array]:
     decision = policy.decision
     assert decision is not None
     record = find_record(policy)
-    action, observation = decision.action, decision.observation
+    action, observation = decision.action, decision.observation.astype(float)
     if record is not None:  # the memory holds its own ones
         k = len(record.moved)
         action, observation = decision.memory[1 : 1 + k], decision.memory[1 + k :]

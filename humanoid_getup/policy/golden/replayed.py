@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanoid_getup.policy.action import between, next_target
+from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.foreign.record import FOREIGN_KEY, ForeignRecord, Window, from_record
 from humanoid_getup.policy.golden.trace import GoldenTrace
 from humanoid_getup.policy.observation import Sensed, observe
@@ -87,7 +87,7 @@ class ReplayedPolicy:
     def step(self, signals: Sensed) -> ReplayedStep:
         """Observe signals, (T, ...), and act on them."""
         seen = observe(
-            self.robot, signals, self._last_target(), self._memory(), self._torque_share()
+            self.robot, signals, self.last_target(), self._memory(), self._torque_share()
         )
         share, memory = self.policy.act(seen)
         if self.record is None:
@@ -106,7 +106,7 @@ class ReplayedPolicy:
         if unlimited:
             action = replace(action, reach=np.full(self.robot.n, np.inf))
         return next_target(
-            self.robot, action, self._last_target(), trace.joint_pos, trace.gravity, share
+            self.robot, action, self.last_target(), trace.joint_pos, trace.gravity, share
         )
 
     def start(self) -> Array:
@@ -116,12 +116,13 @@ class ReplayedPolicy:
         assert self.trace.target is not None
         return self.trace.target
 
-    def interpolate(self, target: Array) -> Array:
-        """Compute the targets of the first control cycle of each step, (T, n) [rad]."""
-        action = self.policy.action
-        return between(self._last_target(), target, 0, action.cycles, action.hold_reach)
+    def state(self) -> tuple[Array, Array]:
+        """Return true joint angles and speeds, as far as they are known, (T, n) each."""
+        trace = self.trace
+        angle = trace.joint_pos if trace.true_joint_pos is None else trace.true_joint_pos
+        return angle, trace.joint_vel if trace.true_joint_vel is None else trace.true_joint_vel
 
-    def _last_target(self) -> Array:
+    def last_target(self) -> Array:
         """Return the target at which each step begins: at first the measured angles."""
         trace = self.trace
         if trace.target is None:

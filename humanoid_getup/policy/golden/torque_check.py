@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanoid_getup.policy.golden.finding import Boundary, Finding
 from humanoid_getup.policy.golden.order_search import find_order, name_order
@@ -17,6 +18,7 @@ from robots.quaternion import Array
 
 ANGLE_SLACK = 5e-3  # rad; a tick of a servo is 1.5e-3
 GAIN_SLACK = 0.1  # share of a gain
+MISFIT = 0.15  # share of the torques that the law of a servo may leave
 DAMPING_SLACK = 0.3  # share of a damping
 SATURATED = 0.9  # share of the servos' torque from which on the law does not hold
 FEWEST = 6  # rows in which a servo is not saturated
@@ -33,6 +35,8 @@ class ServoLaw:
     """[N·m/rad]"""
     damping: float
     """[N·m·s/rad]"""
+    misfit: float
+    """Share of the torques that the law leaves."""
 
 
 def check_torque(replayed: ReplayedPolicy) -> Finding:
@@ -55,7 +59,10 @@ def check_torque(replayed: ReplayedPolicy) -> Finding:
             unit="rad",
             cause="the trace has no torque",
         )
-    laws = _fit_laws(replayed)
+    angle, speed = replayed.state()
+    laws = _fit_laws(replayed, angle, speed)
+    if laws and (text := _explain_misfit(replayed, laws)):
+        return _finding(_measure_misfit(laws), "of the torques", text)
     if not laws:
         return Finding(boundary=boundary, agrees=None, cause="its servos saturate or do not move")
     off, cause = _compare_gains(replayed, laws)
@@ -78,13 +85,13 @@ def _explain_target(replayed: ReplayedPolicy, found: Array) -> str:
     assert recorded is not None
     if np.abs(recorded[1:] - found[:-1]).max() <= ANGLE_SLACK:
         return "targets are one policy step late in the trace"
-    inside = (found > robot.lower + ANGLE_SLACK) & (found < robot.upper - ANGLE_SLACK)
-    fits = [_fit_line(found[rows, i], recorded[rows, i]) for i, rows in enumerate(inside.T)]
+    free = _find_free(replayed, found)
+    fits = [_fit_line(found[rows, i], recorded[rows, i]) for i, rows in enumerate(free.T)]
     moved = [i for i, fit in enumerate(fits) if fit is not None]
     made = np.repeat(found.T[:, :, None], robot.n, axis=2)
     if (order := find_order(recorded, made, ANGLE_SLACK)) is not None:
         return name_order(robot.joint_names, order)
-    if text := _explain_order(replayed, recorded):
+    if text := _explain_order(replayed, recorded, free):
         return text
     factors = np.array([fits[i][0] for i in moved])  # type: ignore[index]
     wrong = [i for i, factor in zip(moved, factors, strict=True) if abs(factor - 1.0) > 0.02]
@@ -92,20 +99,32 @@ def _explain_target(replayed: ReplayedPolicy, found: Array) -> str:
         return _name_scale(replayed, wrong[0], float(factors[moved.index(wrong[0])]), len(wrong))
     i = int(np.abs(recorded - found).max(axis=0).argmax())
     offset = float((recorded - found)[:, i].mean())
-    return (
-        f"joint '{robot.joint_names[i]}': targets are {offset:+.3f} rad in the trace: another zero"
-    )
+    name = robot.joint_names[i]
+    return f"joint '{name}': targets are {offset:+.3f} rad off in the trace: another zero"
 
 
-def _explain_order(replayed: ReplayedPolicy, recorded: Array) -> str:
+def _find_free(replayed: ReplayedPolicy, found: Array) -> NDArray[np.bool_]:
+    """Find the targets that neither a joint's range nor a servo's speed limits, (T, n)."""
+    robot, recorded, reach = replayed.robot, replayed.trace.target, replayed.policy.action.reach
+    assert recorded is not None
+    is_free = np.abs(np.abs(recorded - replayed.last_target()) - reach) > 0.01 * reach
+    is_free[0] = False  # the target before it is not in the trace
+    for target in (found, recorded):
+        is_free &= (target > robot.lower + ANGLE_SLACK) & (target < robot.upper - ANGLE_SLACK)
+    return is_free
+
+
+def _explain_order(replayed: ReplayedPolicy, recorded: Array, free: NDArray[np.bool_]) -> str:
     """Find two joints whose actions are exchanged, each with its own scale and zero."""
     record = replayed.record
     if record is None:
         return ""
     names, robot = record.moved, replayed.robot
-    actions = replayed.trace.action
-    columns = recorded[:, [robot.joint_names.index(name) for name in names]]
-    errors = np.array([[_residual(a, c) for a in actions.T] for c in columns.T])
+    actions, places = replayed.trace.action, [robot.joint_names.index(name) for name in names]
+    columns = zip(recorded.T[places], free.T[places], strict=True)
+    errors = np.array(
+        [[_residual(a[rows], column[rows]) for a in actions.T] for column, rows in columns]
+    )
     own = np.diag(errors)
     order = errors.argmin(axis=1)
     wrong = np.flatnonzero((own > ANGLE_SLACK) & (errors.min(axis=1) <= ANGLE_SLACK))
@@ -118,6 +137,8 @@ def _explain_order(replayed: ReplayedPolicy, recorded: Array) -> str:
 
 def _residual(action: Array, target: Array) -> float:
     """Return the largest distance of targets from a line over actions."""
+    if len(action) < FEWEST:
+        return np.inf
     line = np.polyfit(action, target, 1) if np.ptp(action) > 1e-9 else np.array([target.mean()])
     return float(np.abs(np.polyval(line, action) - target).max())
 
@@ -142,27 +163,52 @@ def _name_scale(replayed: ReplayedPolicy, joint: int, factor: float, count: int)
     )
 
 
-def _fit_laws(replayed: ReplayedPolicy) -> list[ServoLaw]:
-    """Fit the law of each joint that has a servo of its own and moves."""
-    trace, robot = replayed.trace, replayed.robot
-    torque, coupled = trace.torque, robot.transmission.is_coupled
+def _fit_laws(replayed: ReplayedPolicy, angle: Array, speed: Array) -> list[ServoLaw]:
+    """Fit the law of each joint that has a servo of its own and moves; NaN is left out."""
+    torque, robot = replayed.trace.torque, replayed.robot
     assert torque is not None
-    angle = trace.joint_pos if trace.true_joint_pos is None else trace.true_joint_pos
-    speed = trace.joint_vel if trace.true_joint_vel is None else trace.true_joint_vel
     lead = replayed.start() - angle
     laws = []
-    for i in range(robot.n):
+    for i in np.flatnonzero(~robot.transmission.is_coupled).tolist():
         driven = torque[:, i] + robot.torque_speed_slope[i] * speed[:, i]  # by the voltage
         limit = SATURATED * robot.max_torque[i] * replayed.policy.action.pwm_limit
         rows = np.maximum(np.abs(torque[:, i]), np.abs(driven)) < limit
-        if coupled[i] or rows.sum() < FEWEST or np.ptp(lead[rows, i]) < FEWEST_MOVED:
-            continue
-        if np.ptp(speed[rows, i]) < FEWEST_SPEEDS:
-            continue
-        inputs = np.stack((lead[rows, i], -speed[rows, i]), axis=1)
-        gains = np.linalg.lstsq(inputs, torque[rows, i], rcond=None)[0]
-        laws.append(ServoLaw(i, float(gains[0]), float(gains[1])))
+        if rows.sum() >= FEWEST:
+            laws += _fit_law(i, lead[rows, i], speed[rows, i], torque[rows, i])
     return laws
+
+
+def _fit_law(joint: int, lead: Array, speed: Array, torque: Array) -> list[ServoLaw]:
+    """Fit the law of a joint; none if it moves too little to tell."""
+    if np.ptp(lead) < FEWEST_MOVED or np.ptp(speed) < FEWEST_SPEEDS:
+        return []
+    inputs = np.stack((lead, -speed), axis=1)
+    gains = np.linalg.lstsq(inputs, torque, rcond=None)[0]
+    left = np.linalg.norm(inputs @ gains - torque) / max(np.linalg.norm(torque), 1e-9)
+    return [ServoLaw(joint, float(gains[0]), float(gains[1]), float(left))]
+
+
+def _measure_misfit(laws: list[ServoLaw]) -> float:
+    return float(np.median([law.misfit for law in laws]))
+
+
+def _explain_misfit(replayed: ReplayedPolicy, laws: list[ServoLaw]) -> str:
+    """Name what is late where no gains explain the torques; '' where they do."""
+    misfit = _measure_misfit(laws)
+    if misfit <= MISFIT:
+        return ""
+    angle, speed = replayed.state()
+    tries = {"joint speeds": (angle, _advance(speed)), "joint angles": (_advance(angle), speed)}
+    for text, changed in tries.items():
+        other = _fit_laws(replayed, *changed)
+        if other and _measure_misfit(other) < 0.5 * misfit:
+            return f"{text} are one policy step late in the trace"
+    return "torques do not follow from targets, angles and speeds by any gains"
+
+
+def _advance(values: Array) -> Array:
+    """Return the values of the step after; NaN for the last one, which has none."""
+    return np.concatenate((values[1:], np.full_like(values[:1], np.nan)))
 
 
 def _compare_gains(replayed: ReplayedPolicy, laws: list[ServoLaw]) -> tuple[float, str]:

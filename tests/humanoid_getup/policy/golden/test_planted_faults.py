@@ -1,5 +1,6 @@
 """Golden traces: a correct pair agrees, and each planted fault is named at its boundary."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,9 +41,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("golden")
 
 
-def bring_in(folder: Path, robot: Robot, name: str, **metadata: str) -> OnnxPolicy:
+def bring_in(
+    folder: Path, robot: Robot, name: str, *, forgets: bool = False, **metadata: str
+) -> OnnxPolicy:
     """Import a policy that swings both legs, each in its own way, from metadata."""
-    weight = np.random.default_rng(3).normal(0.0, 0.25, (sum(made.SIZES), 2))
+    weight = np.random.default_rng(3).normal(0.0, 0.1, (sum(made.SIZES), 2))
+    if forgets:
+        weight[-2:] = 0.0
     changes = {
         "joint_stiffness": f"{GAIN},{GAIN}",
         "joint_damping": "0.85,0.85",
@@ -83,8 +88,8 @@ def late(values: np.ndarray) -> np.ndarray:
     return np.concatenate((values[:1], values[:-1]))
 
 
-def put(policy: OnnxPolicy, trace: GoldenTrace, term: int, values: np.ndarray) -> GoldenTrace:
-    """Replace a term of the observations, and act on them as the network would."""
+def put(trace: GoldenTrace, term: int, values: np.ndarray) -> GoldenTrace:
+    """Replace a term of the observations."""
     starts = np.cumsum([0, *made.SIZES])
     seen = trace.observation.copy()
     seen[:, starts[term] : starts[term + 1]] = values
@@ -123,18 +128,14 @@ def test_a_gain_of_1_is_named(folder: Path, tiny: Robot, trace: GoldenTrace):
     wrong = bring_in(folder, tiny, "soft", joint_stiffness="1.000,1.001")
     found = first_difference(check_policy(wrong, trace))
     assert found.boundary is C
-    assert "position gain kp: 1 N·m/rad here, 15" in found.cause.replace("14.9", "15").replace(
-        "15.1", "15"
-    )
+    assert re.match(r"position gain kp: 1 N·m/rad here, (15|14\.9|15\.1) N·m/rad in", found.cause)
 
 
 def test_swapped_joints_are_named(folder: Path, tiny: Robot, trace: GoldenTrace):
     wrong = bring_in(folder, tiny, "swapped", joint_names=",".join(reversed(made.JOINTS)))
     found = first_difference(check_policy(wrong, trace))
     assert found.boundary is A
-    assert "'r_hip' and 'l_hip' are swapped" in found.cause.replace(
-        "'l_hip' and 'r_hip'", "'r_hip' and 'l_hip'"
-    )
+    assert re.search(r"joints '(l|r)_hip' and '(l|r)_hip' are swapped", found.cause)
 
 
 def test_joints_that_are_swapped_in_the_actions_alone_are_named(
@@ -154,7 +155,7 @@ def test_another_scale_of_actions_is_named(folder: Path, tiny: Robot, trace: Gol
 
 
 def test_gravity_in_the_world_frame_is_named(policy: OnnxPolicy, trace: GoldenTrace):
-    found = first_difference(check_policy(policy, put(policy, trace, 1, np.array([0, 0, -1.0]))))
+    found = first_difference(check_policy(policy, put(trace, 1, np.array([0, 0, -1.0]))))
     assert found.boundary is A
     assert found.cause == "'projected_gravity': gravity in the world frame, expected the torso's"
 
@@ -175,13 +176,13 @@ def test_gravity_in_the_world_frame_is_named(policy: OnnxPolicy, trace: GoldenTr
     ],
 )
 def test_other_mistakes_with_gravity_are_named(policy, trace: GoldenTrace, change, cause: str):
-    found = first_difference(check_policy(policy, put(policy, trace, 1, change(trace))))
+    found = first_difference(check_policy(policy, put(trace, 1, change(trace))))
     assert found.boundary is A and cause in found.cause
 
 
 def test_a_velocity_one_step_late_is_named(policy: OnnxPolicy, trace: GoldenTrace):
     speeds = late(trace.joint_vel)[:, ::-1]  # their order
-    found = first_difference(check_policy(policy, put(policy, trace, 3, speeds)))
+    found = first_difference(check_policy(policy, put(trace, 3, speeds)))
     assert found.boundary is A
     assert found.cause == "'joint_vel': one policy step late"
 
@@ -189,9 +190,10 @@ def test_a_velocity_one_step_late_is_named(policy: OnnxPolicy, trace: GoldenTrac
 def test_a_velocity_one_step_late_in_the_state_is_named(policy: OnnxPolicy, trace: GoldenTrace):
     assert trace.true_joint_vel is not None
     wrong = replace(trace, true_joint_vel=late(trace.true_joint_vel))
-    found = first_difference(check_policy(policy, wrong))
-    assert found.boundary is D
-    assert found.cause == "joint speeds are one policy step late in the trace"
+    for boundary, changed in ((C, wrong), (D, replace(wrong, target=None))):
+        found = first_difference(check_policy(policy, changed))
+        assert found.boundary is boundary
+        assert found.cause == "joint speeds are one policy step late in the trace"
 
 
 @pytest.mark.parametrize(
@@ -203,7 +205,7 @@ def test_a_velocity_one_step_late_in_the_state_is_named(policy: OnnxPolicy, trac
     ],
 )
 def test_other_mistakes_with_terms_are_named(policy, trace: GoldenTrace, term, change, cause):
-    found = first_difference(check_policy(policy, put(policy, trace, term, change(trace))))
+    found = first_difference(check_policy(policy, put(trace, term, change(trace))))
     assert found.boundary is A and cause in found.cause
 
 
@@ -215,18 +217,14 @@ def test_other_mistakes_with_terms_are_named(policy, trace: GoldenTrace, term, c
         (lambda a: a + np.random.default_rng(0).normal(size=a.shape), "another network"),
     ],
 )
-def test_other_actions_are_named_at_the_network(policy, trace: GoldenTrace, change, cause: str):
-    """Of a policy that does not observe its last action, so that the observations still agree."""
-    found = first_difference(check_policy(policy, _forget(policy, trace, change)))
-    assert found.boundary is B and cause in found.cause
-
-
-def _forget(policy: OnnxPolicy, trace: GoldenTrace, change) -> GoldenTrace:
-    """Change the actions, and what the observations say of the action before."""
+def test_other_actions_are_named_at_the_network(folder, tiny: Robot, change, cause: str):
+    """Of a network that ignores the action before, so that the other actions are its own."""
+    policy = bring_in(folder, tiny, "forgets", forgets=True)
+    trace = record_trace(policy, drop(tiny), STEPS)
     action = change(trace.action)
     before = np.concatenate((np.zeros_like(action[:1]), action[:-1]))
-    changed = put(policy, trace, 4, before)
-    return replace(changed, action=action)
+    found = first_difference(check_policy(policy, replace(put(trace, 4, before), action=action)))
+    assert found.boundary is B and cause in found.cause
 
 
 def test_joints_of_a_trace_may_be_in_any_order(policy: OnnxPolicy, trace: GoldenTrace):

@@ -1,0 +1,70 @@
+"""`getup policy`: from the file of another project to a policy that is checked and packed."""
+
+import json
+import shlex
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("onnx")
+pytest.importorskip("yaml")
+
+import foreign_policies as made
+from bus_stories import TINY
+from foreign_policies import save_network
+
+from humanoid_getup.cli.main import main
+
+STIFF = {"joint_stiffness": "15.0,15.0"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a policy of mjlab's."""
+    monkeypatch.chdir(tmp_path)
+    save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata(**STIFF))
+    return tmp_path
+
+
+def getup(line: str) -> int:
+    return main(shlex.split(f"{line} --robot {TINY}"))
+
+
+def test_a_policy_is_imported_with_the_source_of_each_field(folder: Path, capsys):
+    assert getup("policy import their.onnx --rate 62.5 --out ours --json import.json") == 0
+    said = capsys.readouterr().out
+    assert "default_pos: -0.2 to 0.1 rad (ONNX metadata default_joint_pos)" in said
+    assert "rate: 62.5 Hz (--rate)" in said
+    assert "note: action: ONNX metadata action_scale; mode assumed" in said
+    result = json.loads((folder / "import.json").read_text())
+    assert result == json.loads((folder / "ours" / "description.json").read_text())
+    assert result["joints"] == {"right_hip_joint": "r_hip", "left_hip_joint": "l_hip"}
+
+
+def test_an_imported_policy_is_recorded_and_agrees_with_its_trace(folder: Path, capsys):
+    assert getup("policy import their.onnx --rate 62.5 --out ours") == 0
+    assert getup("policy check ours/policy.onnx --record trace.npz --seconds 1 --seed 3") == 0
+    capsys.readouterr()
+    assert getup("policy check ours/policy.onnx --trace trace.npz --json check.json") == 0
+    said = capsys.readouterr().out
+    assert said.count("agrees") >= 3
+    found = json.loads((folder / "check.json").read_text())
+    assert found["agrees"] and found["steps"] == 62
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_policy_that_differs_ends_with_1_and_says_where(capsys):
+    assert getup("policy import their.onnx --rate 62.5 --out ours") == 0
+    assert getup("policy import their.onnx --rate 62.5 --gain 1 --out soft") == 0
+    assert getup("policy check ours/policy.onnx --record trace.npz --seconds 1 --seed 3") == 0
+    capsys.readouterr()
+    assert getup("policy check soft/policy.onnx --trace trace.npz") == 1
+    assert "C: action to torque: differs" in capsys.readouterr().out
+
+
+def test_an_imported_policy_runs_on_the_twin(folder: Path):
+    assert getup("policy import their.onnx --rate 62.5 --out ours") == 0
+    line = "run ours/policy.onnx --from supine --longest 0.5 --out run"
+    assert getup(line) == 1  # it does not rise
+    report = json.loads((folder / "run" / "report.json").read_text())
+    assert report["policy"] == "policy"

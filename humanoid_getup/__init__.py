@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.import_robot import import_robot
     from humanoid_getup.jobs.make_prior import make_prior
     from humanoid_getup.jobs.measure_robot import measure_robot
+    from humanoid_getup.jobs.pack_policy import pack_policy
     from humanoid_getup.jobs.plan_path import plan
     from humanoid_getup.jobs.preflight_motion import preflight
     from humanoid_getup.jobs.preview_motion import preview
@@ -78,7 +79,11 @@ if TYPE_CHECKING:
         RetargetRequest,
     )
     from humanoid_getup.jobs.requests.plan import PlanRequest
-    from humanoid_getup.jobs.requests.policies import CheckPolicyRequest, ImportPolicyRequest
+    from humanoid_getup.jobs.requests.policies import (
+        CheckPolicyRequest,
+        ImportPolicyRequest,
+        PackPolicyRequest,
+    )
     from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.rise import (
         HoldRequest,
@@ -141,6 +146,7 @@ _HOMES = {
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
+    "PackPolicyRequest": "humanoid_getup.jobs.requests.policies",
     "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
@@ -185,6 +191,7 @@ _HOMES = {
     "load_style": "humanoid_getup.style.style_file",
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",
+    "pack_policy": "humanoid_getup.jobs.pack_policy",
     "plan": "humanoid_getup.jobs.plan_path",
     "play_motion": "humanoid_getup.jobs.get_up.rise",
     "preflight": "humanoid_getup.jobs.preflight_motion",
@@ -231,6 +238,7 @@ __all__ = [
     "LearnedRise",
     "Motion",
     "OnnxPolicy",
+    "PackPolicyRequest",
     "PlanCache",
     "PlanRequest",
     "PlannedRise",
@@ -275,6 +283,7 @@ __all__ = [
     "load_style",
     "make_prior",
     "measure_robot",
+    "pack_policy",
     "plan",
     "play_motion",
     "preflight",

@@ -87,6 +87,12 @@ COMMANDS = {
         "policies.check_policy",
         json=True,
     ),
+    "policy pack": TableEntry(
+        "Pack a policy with a manifest and checksums.",
+        "requests.policies.PackPolicyRequest",
+        "policies.pack_policy",
+        json=True,
+    ),
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview or show motions."
     ),

@@ -28,7 +28,9 @@ from humanoid_getup.policy.foreign.record import FOREIGN_KEY, to_record
 from humanoid_getup.policy.foreign.wrapping import Wrapping, wrap_network
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
+from humanoid_getup.policy.pack import MANIFEST, POLICY, PackError, read_pack
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import describe
 
@@ -69,6 +71,8 @@ def import_policy(
     ImportPolicyRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading the policy")
+    if request.network.is_dir() or request.network.name == MANIFEST:
+        return _import_pack(request, robot, monitor)
     with needing("policies"):
         import onnx  # noqa: F401
         import yaml  # noqa: F401
@@ -79,11 +83,55 @@ def import_policy(
         wrapping = fit_policy(policy, robot, renamed)
     except (ForeignPolicyError, OSError) as error:
         raise BadInputError(f"policy file {request.network}: {describe(error)}") from error
+    model = _build(network.model, wrapping, request.network)
+    return _write(request, robot, model, _summarize(request, wrapping), monitor)
+
+
+def _import_pack(
+    request: ImportPolicyRequest, robot: Robot, monitor: ProgressMonitor
+) -> PolicyImport:
+    """Copy the file of a packed policy whose checksums are right and that fits the robot."""
+    source = request.network if request.network.is_dir() else request.network.parent
+    try:
+        manifest, contents = read_pack(source)
+    except (PackError, OSError) as error:
+        missing = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
+        raise BadInputError(f"packed policy {source}: {missing}{describe(error)}") from error
+    values = {
+        "name": manifest.name,
+        "robot": f"{manifest.robot.model}, {len(manifest.robot.joints)} joints",
+        "kind": f"{manifest.kind}, from {manifest.entry_pose}",
+        "rate": f"{manifest.robot.control_hz:g} Hz",
+        "observation": f"{manifest.obs_len} numbers",
+        "action": f"{manifest.action_len} numbers",
+        "training": ", ".join(f"{key} {value}" for key, value in manifest.training.items()),
+    }
+    found = PolicyImport(
+        file=str(request.out / POLICY_FILE),
+        format="packed",
+        robot=robot.name,
+        fields=tuple(
+            DescribedField(field=field, value=value, source=f"{MANIFEST} {field}")
+            for field, value in values.items()
+        ),
+        joints={name: name for name in manifest.robot.joints},
+        notes=(),
+    )
+    return _write(request, robot, contents[POLICY], found, monitor)
+
+
+def _write(
+    request: ImportPolicyRequest,
+    robot: Robot,
+    model: bytes,
+    found: PolicyImport,
+    monitor: ProgressMonitor,
+) -> PolicyImport:
+    """Write a policy and its description, if it can be loaded for the robot."""
     monitor.begin("writing the policy")
-    found = _summarize(request, wrapping)
     with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
         file = folder / POLICY_FILE
-        file.write_bytes(_build(network.model, wrapping, request.network))
+        file.write_bytes(model)
         try:
             OnnxPolicy.load(file, robot)
         except PolicyError as error:

@@ -456,7 +456,7 @@ GROUPS: dict[str, list[Case]] = {
             case(f"policy import {line} --out mine", *message, extra="yaml")
             for line, *message in (
                 ("none.onnx", "none.onnx: No such file"),
-                ("folder", "Is a directory"),
+                ("folder", "packed policy folder: folder/manifest.json: No such file"),
                 ("empty.onnx", "empty.onnx"),
                 ("text.onnx", "text.onnx: it is not"),
                 ("their.pt", "their.pt: it is a pickle of torch, which is never opened"),
@@ -495,6 +495,13 @@ GROUPS: dict[str, list[Case]] = {
                 ("--record mine.npz --seconds 0", "--seconds is 0 s, expected 0.2 to 60 s"),
             )
         ),
+        case("policy import half.onnx --out mine", "half.onnx", extra="yaml"),
+        case("policy pack moonwalk --out mine", "unknown policy 'moonwalk'"),
+        case("policy pack robust --out text.txt", "text.txt is not a folder"),
+        case("policy pack robust --out mine --kind eternal", "--kind is 'eternal', expected"),
+        case("policy pack robust --out mine --entry flying", "--entry is 'flying', expected"),
+        case("policy pack robust --out mine --evaluation none", "none: No such file"),
+        case("policy pack robust --out mine --evaluation trace.json", "it holds no result of `eval`"),
         case("policy check styled --record mine.npz", "follows style curves"),
         case("policy check moonwalk --trace trace.npz", "unknown policy 'moonwalk'"),
     ],

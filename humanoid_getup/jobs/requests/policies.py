@@ -13,6 +13,7 @@ from humanoid_getup.jobs.requests.shared import Origin, PolicyName, RobotOption,
 from humanoid_getup.jobs.requests.values import Items, between
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
+PACKED_FILES = (POLICY_FILE, "eval.json", "manifest.json")
 Format = Literal["mjlab", "microduck", "unitree", "isaac", "legged-gym"]
 
 
@@ -25,7 +26,7 @@ class ImportPolicyRequest(RobotOption):
     """
 
     network: Annotated[Positional[Path], READ, arg(metavar="FILE")]
-    """Network that was trained elsewhere (.onnx)."""
+    """Network that was trained elsewhere (.onnx), or the folder of a packed policy."""
     out: Annotated[Path, Written((POLICY_FILE, DESCRIPTION_FILE)), arg(metavar="DIR")]
     """Folder for policy.onnx and description.json."""
     format: Annotated[Format | None, arg(name="from")] = None
@@ -81,3 +82,27 @@ class CheckPolicyRequest(RobotOption):
         if self.record is not None and self.record.suffix != ".npz":
             problems.append(f"--record is {self.record}, expected an .npz file")
         return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class PackPolicyRequest(RobotOption):
+    """Pack a policy for others: a folder with its file, a manifest, and all their checksums.
+
+    `getup policy import` compares the checksums.
+    """
+
+    policy: Positional[PolicyName]
+    out: Annotated[Path, Written(PACKED_FILES), arg(metavar="DIR")]
+    """Folder for policy.onnx, manifest.json and eval.json."""
+    robot: Annotated[str, ROBOT] = ""
+    """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
+    name: str = ""
+    """Name of the packed policy; default: that of the file."""
+    description: str = ""
+    """What it does, in one line."""
+    kind: Literal["episodic", "perpetual"] = "episodic"
+    """Whether it ends by itself, or goes on until it is stopped."""
+    entry: Literal["lying", "supine", "prone", "left", "right", "standing", "any"] = "lying"
+    """How the robot is when it begins."""
+    evaluation: Annotated[Path | None, READ, arg(metavar="FILE.json")] = None
+    """What `getup eval --json` wrote about it."""

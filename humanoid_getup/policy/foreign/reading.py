@@ -25,7 +25,7 @@ from humanoid_getup.policy.foreign.metadata import (
     read_mjlab,
 )
 from humanoid_getup.policy.onnx_content import find_content_problems, read_metadata
-from humanoid_getup.policy.onnx_file import MAX_BYTES
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, MAX_BYTES
 from robots.storage.files import read_bounded
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ def read_network(file: Path) -> ForeignNetwork:
         problems, metadata = find_content_problems(content), read_metadata(content)
     except ValueError as error:
         raise ForeignPolicyError(f"it is not an ONNX file: {error}") from error
+    if CONTRACT_KEY in metadata:
+        raise ForeignPolicyError("it has a policy contract of ours: `getup run` plays it as it is")
     if problems:
         raise ForeignPolicyError(*problems)
     model = _parse(content)

@@ -17,6 +17,8 @@ TENSOR, SUBGRAPH, TENSORS, SUBGRAPHS, SPARSE_TENSOR, SPARSE_TENSORS = 5, 6, 10, 
 SPARSE_PARTS = (1, 2)  # of a sparse tensor: values and indices, which are tensors
 EXTERNAL_DATA, DATA_LOCATION = 13, 14  # of a tensor
 
+EXTERNAL_WEIGHTS = "its weights are in another file, expected all in this one"
+
 VARINT, FIXED_64, BYTES, FIXED_32 = 0, 1, 2, 5  # wire types
 FIXED_SIZES = {FIXED_64: 8, FIXED_32: 4}
 
@@ -37,7 +39,7 @@ def find_content_problems(model: bytes) -> list[str]:
     if _has(whole, FUNCTION):
         problems.append("the model has functions, expected none")
     if any(_is_external(tensor) for tensor in _list_tensors(whole, attributes)):
-        problems.append("its weights are in another file, expected all in this one")
+        problems.append(EXTERNAL_WEIGHTS)
     return problems
 
 

@@ -501,7 +501,9 @@ GROUPS: dict[str, list[Case]] = {
         case("policy pack robust --out mine --kind eternal", "--kind is 'eternal', expected"),
         case("policy pack robust --out mine --entry flying", "--entry is 'flying', expected"),
         case("policy pack robust --out mine --evaluation none", "none: No such file"),
-        case("policy pack robust --out mine --evaluation trace.json", "it holds no result of `eval`"),
+        case(
+            "policy pack robust --out mine --evaluation trace.json", "it holds no result of `eval`"
+        ),
         case("policy check styled --record mine.npz", "follows style curves"),
         case("policy check moonwalk --trace trace.npz", "unknown policy 'moonwalk'"),
     ],

@@ -75,7 +75,8 @@ def read_legged_gym(files: Sequence[Path], shape: NetworkShape, given: Given) ->
         sources={
             "joints": "--joints" if given.joints else f"assumed: {angles.name('*')} in their order",
             "default_pos": start.name("default_joint_angles"),
-            "action": control.name("action_scale"),
+            "action": control.name("action_scale")
+            + (f"; assumed: it moves the first {k} joints" if k < len(joints) else ""),
             "position_gain": "--gain" if given.gain else control.name("stiffness"),
             "damping": control.name("damping"),
             "rate": "--rate" if given.rate else f"{sim.name('dt')} and control.decimation",

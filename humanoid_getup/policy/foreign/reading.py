@@ -24,9 +24,13 @@ from humanoid_getup.policy.foreign.metadata import (
     read_microduck,
     read_mjlab,
 )
-from humanoid_getup.policy.onnx_content import find_content_problems, read_metadata
+from humanoid_getup.policy.onnx_content import (
+    EXTERNAL_WEIGHTS,
+    find_content_problems,
+    read_metadata,
+)
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, MAX_BYTES
-from robots.storage.files import read_bounded
+from robots.storage.files import check_file, describe, read_bounded
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -72,9 +76,9 @@ def read_network(file: Path) -> ForeignNetwork:
         raise ForeignPolicyError(f"it is not an ONNX file: {error}") from error
     if CONTRACT_KEY in metadata:
         raise ForeignPolicyError("it has a policy contract of ours: `getup run` plays it as it is")
-    if problems:
+    if problems := [problem for problem in problems if problem != EXTERNAL_WEIGHTS]:
         raise ForeignPolicyError(*problems)
-    model = _parse(content)
+    model = _parse(content, file.parent)
     return ForeignNetwork(model=model, shape=_measure(model, metadata))
 
 
@@ -154,16 +158,47 @@ def _check_sizes(policy: ForeignPolicy, shape: NetworkShape) -> None:
         raise ForeignPolicyError(*problems)
 
 
-def _parse(content: bytes) -> ModelProto:
+def _parse(content: bytes, folder: Path) -> ModelProto:
     import onnx
 
     try:
         model = onnx.load_from_string(content)
+        _load_weights(model, folder)
         onnx.checker.check_model(model)
+    except ForeignPolicyError:
+        raise
     except Exception as error:  # protobuf's and onnx's errors have no base of their own
         reason = " ".join(str(error).split())[:200]
         raise ForeignPolicyError(f"it is not a complete ONNX file: {reason}") from error
     return model
+
+
+def _load_weights(model: ModelProto, folder: Path) -> None:
+    """Read weights that lie in other files of the same folder."""
+    from onnx import external_data_helper
+
+    tensors = [
+        tensor
+        for tensor in model.graph.initializer
+        if external_data_helper.uses_external_data(tensor)
+    ]
+    names = {
+        entry.value
+        for tensor in tensors
+        for entry in tensor.external_data
+        if entry.key == "location"
+    }
+    for name in names:
+        if not name or Path(name).name != name:
+            raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
+        try:
+            check_file(folder / name, MAX_BYTES)
+        except (OSError, ValueError) as error:
+            raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
+    for tensor in tensors:
+        external_data_helper.load_external_data_for_tensor(tensor, str(folder))
+        tensor.data_location = 0
+        del tensor.external_data[:]
 
 
 def _measure(model: ModelProto, metadata: dict[str, str]) -> NetworkShape:

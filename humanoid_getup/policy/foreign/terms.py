@@ -41,6 +41,7 @@ def find_quantity(name: str) -> Quantity | None:
     """Find the quantity of a term by its name; ``None`` if it is not known."""
     found = (quantity for quantity, names in NAMES.items() if name in names)
     is_command = name in COMMANDS or name.endswith(("_command", "_commands"))
+    is_command &= not name.startswith("motion")  # what a policy tracks is no wish of a user
     return next(found, Quantity.COMMAND if is_command else None)
 
 

@@ -122,6 +122,7 @@ def test_every_field_names_its_source(tmp_path: Path):
     ("changes", "message"),
     [
         ({"observation_names": "base_lin_vel,joint_pos"}, "'base_lin_vel' is the linear velocity"),
+        ({"observation_names": "motion_command,joint_pos"}, "'motion_command' is unknown"),
         ({"observation_names": "gait_phase,joint_pos"}, "'gait_phase' is unknown"),
         ({"joint_stiffness": "1.000,1.000"}, "1 N·m/rad for every joint.*--gain"),
         ({"default_joint_pos": "0.1"}, "takes 12|shape"),
@@ -193,3 +194,27 @@ def test_half_a_file_is_refused(tmp_path: Path, kept: float):
     file.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(ForeignPolicyError, match=r"not an ONNX file|not a complete ONNX file"):
         read_network(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("weights.bin", None), ("../weights.bin", "expected a file beside"), ("none", "No such file")],
+)
+def test_weights_in_a_file_beside_are_read_and_no_others(tmp_path: Path, name: str, message):
+    """As newer exporters of torch write them."""
+    import onnx
+
+    file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
+    model = onnx.load(file)
+    (tensor,) = model.graph.initializer
+    (tmp_path / "weights.bin").write_bytes(tensor.raw_data)
+    tensor.data_location = onnx.TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value=name)
+    tensor.ClearField("raw_data")
+    file.write_bytes(model.SerializeToString())
+    if message:
+        with pytest.raises(ForeignPolicyError, match=message):
+            read_network(file)
+        return
+    (found,) = read_network(file).model.graph.initializer
+    np.testing.assert_array_equal(onnx.numpy_helper.to_array(found), np.float32(made.weights()))

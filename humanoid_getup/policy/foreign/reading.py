@@ -175,7 +175,7 @@ def _parse(content: bytes, folder: Path) -> ModelProto:
 
 def _load_weights(model: ModelProto, folder: Path) -> None:
     """Read weights that lie in other files of the same folder."""
-    from onnx import external_data_helper
+    from onnx import TensorProto, external_data_helper
 
     tensors = [
         tensor
@@ -197,7 +197,7 @@ def _load_weights(model: ModelProto, folder: Path) -> None:
             raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
     for tensor in tensors:
         external_data_helper.load_external_data_for_tensor(tensor, str(folder))
-        tensor.data_location = 0
+        tensor.data_location = TensorProto.DEFAULT
         del tensor.external_data[:]
 
 

@@ -57,7 +57,15 @@ def _explain(replayed: ReplayedPolicy, part: Part, found: Array) -> str:
     mine, theirs = found[:, part.newest], recorded[:, part.newest]
     if part.quantity in JOINT_TERMS and (text := _explain_order(replayed, part)):
         return text
-    return _explain_numbers(mine, theirs, limit)
+    return _explain_numbers(mine, theirs, limit, _name_entries(replayed, part))
+
+
+def _name_entries(replayed: ReplayedPolicy, part: Part) -> list[str]:
+    """Name the newest entries of a term: by their joints, or by their numbers."""
+    if part.quantity in JOINT_TERMS:
+        names = replayed.record.joints if replayed.record else replayed.robot.joint_names
+        return [f"joint '{name}'" for name in names]
+    return [f"entry {number}" for number in range(part.newest.stop - part.newest.start)]
 
 
 def _list_hypotheses(part: Part) -> Iterator[Hypothesis]:
@@ -111,7 +119,7 @@ def _explain_order(replayed: ReplayedPolicy, part: Part) -> str:
     return "" if order is None else name_order(joints, order)
 
 
-def _explain_numbers(mine: Array, theirs: Array, limit: float) -> str:
+def _explain_numbers(mine: Array, theirs: Array, limit: float, names: list[str]) -> str:
     """Explain a difference by a factor or by constants."""
     factor = float((mine * theirs).sum() / max((mine * mine).sum(), 1e-12))
     if np.abs(factor * mine - theirs).max() <= limit:
@@ -119,9 +127,9 @@ def _explain_numbers(mine: Array, theirs: Array, limit: float) -> str:
     offset = (theirs - mine).mean(axis=0)
     if np.abs(mine + offset - theirs).max() <= limit:
         i = int(np.abs(offset).argmax())
-        return f"entry {i} is {offset[i]:+.3f} in the trace: another zero, such as a posture"
+        return f"{names[i]} is off by {offset[i]:+.3f} in the trace: another zero, as of a posture"
     i, j = np.unravel_index(np.abs(mine - theirs).argmax(), mine.shape)
-    return f"entry {j} is {theirs[i, j]:.3f} at step {i} of the trace, here {mine[i, j]:.3f}"
+    return f"{names[j]} is {theirs[i, j]:.3f} at step {i} of the trace, here {mine[i, j]:.3f}"
 
 
 def _limit(values: Array) -> float:

@@ -201,7 +201,7 @@ def test_a_velocity_one_step_late_in_the_state_is_named(policy: OnnxPolicy, trac
     [
         (0, lambda t: 0.25 * t.gyro, "0.25 times as large in the trace: another scale"),
         (0, lambda t: quaternion.rotate(t.orientation, t.gyro), "in the world frame"),
-        (2, lambda t: t.joint_pos[:, ::-1], "another zero, such as a posture"),
+        (2, lambda t: t.joint_pos[:, ::-1], "another zero, as of a posture"),
     ],
 )
 def test_other_mistakes_with_terms_are_named(policy, trace: GoldenTrace, term, change, cause):

@@ -19,11 +19,12 @@ from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
+from drivers.flight_log.foxglove import SCHEMAS
 from drivers.flight_log.writer import EVENT, METADATA
 from drivers.state import Integers
 
 PACK = 1024  # rows that are held as Python objects before they become an array
-MOST_UNPACKED = 1 << 30  # bytes of all its chunks: a flight of hours
+MOST_UNPACKED = 1 << 31  # bytes of all its chunks: a flight of an hour
 RECORD_HEAD, CHUNK_HEAD = struct.Struct("<BQ"), struct.Struct("<QQQ")
 KINDS = set(Opcode)
 """All kinds of records."""
@@ -53,6 +54,8 @@ class Track:
 
     cycle: Integers
     """Cycles that have the part, shape (T,)."""
+    log_time: Integers
+    """Wall times [ns since 1970], shape (T,); in old logs the backend's clock [ns]."""
     columns: Mapping[str, np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -127,19 +130,24 @@ class Content:
 
     def _add(self, record: McapRecord) -> None:
         if isinstance(record, Message):
-            topic, message = self._topic_of[record.channel_id], orjson.loads(record.data)
-            if topic == EVENT:
-                time = message.pop("time")
-                time = math.nan if time is None else float(time)
-                self.events.append(Event(time=time, **message, cycle=record.sequence))
-            else:
-                if topic not in self._topics:
-                    self._topics[topic] = _Columns(message)
-                self._topics[topic].add(record.sequence, message)
+            self._add_message(record, self._topic_of[record.channel_id])
         elif isinstance(record, Channel):
             self._topic_of[record.id] = record.topic
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.about = record.metadata
+
+    def _add_message(self, record: Message, topic: str) -> None:
+        if topic in SCHEMAS:  # the same values for other programs
+            return
+        message = orjson.loads(record.data)
+        if topic == EVENT:
+            time = message.pop("time")
+            time = math.nan if time is None else float(time)
+            self.events.append(Event(time=time, **message, cycle=record.sequence))
+        else:
+            if topic not in self._topics:
+                self._topics[topic] = _Columns(message)
+            self._topics[topic].add(record.sequence, record.log_time, message)
 
 
 def _survey(data: bytes) -> tuple[int, bool, int]:
@@ -192,13 +200,15 @@ class _Columns:
 
     def __init__(self, names: Iterable[str]) -> None:
         self.cycles: list[int] = []
+        self.log_times: list[int] = []
         self.rows: dict[str, list[Any]] = {name: [] for name in names}
         self.packs: dict[str, list[np.ndarray]] = {name: [] for name in self.rows}
 
-    def add(self, cycle: int, message: dict[str, Any]) -> None:
+    def add(self, cycle: int, log_time: int, message: dict[str, Any]) -> None:
         if message.keys() != self.rows.keys():
             raise ValueError(f"cycle {cycle} has other fields than the first")
         self.cycles.append(cycle)
+        self.log_times.append(log_time)
         for name, value in message.items():
             self.rows[name].append(value)
         if len(self.cycles) % PACK == 0:
@@ -207,7 +217,8 @@ class _Columns:
     def track(self) -> Track:
         self._pack()
         columns = {name: _join(packs) for name, packs in self.packs.items()}
-        return Track(np.array(self.cycles, dtype=int), columns)
+        cycles, times = (np.array(each, dtype=int) for each in (self.cycles, self.log_times))
+        return Track(cycles, times, columns)
 
     def _pack(self) -> None:
         for name, rows in self.rows.items():

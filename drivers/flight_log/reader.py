@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import orjson
 from mcap.writer import MCAP0_MAGIC
 
 from drivers.flight_log.content import DAMAGE, Content, Event, Track, explain
+from drivers.flight_log.foxglove import SECOND
 from drivers.flight_log.writer import FORMAT, TOPICS
-from drivers.state import Command, State
+from drivers.state import Command, Integers, State
 from robots import Posture, Robot
 from robots.quaternion import Array
 from robots.storage.files import read_bounded
@@ -61,6 +63,15 @@ class FlightRecord:
     def time(self) -> Array:
         """Return the time of each cycle on the backend's clock [s], shape (T,)."""
         return self.tracks["state"]["time"] if self.tracks else np.zeros(0)
+
+    @property
+    def wall_time(self) -> Integers:
+        """Return the wall time of each cycle [ns since 1970], shape (T,)."""
+        if not self.tracks:
+            return np.zeros(0, dtype=int)
+        times, start = self.state.log_time, _count_nanoseconds(self.started)
+        # Older logs counted their times from 0.
+        return times if not len(times) or times[0] >= start else times + start
 
     @property
     def state(self) -> Track:
@@ -136,6 +147,14 @@ class FlightRecord:
 def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[str, Any]:
     row = {one.name: track[one.name][cycle] for one in fields(kind) if one.name in track}
     return {name: value.item() if np.ndim(value) == 0 else value for name, value in row.items()}
+
+
+def _count_nanoseconds(text: str) -> int:
+    """Count the time since 1970 of an ISO date [ns]; 0 for what is none."""
+    try:
+        return int(datetime.fromisoformat(text).timestamp()) * SECOND
+    except ValueError:
+        return 0
 
 
 def _read_file(path: Path) -> bytes:

@@ -17,6 +17,7 @@ import orjson
 from mcap.writer import Writer
 
 from drivers.control_loop import Cycle
+from drivers.flight_log.foxglove import SCHEMAS, SECOND, FoxgloveMessages
 from robots import Posture, Robot
 from robots.description.posture_file import format_posture
 
@@ -35,6 +36,7 @@ REST = "/cycle"
 # log a tenth smaller, but delay its cycle by more than a millisecond.
 CHUNK_TIME = 0.25  # s of wall time
 CHUNK_BYTES = 1 << 16
+MOST_NS = (1 << 63) - 1  # that arrays can count to
 UNBOUNDED = 1 << 40  # bytes; chunks end between cycles only, so that a cut log holds whole ones
 
 
@@ -44,7 +46,9 @@ class FlightLog:
     Each part of a cycle has its topic (``/state``, ``/command_asked``, ``/command_sent``,
     and one for each further field of `Cycle` that is a dataclass) and each field of a part
     its key, so new fields are recorded automatically. Messages are JSON: floats are read back
-    exactly, except that infinity becomes NaN. A message's sequence number is its cycle.
+    exactly, except that infinity becomes NaN. A message's sequence number is its cycle. Its log
+    time is wall time: that of the start, and what the backend's clock has counted since the first
+    cycle. Beside these, a cycle has the messages of `FoxgloveMessages`.
 
     The log must survive its program. So it is written under its own name from the start, in
     whole chunks: after a kill all is readable but the last quarter of a second (a power cut
@@ -83,7 +87,9 @@ class FlightLog:
         self._saved = 0  # of them on disk
         self.fault: str | None = None
         """Reason why recording stopped early, with the recorded part; None if it did not."""
-        self._time_ns = self._pending = 0
+        self._foxglove = FoxgloveMessages(robot)
+        self._start_ns = self._time_ns = self._pending = 0
+        self._first: float | None = None  # time on the backend's clock
         self._time = self._flushed_at = 0.0
 
     def __enter__(self) -> Self:
@@ -95,6 +101,7 @@ class FlightLog:
         make_room(self.path)
         self._file = self.path.open("wb")
         self._writer = Writer(self._file, chunk_size=UNBOUNDED, enable_data_crcs=True)
+        self._start_ns = self._time_ns = time.time_ns()
         self._writer.start(library="humanoid-getup")
         self._writer.add_metadata(METADATA, self._describe())
         self._flush()
@@ -119,6 +126,8 @@ class FlightLog:
                 self._write(TOPICS.get(name, f"/{name}"), part)
         if self._rest:
             self._write(REST, {name: getattr(cycle, name) for name in self._rest})
+        for topic, message in self._foxglove.describe(cycle, self._time_ns):
+            self._write(topic, message)
         self.cycles += 1
         is_due = time.monotonic() - self._flushed_at >= CHUNK_TIME
         if is_due or self._pending >= CHUNK_BYTES:
@@ -148,15 +157,19 @@ class FlightLog:
             "robot": robot.name,
             "joint_names": _to_json(robot.joint_names).decode(),
             "period": repr(robot.control_period),
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "started": datetime.fromtimestamp(self._start_ns // SECOND, UTC).isoformat(),
             "about": _to_json(self._about).decode(),
             "start": format_posture(start, robot) if start else "",
         }
 
     def _set_time(self, time: float) -> None:
-        # MCAP counts from 0 in whole nanoseconds; an invalid time repeats the last one.
-        if math.isfinite(time) and time >= 0.0:
-            self._time, self._time_ns = time, round(time * 1e9)
+        # MCAP counts whole nanoseconds since 1970; an invalid time repeats the last one.
+        if not math.isfinite(time):
+            return
+        self._first = time if self._first is None else self._first
+        time_ns = self._start_ns + round((time - self._first) * SECOND)
+        if 0 <= time_ns <= MOST_NS:
+            self._time, self._time_ns = time, time_ns
 
     def _write(self, topic: str, value: Any) -> None:
         if self._writer is None:
@@ -170,8 +183,8 @@ class FlightLog:
     def _open_channel(self, topic: str, value: Any, data: bytes) -> int:
         assert self._writer
         title = type(value).__name__ if is_dataclass(value) else topic.strip("/")
-        schema = {"title": title} | _describe_json(orjson.loads(data))
-        identity = self._writer.register_schema(title, "jsonschema", orjson.dumps(schema))
+        schema = SCHEMAS.get(topic) or {"title": title} | _describe_json(orjson.loads(data))
+        identity = self._writer.register_schema(schema["title"], "jsonschema", orjson.dumps(schema))
         self._channels[topic] = self._writer.register_channel(topic, "json", identity)
         return self._channels[topic]
 

@@ -23,6 +23,7 @@ from recording_backend import still_state
 from drivers import ClipCounts, Command, Cycle, Guidance
 from drivers.control_loop import Timing
 from drivers.flight_log.content import Event
+from drivers.flight_log.foxglove import SCHEMAS
 from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from robots import Posture, Robot, load_robot
@@ -238,11 +239,11 @@ def test_other_programs_find_topics_schemas_and_an_index(logged):
         summary = reader.get_summary()
         assert summary is not None
         assert summary.statistics is not None
-        assert summary.statistics.message_count == 6 * 1100
+        assert summary.statistics.message_count == 9 * 1100
         assert len(summary.chunk_indexes) > 1
         topics = {channel.topic: channel for channel in summary.channels.values()}
-        expected = {"/state", "/command_asked", "/command_sent", "/clips", "/timing", "/guidance"}
-        assert set(topics) == expected
+        own = {"/state", "/command_asked", "/command_sent", "/clips", "/timing", "/guidance"}
+        assert set(topics) == own | SCHEMAS.keys()
         for topic, channel in topics.items():
             schema = summary.schemas[channel.schema_id]
             assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")

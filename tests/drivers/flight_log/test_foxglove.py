@@ -68,9 +68,9 @@ def read_messages(path: Path, topic: str) -> list[SimpleNamespace]:
 def test_joints_are_named_and_have_the_values_of_the_log(tmp_path, robot):
     cycles = [make_cycle(robot, k) for k in range(5)]
     write_flight(tmp_path / "f", robot, cycles)
-    measured = nonempty(read_messages(tmp_path / "f", JOINT_STATES))
-    sent = nonempty(read_messages(tmp_path / "f", JOINT_COMMANDS))
-    for cycle, state, command in zip(cycles, measured, sent, strict=True):
+    measured = read_messages(tmp_path / "f", JOINT_STATES)
+    sent = read_messages(tmp_path / "f", JOINT_COMMANDS)
+    for cycle, state, command in nonempty(zip(cycles, measured, sent, strict=True)):
         assert state.schema.name == command.schema.name == "foxglove.JointStates"
         joints = {joint.pop("name"): joint for joint in state.content["joints"]}
         assert tuple(joints) == robot.joint_names
@@ -85,7 +85,7 @@ def test_joints_are_named_and_have_the_values_of_the_log(tmp_path, robot):
 
 def test_every_message_is_as_its_schema_says(tmp_path, robot):
     write_flight(tmp_path / "f", robot, [make_cycle(robot, 1)])
-    for topic in SCHEMAS:
+    for topic in nonempty(SCHEMAS):
         (message,) = read_messages(tmp_path / "f", topic)
         assert message.schema.encoding == "jsonschema"
         check_schema(message.content, orjson.loads(message.schema.data))
@@ -114,7 +114,7 @@ def test_times_are_wall_times_and_the_flight_keeps_its_own(tmp_path, robot):
     assert record.time.tolist() == [first + k * robot.control_period for k in range(4)]
     assert before <= record.wall_time[0] <= after
     assert np.diff(record.wall_time).tolist() == [8_000_000] * 3
-    for topic in SCHEMAS:
+    for topic in nonempty(SCHEMAS):
         messages = read_messages(tmp_path / "f", topic)
         assert [message.time for message in messages] == record.wall_time.tolist()
         stamps = [message.content["timestamp"] for message in messages]
@@ -189,5 +189,5 @@ def test_values_of_another_number_of_joints_have_no_message_and_no_error(tmp_pat
     odd = replace(odd, sent=replace(odd.sent, joint_pos=np.zeros(7)))
     odd = replace(odd, state=replace(odd.state, joint_vel=np.zeros(3), orientation=np.zeros(0)))
     write_flight(tmp_path / "f", robot, [odd, make_cycle(robot, 1)])
-    for topic in SCHEMAS:
+    for topic in nonempty(SCHEMAS):
         assert len(read_messages(tmp_path / "f", topic)) == 1

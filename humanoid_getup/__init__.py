@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.check_robot import check_robot
     from humanoid_getup.jobs.discover_motions import discover
     from humanoid_getup.jobs.evaluate_policy import evaluate
+    from humanoid_getup.jobs.export_log import export_log
     from humanoid_getup.jobs.extract_style import extract_style
     from humanoid_getup.jobs.get_up.rise import play_motion, rise, run_policy
     from humanoid_getup.jobs.get_up.stand import hold, sit
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
         PriorRequest,
         TrainRequest,
     )
+    from humanoid_getup.jobs.requests.logs import ExportLogRequest
     from humanoid_getup.jobs.requests.motions import (
         BuildRequest,
         ClipRequest,
@@ -137,6 +139,7 @@ _HOMES = {
     "DiscoverRequest": "humanoid_getup.jobs.requests.motions",
     "DynamixelBackend": "drivers.dynamixel.backend",
     "EvaluateRequest": "humanoid_getup.jobs.requests.learning",
+    "ExportLogRequest": "humanoid_getup.jobs.requests.logs",
     "ExportRequest": "humanoid_getup.jobs.requests.learning",
     "ExtractRequest": "humanoid_getup.jobs.requests.style",
     "HoldRequest": "humanoid_getup.jobs.requests.rise",
@@ -179,6 +182,7 @@ _HOMES = {
     "discover": "humanoid_getup.jobs.discover_motions",
     "evaluate": "humanoid_getup.jobs.evaluate_policy",
     "export": "humanoid_getup.jobs.train_policy",
+    "export_log": "humanoid_getup.jobs.export_log",
     "extract_style": "humanoid_getup.jobs.extract_style",
     "get_up": "humanoid_getup.execution.get_up",
     "hold": "humanoid_getup.jobs.get_up.stand",
@@ -229,6 +233,7 @@ __all__ = [
     "DiscoverRequest",
     "DynamixelBackend",
     "EvaluateRequest",
+    "ExportLogRequest",
     "ExportRequest",
     "ExtractRequest",
     "HoldRequest",
@@ -271,6 +276,7 @@ __all__ = [
     "discover",
     "evaluate",
     "export",
+    "export_log",
     "extract_style",
     "get_up",
     "hold",

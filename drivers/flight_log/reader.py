@@ -172,6 +172,8 @@ def _read(path: Path, data: bytes) -> FlightRecord:
         raise ValueError(content.damage or "it does not name its robot")
     if about["format"] != FORMAT:
         raise ValueError(f"format is '{about['format']}', expected '{FORMAT}'")
+    if not about.get("joint_names"):
+        raise ValueError("it does not name its joints, expected a log of FlightLog")
     names = {topic: name for name, topic in TOPICS.items()}
     joint_names = tuple(map(str, orjson.loads(about["joint_names"])))
     tracks = {

@@ -9,7 +9,7 @@ SECTIONS = {
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "policy", "prior"),
     "robot": ("robots", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
-    "look": ("studio", "replay", "bench"),
+    "look": ("studio", "replay", "log", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
 
@@ -285,6 +285,13 @@ COMMANDS = {
         "Replay a flight log and compare.",
         "requests.replay.ReplayRequest",
         "replay.replay_log",
+        json=True,
+    ),
+    "log": TableEntry("Export flight logs for other programs."),
+    "log export": TableEntry(
+        "Write a flight log as a ROS 2 bag.",
+        "requests.logs.ExportLogRequest",
+        "export_log.export_log",
         json=True,
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),

@@ -50,6 +50,18 @@ def find_file_problems(file: Path) -> list[str]:
     return find_folder_problems(file.parent if target == make_absolute(file) else target.parent, ())
 
 
+def find_new_folder_problems(folder: Path, option: str) -> list[str]:
+    """Report a folder that exists already, with something in it."""
+    try:
+        if folder.is_dir() and any(folder.iterdir()):
+            return [f"{option} is {folder}, which is not empty, expected a new folder"]
+        if folder.is_symlink():
+            return [f"{option} is {folder}, which is a symbolic link, expected a new folder"]
+    except OSError as error:
+        return [f"{option} is {folder}: {error.strerror}, expected a new folder"]
+    return []
+
+
 @contextmanager
 def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     """Yield an empty folder; move its files into ``folder`` at the end.

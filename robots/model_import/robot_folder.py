@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from pathlib import Path
 
 import tomlkit
@@ -16,7 +14,7 @@ from robots.model_import.sites import IMU, NECK, SOLES
 from robots.model_import.source import ModelImportError
 from robots.robot import RobotError
 from robots.servo import TICKS_PER_TURN
-from robots.storage.files import describe
+from robots.storage.files import atomic_folder, describe
 from robots.storage.toml_document import Value, commented, one_a_line, rounded, table_of, tables_of
 
 CONTROL_PERIOD = 0.008  # s
@@ -49,16 +47,9 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
             raise ModelImportError(
                 [f"--out is {folder}, which is a symbolic link, expected a new folder"]
             )
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=".getup-", dir=folder.parent))
-        try:
+        with atomic_folder(folder) as partial:
             _fill(partial, robot)
             load_robot(partial)
-            if folder.exists():
-                folder.rmdir()
-            partial.replace(folder)
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
     except RobotError as error:
         raise ModelImportError(
             problem.replace(f"{partial}{os.sep}", "") for problem in error.problems

@@ -110,6 +110,27 @@ def atomic_path(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+@contextmanager
+def atomic_folder(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder that becomes ``folder`` when the block ends.
+
+    If the block raises, nothing is left of it.
+
+    Raises:
+        OSError: if it cannot be made, or ``folder`` exists and is not an empty folder.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = folder.parent / f".getup-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    partial.mkdir()
+    try:
+        yield partial
+        if folder.exists():
+            folder.rmdir()
+        partial.replace(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
 def _follow_links(path: Path) -> Path:
     """Follow symbolic links, except those of /proc, which lead to open files."""
     for _ in range(MAX_LINKS):

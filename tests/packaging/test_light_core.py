@@ -5,14 +5,15 @@ import sys
 
 PROGRAM = """
 import importlib, pkgutil, sys
-studio = {"viser", "mjviser", "trimesh", "websockets", "mink", "qpsolvers", "av"}  # of an extra
+extras = {"viser", "mjviser", "trimesh", "websockets", "mink", "qpsolvers", "av"}
+extras |= {"mcap_ros2"}
 for package in ("robots", "drivers", "humanoid_getup"):
     path = importlib.import_module(package).__path__
     for module in pkgutil.walk_packages(path, f"{package}."):
         try:
             importlib.import_module(module.name)
         except ModuleNotFoundError as error:
-            if error.name not in studio:
+            if error.name not in extras:
                 raise
 learning = {"torch", "onnx", "gymnasium", "rsl_rl", "tensordict", "sim2real"}
 print(len(sys.modules.keys() & learning), sorted(sys.modules.keys() & learning))

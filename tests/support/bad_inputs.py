@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 from action_files import Slot, write_action_file
 from human_clips import write_human_bvh
+from mcap.writer import Writer
 from paths import REPOSITORY, TINY
 from small_humanoid import small_humanoid, small_urdf
 
@@ -647,6 +648,12 @@ GROUPS: dict[str, list[Case]] = {
         case("replay empty.mcap", "empty.mcap"),
         case("replay text.txt", "text.txt"),
         case("replay folder", "folder"),
+        case("log export none.mcap --rosbag2 bag", "flight log none.mcap: No such file"),
+        case("log export text.txt --rosbag2 bag", "text.txt: not an MCAP file"),
+        case("log export foreign.mcap --rosbag2 bag", "damaged (it does not name its robot)"),
+        case("log export nameless.mcap --rosbag2 bag", "it does not name its joints, expected"),
+        case("log export nao.mcap --rosbag2 bag", "nao.mcap is of robot 'nao': give its folder"),
+        case("log export nao.mcap --rosbag2 bag --robot op3", "of robot 'nao', expected 'op3'"),
     ],
     "robot folders": [
         case("robots check nao", "unknown robot 'nao'", "op3"),
@@ -786,6 +793,8 @@ GROUPS: dict[str, list[Case]] = {
         case("motions show squat_to_stand --picture folder", "folder: is a folder"),
         case("motions show squat_to_stand --picture /proc/strip.png", "/proc"),
         case("replay empty.mcap --out text.txt", "text.txt is not a folder"),
+        case("log export nao.mcap --rosbag2 taken", "--rosbag2 is taken, which is not empty"),
+        case("log export nao.mcap --rosbag2 text.txt", "text.txt is not a folder, expected a"),
         case("eval robust --n 4 --falls text.txt/below", "text.txt is not a folder"),
         case("export folder --out text.txt/below", "text.txt is not a folder"),
         case("doctor --port none --json folder", "folder: is a folder"),
@@ -831,11 +840,25 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "unreadable").chmod(0)
     _make_postures(folder, robot)
     _make_motions(folder, robot)
+    _make_logs(folder)
     _make_keys(folder)
     _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
     _make_models(folder)
+
+
+def _make_logs(folder: Path) -> None:
+    """Make logs of other programs, without joint names, and of another robot."""
+    nameless = {"format": "1", "robot": "op3", "period": "0.008", "started": ""}
+    nao = nameless | {"robot": "nao", "joint_names": '["knee"]', "about": "{}", "start": ""}
+    for name, about in (("foreign", None), ("nameless", nameless), ("nao", nao)):
+        with (folder / f"{name}.mcap").open("wb") as file:
+            writer = Writer(file)
+            writer.start()
+            if about:
+                writer.add_metadata("flight", about)
+            writer.finish()
 
 
 def _make_models(folder: Path) -> None:

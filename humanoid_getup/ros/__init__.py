@@ -1,0 +1,1 @@
+"""Files for ROS 2, made and read without ROS."""

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.discover_motions import discover
     from humanoid_getup.jobs.evaluate_policy import evaluate
     from humanoid_getup.jobs.export_log import export_log
+    from humanoid_getup.jobs.export_motion import export_motion
     from humanoid_getup.jobs.extract_style import extract_style
     from humanoid_getup.jobs.get_up.rise import play_motion, rise, run_policy
     from humanoid_getup.jobs.get_up.stand import hold, sit
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
         BuildRequest,
         ClipRequest,
         DiscoverRequest,
+        ExportMotionRequest,
         ImportKeysRequest,
         PreflightRequest,
         PreviewRequest,
@@ -140,6 +142,7 @@ _HOMES = {
     "DynamixelBackend": "drivers.dynamixel.backend",
     "EvaluateRequest": "humanoid_getup.jobs.requests.learning",
     "ExportLogRequest": "humanoid_getup.jobs.requests.logs",
+    "ExportMotionRequest": "humanoid_getup.jobs.requests.motions",
     "ExportRequest": "humanoid_getup.jobs.requests.learning",
     "ExtractRequest": "humanoid_getup.jobs.requests.style",
     "HoldRequest": "humanoid_getup.jobs.requests.rise",
@@ -183,6 +186,7 @@ _HOMES = {
     "evaluate": "humanoid_getup.jobs.evaluate_policy",
     "export": "humanoid_getup.jobs.train_policy",
     "export_log": "humanoid_getup.jobs.export_log",
+    "export_motion": "humanoid_getup.jobs.export_motion",
     "extract_style": "humanoid_getup.jobs.extract_style",
     "get_up": "humanoid_getup.execution.get_up",
     "hold": "humanoid_getup.jobs.get_up.stand",
@@ -234,6 +238,7 @@ __all__ = [
     "DynamixelBackend",
     "EvaluateRequest",
     "ExportLogRequest",
+    "ExportMotionRequest",
     "ExportRequest",
     "ExtractRequest",
     "HoldRequest",
@@ -277,6 +282,7 @@ __all__ = [
     "evaluate",
     "export",
     "export_log",
+    "export_motion",
     "extract_style",
     "get_up",
     "hold",

@@ -94,7 +94,7 @@ COMMANDS = {
         json=True,
     ),
     "motions": TableEntry(
-        "List, build, retarget, discover, import, record, preview or show motions."
+        "List, build, retarget, discover, import, record, preview, show or export motions."
     ),
     "motions list": TableEntry(
         "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
@@ -129,6 +129,12 @@ COMMANDS = {
     ),
     "motions show": TableEntry(
         "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
+    ),
+    "motions export": TableEntry(
+        "Write a motion as a JointTrajectory of ROS.",
+        "requests.motions.ExportMotionRequest",
+        "motions.export",
+        json=True,
     ),
     "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
     "bench all": TableEntry(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest, NewKeysOptions
@@ -49,7 +49,7 @@ def import_keys(
     ImportKeysRequest.accept(request)
     robot = load_robot(request)
     path = find_target(request, robot)
-    with refusing():
+    with refusing(), needing("ros"):
         sequences = load_sequences(request.file, request.page, robot)
         imported = [
             make_keyframes(each, robot, name=request.name, end_class=request.end, clip=request.clip)

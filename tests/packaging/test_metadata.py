@@ -16,6 +16,7 @@ NOT_INSTALLED = {
     "rsl_rl": "rsl-rl-lib",
     "PIL": "pillow",
     "mcap_ros2": "mcap-ros2-support",
+    "yaml": "pyyaml",
 }  # in every environment: modules named unlike their package
 
 

@@ -10,6 +10,7 @@ import hashlib
 import importlib.util
 import io
 import json
+import math
 import os
 import re
 import shlex
@@ -648,6 +649,16 @@ GROUPS: dict[str, list[Case]] = {
         case("replay empty.mcap", "empty.mcap"),
         case("replay text.txt", "text.txt"),
         case("replay folder", "folder"),
+        case("motions export none --trajectory t.yaml", "none"),
+        case("motions export other.npz --trajectory t.yaml", "made for 'nao' with 20 joints"),
+        case("motions import nowhere.yaml", "nowhere.yaml", extra="yaml"),
+        case("motions import torn.yaml", "torn.yaml: not YAML", extra="yaml"),
+        case("motions import text.yaml", "expected joint_names and points of", extra="yaml"),
+        case("motions import tail.json", "unknown joint 'l_tail', expected r_sho_pitch"),
+        case("motions import short.json", "point 2 has 1 positions, expected 2"),
+        case("motions import late.json", "point 2: time_from_start is 1 s, expected after 1 s"),
+        case("motions import nan.json", "positions is [nan], expected a list of finite numbers"),
+        case("motions import nameless.json", "joint_names is missing, expected"),
         case("log export none.mcap --rosbag2 bag", "flight log none.mcap: No such file"),
         case("log export text.txt --rosbag2 bag", "text.txt: not an MCAP file"),
         case("log export foreign.mcap --rosbag2 bag", "damaged (it does not name its robot)"),
@@ -793,6 +804,12 @@ GROUPS: dict[str, list[Case]] = {
         case("motions show squat_to_stand --picture folder", "folder: is a folder"),
         case("motions show squat_to_stand --picture /proc/strip.png", "/proc"),
         case("replay empty.mcap --out text.txt", "text.txt is not a folder"),
+        case("motions export squat_to_stand --trajectory folder.yaml", "folder.yaml: is a folder"),
+        case("motions export squat_to_stand --trajectory t.csv", "ends with .yaml, .yml or .json"),
+        case("motions export squat_to_stand", "--trajectory FILE.yaml|FILE.json is missing"),
+        case(
+            "motions export squat_to_stand --trajectory t.json --approach -1", "--approach is -1 s"
+        ),
         case("log export nao.mcap --rosbag2 taken", "--rosbag2 is taken, which is not empty"),
         case("log export nao.mcap --rosbag2 text.txt", "text.txt is not a folder, expected a"),
         case("eval robust --n 4 --falls text.txt/below", "text.txt is not a folder"),
@@ -841,6 +858,7 @@ def make_files(folder: Path, robot: Robot) -> None:
     _make_postures(folder, robot)
     _make_motions(folder, robot)
     _make_logs(folder)
+    _make_trajectories(folder)
     _make_keys(folder)
     _make_plans(folder, robot)
     _make_policies(folder, robot)
@@ -859,6 +877,27 @@ def _make_logs(folder: Path) -> None:
             if about:
                 writer.add_metadata("flight", about)
             writer.finish()
+
+
+def _make_trajectories(folder: Path) -> None:
+    """Make trajectories of ROS with one fault each."""
+    (folder / "folder.yaml").mkdir()
+    (folder / "torn.yaml").write_text("joint_names: [l_knee")
+    (folder / "text.yaml").write_text("no numbers here")
+
+    def point(second: int, *angles: float) -> dict[str, object]:
+        return {"positions": angles, "time_from_start": {"sec": second}}
+
+    knee, both = ["l_knee"], ["l_knee", "r_knee"]
+    for name, joints, points in (
+        ("tail", ["l_tail"], [point(0, 0.0)]),
+        ("short", both, [point(0, 0.0, 0.0), point(1, 0.0)]),
+        ("late", knee, [point(1, 0.0), point(1, 0.5)]),
+        ("nan", knee, [point(0, math.nan)]),
+        ("nameless", None, [point(0, 0.0)]),
+    ):
+        content = {"points": points} | ({"joint_names": joints} if joints else {})
+        (folder / f"{name}.json").write_text(json.dumps(content))
 
 
 def _make_models(folder: Path) -> None:

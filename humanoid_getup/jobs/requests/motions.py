@@ -25,13 +25,14 @@ from humanoid_getup.jobs.requests.shared import (
     TorqueLimitValue,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between
+from humanoid_getup.jobs.requests.values import at_least, between, name_choices
 
 MOST_SEED = 2**31  # that CMA-ES takes
 MOST_PAGE = 255  # of an action file
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
+TRAJECTORY_SUFFIXES = (".yaml", ".yml", ".json")
 KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
 
 
@@ -133,11 +134,12 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
     """Add the keys of another program's file to the robot's keyframes.
 
     The file is a ROBOTIS action file (.bin), a JSON animation (.json) with keyframes of goals in
-    degrees, or a table (.csv) with a column time and one for each joint.
+    degrees, a table (.csv) with a column time and one for each joint, or a JointTrajectory of ROS
+    (.yaml, .json).
     """
 
     file: Annotated[Positional[Path], READ, arg(metavar="FILE")]
-    """File of another program: .bin, .json or .csv."""
+    """File of another program: .bin, .json, .csv or .yaml."""
     page: Annotated[tuple[int, ...], arg(metavar="N,...")] = ()
     """Pages of an action file; their following pages are played as well."""
     name: str = ""
@@ -157,6 +159,30 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
         ]
         if self.name and len(self.page) > 1:
             problems.append(f"--name is given with {len(self.page)} pages, expected one")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportMotionRequest(RobotOption):
+    """Export a motion as a JointTrajectory of ROS: the targets that servos receive, with their
+    velocities and accelerations, one point each control period, at rest at both ends."""
+
+    motion: Positional[MotionName]
+    trajectory: Annotated[Path, WRITTEN, arg(metavar="FILE.yaml|FILE.json")]
+    """File to write."""
+    goal: bool = False
+    """Write the goal of the action FollowJointTrajectory instead of the message."""
+    approach: Annotated[float, between(0.0, 60.0, "s"), arg(metavar="S")] = 2.0
+    """Time in which the joints go from where they are to the motion's first targets [s]."""
+
+    def find_problems(self) -> list[str]:
+        """Report a file of another kind as well."""
+        problems = super().find_problems()
+        if self.trajectory.suffix not in TRAJECTORY_SUFFIXES:
+            expected = name_choices(TRAJECTORY_SUFFIXES)
+            problems.append(
+                f"--trajectory is {self.trajectory}, expected a name that ends with {expected}"
+            )
         return problems
 
 

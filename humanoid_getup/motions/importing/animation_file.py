@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
+from humanoid_getup.motions.importing.trajectory_file import is_trajectory, load_trajectory
 from robots import Robot
 from robots.storage.validation import name_unknown_joints, parse_file, read_table
 
@@ -39,7 +40,7 @@ class _Animation:
 
 
 def load_animation(path: Path, robot: Robot) -> KeySequence:
-    """Read an animation as keys of a robot.
+    """Read an animation as keys of a robot; a trajectory in JSON is read as such.
 
     Raises:
         ValueError: naming all that is wrong with the file.
@@ -49,6 +50,8 @@ def load_animation(path: Path, robot: Robot) -> KeySequence:
         content = parse_file(path, "JSON", json.loads)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    if is_trajectory(content):
+        return load_trajectory(path, robot)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected an object with keyframes")
     animation = read_table(_Animation, content, "", problems)

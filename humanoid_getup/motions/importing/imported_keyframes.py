@@ -15,6 +15,7 @@ from humanoid_getup.motions.importing.action_file import PAGE_SIZE, PAGES, Actio
 from humanoid_getup.motions.importing.animation_file import load_animation
 from humanoid_getup.motions.importing.key_sequence import KeySequence
 from humanoid_getup.motions.importing.key_table import load_key_table
+from humanoid_getup.motions.importing.trajectory_file import load_trajectory
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import find_out_of_range
 from humanoid_getup.motions.keyframes_writer import SYMMETRIC
@@ -30,11 +31,20 @@ TRAVEL_SPEED = 1.5  # rad/s of the joint that moves farthest, where no time is g
 LEAST_TRAVEL = 0.2  # s
 TORQUE_SHARE = 0.5  # of the strongest servo's stall torque, the torque limit that keys begin with
 IN_STANCE = 0.1  # rad; first keys closer to the stance are those of a robot that stands
-FORMATS = "an action file (.bin), a JSON animation (.json) or a table (.csv)"
+FORMATS = (
+    "an action file (.bin), a JSON animation (.json), a table (.csv) or a trajectory (.yaml, .json)"
+)
+
+READERS = {
+    ".json": load_animation,
+    ".csv": load_key_table,
+    ".yaml": load_trajectory,
+    ".yml": load_trajectory,
+}
 
 
 def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySequence]:
-    """Load the keys of a file: pages of an action file, a JSON animation, or a CSV table.
+    """Load the keys of a file: pages of an action file, an animation, a table, a trajectory.
 
     Raises:
         OSError: if it cannot be read.
@@ -49,7 +59,7 @@ def load_sequences(path: Path, pages: Sequence[int], robot: Robot) -> list[KeySe
         return [load_page(file, page, robot) for page in pages]
     if pages:
         raise ValueError(f"{path}: --page is given, expected an action file with it")
-    load = {".json": load_animation, ".csv": load_key_table}.get(path.suffix)
+    load = READERS.get(path.suffix)
     if load is None:
         raise ValueError(f"{path}: a file of another kind, expected {FORMATS}")
     return [load(path, robot)]

@@ -60,7 +60,7 @@ class JointTrajectory:
         velocity[[0, -1]] = acceleration[[0, -1]] = 0.0
         return cls(
             joint_names=robot.joint_names,
-            time=approach + time,
+            time=np.asarray(approach + time, dtype=float),
             position=target,
             velocity=velocity,
             acceleration=acceleration,

@@ -117,20 +117,41 @@ def test_every_stored_motion_begins_and_ends_at_rest_and_its_points_rise_in_time
         assert np.array_equal(trajectory.position[-1], motion.joint_target[-1])
 
 
-def test_a_motion_of_other_times_is_sampled_and_held_to_its_end(tiny: Robot):
+def test_the_derivatives_are_those_of_the_targets(tiny: Robot):
     from humanoid_getup.ros.joint_trajectory import JointTrajectory
 
-    motion = Motion(
+    time = np.arange(200) * tiny.control_period
+    targets = np.stack([0.5 * np.sin(2.0 * time), 0.2 * np.cos(5.0 * time)], axis=1)
+    motion = make_motion(time, targets)
+    trajectory = JointTrajectory.of(motion, tiny, 0.0)
+    velocity = np.stack([np.cos(2.0 * time), -np.sin(5.0 * time)], axis=1)
+    acceleration = np.stack([-2.0 * np.sin(2.0 * time), -5.0 * np.cos(5.0 * time)], axis=1)
+    inner = slice(1, -1)
+    np.testing.assert_allclose(trajectory.velocity[inner], velocity[inner], atol=1e-3)
+    np.testing.assert_allclose(trajectory.acceleration[inner], acceleration[inner], atol=1e-3)
+
+
+def make_motion(time: Array, targets: Array) -> Motion:
+    """Make a motion of the tiny robot with targets (T, 2) at some times."""
+    count = len(time)
+    return Motion(
         name="odd",
         robot="tiny",
         start_class="standing",
         strategy="none",
-        time=np.array([1.0, 1.003, 1.021]),
-        position=np.zeros((3, 3)),
-        orientation=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)),
-        joint_pos=np.zeros((3, 2)),
-        joint_target=np.array([[0.0, 0.0], [0.03, 0.0], [0.21, 0.0]]),
+        time=time,
+        position=np.zeros((count, 3)),
+        orientation=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        joint_pos=np.zeros((count, 2)),
+        joint_target=targets,
     )
+
+
+def test_a_motion_of_other_times_is_sampled_and_held_to_its_end(tiny: Robot):
+    from humanoid_getup.ros.joint_trajectory import JointTrajectory
+
+    targets = np.array([[0.0, 0.0], [0.03, 0.0], [0.21, 0.0]])
+    motion = make_motion(np.array([1.0, 1.003, 1.021]), targets)
     trajectory = JointTrajectory.of(motion, tiny, 0.0)
     # By hand: 0.01 rad a ms, at 0, 8, 16 and, past the end at 21 ms, 24 ms.
     np.testing.assert_allclose(trajectory.position[:, 0], [0.0, 0.08, 0.16, 0.21])

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.evaluate_policy import evaluate
     from humanoid_getup.jobs.export_log import export_log
     from humanoid_getup.jobs.export_motion import export_motion
+    from humanoid_getup.jobs.export_robot import export_robot
     from humanoid_getup.jobs.extract_style import extract_style
     from humanoid_getup.jobs.get_up.rise import play_motion, rise, run_policy
     from humanoid_getup.jobs.get_up.stand import hold, sit
@@ -96,7 +97,11 @@ if TYPE_CHECKING:
         RunRequest,
         SitRequest,
     )
-    from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
+    from humanoid_getup.jobs.requests.robots import (
+        CheckRequest,
+        ExportRobotRequest,
+        ImportRequest,
+    )
     from humanoid_getup.jobs.requests.style import ExtractRequest
     from humanoid_getup.jobs.requests.watch import WatchRequest
     from humanoid_getup.jobs.retarget_motions import retarget
@@ -144,6 +149,7 @@ _HOMES = {
     "ExportLogRequest": "humanoid_getup.jobs.requests.logs",
     "ExportMotionRequest": "humanoid_getup.jobs.requests.motions",
     "ExportRequest": "humanoid_getup.jobs.requests.learning",
+    "ExportRobotRequest": "humanoid_getup.jobs.requests.robots",
     "ExtractRequest": "humanoid_getup.jobs.requests.style",
     "HoldRequest": "humanoid_getup.jobs.requests.rise",
     "ImportKeysRequest": "humanoid_getup.jobs.requests.motions",
@@ -187,6 +193,7 @@ _HOMES = {
     "export": "humanoid_getup.jobs.train_policy",
     "export_log": "humanoid_getup.jobs.export_log",
     "export_motion": "humanoid_getup.jobs.export_motion",
+    "export_robot": "humanoid_getup.jobs.export_robot",
     "extract_style": "humanoid_getup.jobs.extract_style",
     "get_up": "humanoid_getup.execution.get_up",
     "hold": "humanoid_getup.jobs.get_up.stand",
@@ -240,6 +247,7 @@ __all__ = [
     "ExportLogRequest",
     "ExportMotionRequest",
     "ExportRequest",
+    "ExportRobotRequest",
     "ExtractRequest",
     "HoldRequest",
     "ImportKeysRequest",
@@ -283,6 +291,7 @@ __all__ = [
     "export",
     "export_log",
     "export_motion",
+    "export_robot",
     "extract_style",
     "get_up",
     "hold",

@@ -336,7 +336,7 @@ COMMANDS = {
         "scenes.list_scenes",
         json=True,
     ),
-    "robots": TableEntry("List the robots, import one from a model file, check one."),
+    "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
     "robots list": TableEntry(
         "List the installed robots.", "options.robots.ListRobots", "list_robots.list_robots"
     ),
@@ -350,6 +350,12 @@ COMMANDS = {
         "Check a robot's description, and what its body can do.",
         "options.robots.CheckRobot",
         "check_robot.check_robot",
+    ),
+    "robots export": TableEntry(
+        "Write a robot's servos and controllers for ros2_control.",
+        "requests.robots.ExportRobotRequest",
+        "export_robot.export_robot",
+        json=True,
     ),
 }
 DEFAULTS = {"robots": "robots list"}

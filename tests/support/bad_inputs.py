@@ -810,6 +810,13 @@ GROUPS: dict[str, list[Case]] = {
         case(
             "motions export squat_to_stand --trajectory t.json --approach -1", "--approach is -1 s"
         ),
+        case("robots export op3 --ros2-control taken", "is taken, which is not empty, expected"),
+        case("robots export op3 --ros2-control text.txt", "text.txt is not a folder, expected"),
+        case("robots export human --ros2-control new", "'human' has no servo bus: add a [bus]"),
+        case("robots export nao --ros2-control new", "unknown robot 'nao'", "op3"),
+        case("robots export op3 --ros2-control new --limit-by ideal", "which no servo can"),
+        case("robots export op3 --ros2-control new --torque-limit 9", "expected at most 4.1 N·m"),
+        case("robots export op3", "--ros2-control DIR is missing"),
         case("log export nao.mcap --rosbag2 taken", "--rosbag2 is taken, which is not empty"),
         case("log export nao.mcap --rosbag2 text.txt", "text.txt is not a folder, expected a"),
         case("eval robust --n 4 --falls text.txt/below", "text.txt is not a folder"),

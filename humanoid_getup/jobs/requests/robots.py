@@ -1,4 +1,4 @@
-"""Requests to import a robot from a model file, and to check one."""
+"""Requests to import a robot from a model file, to check one, and to export one."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.files import READ, ROBOT
-from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.jobs.output_files import find_new_folder_problems
+from humanoid_getup.jobs.requests.files import FOLDER, READ, ROBOT
+from humanoid_getup.jobs.requests.shared import JobRequest, TorqueOptions
 
 ROBOT_NAME = re.compile(r"[\w-][\w.-]{0,99}")
 PLAIN = "1 to 100 letters, digits, '_', '-' or '.', not '.' first"
@@ -56,3 +57,21 @@ class CheckRequest(JobRequest):
 
     robot: Annotated[Positional[str], ROBOT, arg(metavar="NAME|DIR")]
     """Name of a robot, or a folder with a robot.toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportRobotRequest(TorqueOptions):
+    """Export a robot's servos for ros2_control: a xacro for dynamixel_hardware_interface, and the
+    parameters of its controllers."""
+
+    robot: Annotated[Positional[str], ROBOT, arg(metavar="NAME|DIR")]
+    """Name of a robot, or a folder with a robot.toml."""
+    ros2_control: Annotated[Path, FOLDER, arg(metavar="DIR")]
+    """Folder to make; it must not exist or be empty."""
+
+    def find_problems(self) -> list[str]:
+        """Report a folder that is not new, and an ideal torque limit, as well."""
+        problems = super().find_problems()
+        if self.limit_by == "ideal":
+            problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
+        return problems or find_new_folder_problems(self.ros2_control, "--ros2-control")

@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.robot_bus import find_bus
+from drivers.state import Integers
 from robots import Robot, TorqueLimit
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN, count_pwm
@@ -114,7 +115,7 @@ def _write_xacro(robot: Robot, limit: TorqueLimit, notes: Sequence[str]) -> str:
         f'  <xacro:macro name={quoteattr(f"{robot.name}_ros2_control")} params="{parameters}">',
     ]
     for port, joints in ports.items():
-        rows = [k for k, name in enumerate(robot.joint_names) if name in joints]
+        rows = np.array([k for k, name in enumerate(robot.joint_names) if name in joints])
         system = robot.name if len(ports) == 1 else f"{robot.name}_{port}"
         lines += [f"    {line}" for line in _write_system(robot, limit, system, names[port], rows)]
     return "\n".join([*lines, "  </xacro:macro>", "</robot>", ""])
@@ -126,7 +127,7 @@ def _describe(limit: TorqueLimit) -> str:
 
 
 def _write_system(
-    robot: Robot, limit: TorqueLimit, name: str, port: str, rows: Sequence[int]
+    robot: Robot, limit: TorqueLimit, name: str, port: str, rows: Integers
 ) -> Iterator[str]:
     to_servo = servo_matrix(robot)
     others = np.setdiff1d(np.arange(robot.n), rows)
@@ -143,7 +144,7 @@ def _write_system(
         "number_of_joints": len(rows),
         "number_of_transmissions": len(rows),
         "disable_torque_at_init": "true",
-        "transmission_to_joint_matrix": _write_matrix(np.linalg.inv(own)),
+        "transmission_to_joint_matrix": _write_matrix(np.asarray(np.linalg.inv(own), dtype=float)),
         "joint_to_transmission_matrix": _write_matrix(own),
     } | {key: f"dynamixel_hardware_interface/{value}" for key, value in SERVICES.items()}
     yield f'<ros2_control name={quoteattr(name)} type="system">'
@@ -151,9 +152,9 @@ def _write_system(
     yield f"    <plugin>{PLUGIN}</plugin>"
     yield from (f"    {_write_parameter(key, value)}" for key, value in parameters.items())
     yield "  </hardware>"
-    for k in rows:
+    for k in rows.tolist():
         yield from (f"  {line}" for line in _write_joint(robot, k))
-    for k in rows:
+    for k in rows.tolist():
         yield from (f"  {line}" for line in _write_servo(robot, limit, k))
     yield "</ros2_control>"
 

@@ -87,6 +87,10 @@ def _read_yaml(text: str) -> Any:
     try:
         # `ros2 topic echo` ends each message by ---.
         return next(iter(yaml.load_all(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))), None)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f"line {mark.line + 1}: " if mark else ""
+        raise ValueError(f"{place}{error.problem}") from error
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
 

@@ -12,7 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from robots.storage.files import atomic_path, describe, read_bounded, readable, write_atomically
+from robots.storage.files import (
+    atomic_folder,
+    atomic_path,
+    describe,
+    read_bounded,
+    readable,
+    write_atomically,
+)
 
 NOT_ROOT = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 
@@ -222,3 +229,20 @@ def test_a_file_whose_size_the_system_does_not_know_is_read():
     assert read_bounded(status, 2**20).startswith(b"Name:")
     with pytest.raises(ValueError, match="more than 10 bytes"):
         read_bounded(status, 10)
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path):
+    folder = tmp_path / "new" / "folder"
+    with pytest.raises(KeyError), atomic_folder(folder) as partial:
+        (partial / "half").write_text("half")
+        raise KeyError
+    assert list(folder.parent.iterdir()) == []
+    folder.mkdir()
+    with atomic_folder(folder) as partial:
+        (partial / "whole").write_text("whole")
+        assert list(folder.iterdir()) == []
+    assert [path.name for path in folder.iterdir()] == ["whole"]
+    with pytest.raises(OSError), atomic_folder(folder):
+        pass
+    assert [path.name for path in folder.parent.iterdir()] == ["folder"]
+    assert [path.name for path in folder.iterdir()] == ["whole"]

@@ -37,7 +37,8 @@ SERVICES = {
     "reboot_dxl_srv_name": "reboot_dxl",
     "set_dxl_torque_srv_name": "set_dxl_torque",
 }
-COMMANDS, STATES = ("Goal Position",), ("Present Position", "Present Velocity")
+COMMANDS = ("Goal Position",)
+STATES = ("Present Position", "Present Velocity", "Hardware Error Status")
 
 
 class Ros2ControlError(ValueError):
@@ -188,31 +189,34 @@ def _write_joint(robot: Robot, k: int) -> Iterator[str]:
 
 def _write_servo(robot: Robot, limit: TorqueLimit, k: int) -> Iterator[str]:
     joint = robot.joints[k]
-    servo = joint.servo
-    yield f"<!-- {escape(joint.name).replace('--', '- -')}: {escape(servo.model.name)} -->"
-    yield f'<gpio name="dxl{servo.id}">'
-    settings: dict[str, object] = {"type": "dxl", "ID": servo.id}
-    if joint.name in robot.limp_joints:
-        settings["Torque Enable"] = 0
-    settings |= {
+    settings = {"type": "dxl", "ID": joint.servo.id} | _list_settings(robot, limit, k)
+    yield f"<!-- {escape(joint.name).replace('--', '- -')}: {escape(joint.servo.model.name)} -->"
+    yield f'<gpio name="dxl{joint.servo.id}">'
+    yield from (f"  {_write_parameter(key, value)}" for key, value in settings.items())
+    yield from (f'  <command_interface name="{name}"/>' for name in COMMANDS)
+    yield from (f'  <state_interface name="{name}"/>' for name in STATES)
+    yield "</gpio>"
+
+
+def _list_settings(robot: Robot, limit: TorqueLimit, k: int) -> dict[str, int]:
+    """List the registers of a servo, as our driver sets them; a limp one gets no torque."""
+    servo = robot.joints[k].servo
+    released = {"Torque Enable": 0} if robot.joints[k].name in robot.limp_joints else {}
+    moved = MIDDLE - servo.zero_ticks
+    return {
+        **released,
         "Operating Mode": int(OPERATING_MODES[limit.mode]),
         "Return Delay Time": 0,
         "Min Position Limit": 0,
         "Max Position Limit": TICKS_PER_TURN - 1,
+        **({"Homing Offset": moved} if moved else {}),
         "Position P Gain": servo.p_gain,
         "Position I Gain": 0,
+        **({"Position D Gain": servo.model.d_gain} if limit.mode == "current" else {}),
+        "Profile Velocity": 0,
+        "Profile Acceleration": 0,
+        **_limit_torque(robot, limit, k),
     }
-    if servo.zero_ticks != MIDDLE:
-        settings["Homing Offset"] = MIDDLE - servo.zero_ticks
-    if limit.mode == "current":
-        settings["Position D Gain"] = servo.model.d_gain
-    settings |= {"Profile Velocity": 0, "Profile Acceleration": 0}
-    settings |= _limit_torque(robot, limit, k)
-    yield from (f"  {_write_parameter(key, value)}" for key, value in settings.items())
-    yield from (f'  <command_interface name="{name}"/>' for name in COMMANDS)
-    yield from (f'  <state_interface name="{name}"/>' for name in STATES)
-    yield '  <state_interface name="Hardware Error Status"/>'
-    yield "</gpio>"
 
 
 def _limit_torque(robot: Robot, limit: TorqueLimit, k: int) -> dict[str, int]:

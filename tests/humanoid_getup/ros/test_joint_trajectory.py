@@ -25,6 +25,7 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
+from humanoid_getup.ros.joint_trajectory import JointTrajectory
 from robots import Robot, load_robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array
@@ -106,8 +107,6 @@ def test_the_controller_sends_at_the_control_period_what_the_player_sends(
 
 
 def test_every_stored_motion_begins_and_ends_at_rest_and_its_points_rise_in_time(op3: Robot):
-    from humanoid_getup.ros.joint_trajectory import JointTrajectory
-
     for motion in nonempty(load_database(op3).motions):
         trajectory = JointTrajectory.of(motion, op3, APPROACH)
         assert trajectory.time[0] == APPROACH
@@ -118,8 +117,6 @@ def test_every_stored_motion_begins_and_ends_at_rest_and_its_points_rise_in_time
 
 
 def test_the_derivatives_are_those_of_the_targets(tiny: Robot):
-    from humanoid_getup.ros.joint_trajectory import JointTrajectory
-
     time = np.arange(200) * tiny.control_period
     targets = np.stack([0.5 * np.sin(2.0 * time), 0.2 * np.cos(5.0 * time)], axis=1)
     motion = make_motion(time, targets)
@@ -148,8 +145,6 @@ def make_motion(time: Array, targets: Array) -> Motion:
 
 
 def test_a_motion_of_other_times_is_sampled_and_held_to_its_end(tiny: Robot):
-    from humanoid_getup.ros.joint_trajectory import JointTrajectory
-
     targets = np.array([[0.0, 0.0], [0.03, 0.0], [0.21, 0.0]])
     motion = make_motion(np.array([1.0, 1.003, 1.021]), targets)
     trajectory = JointTrajectory.of(motion, tiny, 0.0)

@@ -57,7 +57,10 @@ def test_every_imported_package_is_declared(imported: dict[str, set[str]]):
 
 def test_every_declared_package_is_imported(imported: dict[str, set[str]]):
     used = set().union(*imported.values())
-    assert list_declared("train", "policies", "sdk", "studio", "ros") - used - IMPORTED_BY_OTHERS == set()
+    assert (
+        list_declared("train", "policies", "sdk", "studio", "ros") - used - IMPORTED_BY_OTHERS
+        == set()
+    )
 
 
 def test_license_and_notice_are_filled_in_and_ship():

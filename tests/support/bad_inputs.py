@@ -544,6 +544,36 @@ GROUPS: dict[str, list[Case]] = {
         case("calibrate --port none --yes --at floating", "unknown posture 'floating'"),
         case("bus --voltage -1", "voltage is -1 V, expected 1 to 48 V"),
         case("bus --latency 3", "latency is 3 s"),
+        case("bus --servos XL999:1", "--servos has 'XL999:1', expected MODEL:ID with a model of"),
+        case("bus --servos XL430-W250:1,1", "--servos has the id 1 twice"),
+        case("bus --servos XL430-W250:300", "--servos has 'XL430-W250:300', expected an id"),
+        case("bus --servos XL430-W250:1 --load 1", "--load is '1', expected KG:M"),
+        case("bus --load 1:0.1", "--load needs --servos"),
+        case("bus --servos XL430-W250:1 --baud 1", "baud is 1 bit/s, expected 9600"),
+        case(
+            "hold --robot desk", "robot 'desk' is servos on a bench, expected a robot with a model"
+        ),
+        case("doctor --robot bad-desk --port none", "id 1 is given 2 times, expected once"),
+        case("servo list", "--port is missing", "--port /dev/ttyUSB0"),
+        case("servo list --port none", "port none", "does not exist"),
+        case("servo list --port none --baud 1", "baud is 1 bit/s, expected 9600"),
+        case("servo read --port none", "NAME is missing"),
+        case("servo write --port none", "NAME=COUNTS is missing"),
+        case("servo write temperature_limit --port none --id 1", "expected NAME=COUNTS"),
+        case("servo write temperature_limit=x --port none --id 1", "expected NAME=COUNTS"),
+        case("servo id 253 --port none", "new is 253, expected 0 to 252"),
+        case("servo id 2 --id -1 --port none", "--id is -1, expected 0 to 252"),
+        case("servo move --port none", "expected one of --to and --by"),
+        case("servo move --to 1 --by 1 --port none", "expected one of --to and --by"),
+        case("servo move --to 9999 --port none", "--to is 9999 °, expected -3600 to 3600 °"),
+        case("servo move --to 1 --speed 999 --port none", "--speed is 999 °/s"),
+        case("servo wiggle --joint l_knee --port none", "--joint needs --robot"),
+        case("servo wiggle --robot op3 --id 1 --port none", "expected --joint"),
+        case("servo wiggle --robot op3 --joint tail --port none", "unknown joint 'tail'"),
+        case("servo monitor --port none --seconds 1", "port none", "does not exist"),
+        case("servo find-port", "standard input is not a terminal"),
+        case("servo setup --port none", "standard input is not a terminal"),
+        case("servo setup --port a,b", "--port is a,b, expected one serial port"),
         case("bus --faults none.toml", "none.toml"),
         case("bus --faults /dev/zero", "/dev/zero", "it is a device, expected a file"),
         case("replay /dev/zero", "/dev/zero", "it is a device, expected a file"),
@@ -1124,6 +1154,10 @@ def _make_robots(folder: Path, robot: Robot) -> None:
         text = toml.read_text("utf-8").replace("supply_voltage = 12.0", "supply_voltage = 11.1")
         toml.write_text(text.replace(limit, limit_by).replace(*replaced), "utf-8")
     (copy("wrong_calibration") / "calibration.toml").write_text("joints = 3")
+    row = '[[bench]]\nid = 1\nservo = "XL430-W250"\n'
+    for name, rows in (("desk", row), ("bad-desk", 2 * row)):
+        (folder / name).mkdir()
+        (folder / name / "robot.toml").write_text(f'name = "desk"\n[bus]\nbaud = 57600\n{rows}')
 
 
 def is_possible(case: Case) -> bool:

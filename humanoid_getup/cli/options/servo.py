@@ -62,6 +62,11 @@ class ReadRegisters(OneServo):
     names: Annotated[Positional[tuple[str, ...]], arg(metavar="NAME...")]
     """Names of registers, see getup servo table."""
 
+    def find_problems(self) -> list[str]:
+        """Report that none is named as well."""
+        named = [] if self.names else ["NAME is missing, expected a register of: getup servo table"]
+        return super().find_problems() + named
+
 
 @dataclass(frozen=True, kw_only=True)
 class ConfirmedOptions(OneServo):
@@ -80,6 +85,11 @@ class WriteRegisters(ConfirmedOptions):
 
     values: Annotated[Positional[tuple[str, ...]], arg(metavar="NAME=COUNTS...")]
     """Registers and their values in counts, such as temperature_limit=70."""
+
+    def find_problems(self) -> list[str]:
+        """Report that none is given as well."""
+        given = [] if self.values else ["NAME=COUNTS is missing, such as temperature_limit=70"]
+        return super().find_problems() + given
 
 
 @dataclass(frozen=True, kw_only=True)

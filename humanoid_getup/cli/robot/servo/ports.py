@@ -14,10 +14,10 @@ from humanoid_getup.jobs.errors import BadInputError
 def find_port(command: FindPort) -> int:
     """Find the port of an adapter while a person unplugs it."""
     console = console_for(command)
-    finder = PortFinder(command.among)
     prompt = open_prompt(console, "the input ended before the adapter was unplugged")
     if prompt is None:
         raise BadInputError("standard input is not a terminal: find-port needs a person")
+    finder = PortFinder(command.among)
     prompt.tell(f"ports: {', '.join(sorted(finder.before))}")
     prompt.ask("unplug the adapter, then Enter:")
     port = finder.find()

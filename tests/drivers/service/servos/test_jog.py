@@ -33,7 +33,7 @@ def pass_cycles(guard, jog, count: int) -> list:
 
 def test_nothing_has_torque_before_the_first_press(guard, jog):
     sent = pass_cycles(guard, jog, 5)
-    assert all(command.is_limp for command in sent)
+    assert [command.is_limp for command in sent] == [True] * 5
 
 
 def test_a_press_moves_the_chosen_servo_by_a_step_and_no_other(guard, jog):

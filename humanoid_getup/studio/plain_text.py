@@ -14,7 +14,7 @@ OPTION, KEPT = re.compile(r"(?<!\S)(-\S+)"), r'<span style="white-space: nowrap"
 """A word that begins with a hyphen, and what keeps it in one line."""
 WRAPPED = "white-space: pre-wrap; overflow-wrap: anywhere"
 STATUS = (
-    "box-sizing: border-box; height: 3.6em; overflow-y: auto; padding: 0.4em 0.9em; "
+    "box-sizing: border-box; height: 5em; overflow-y: auto; padding: 0.4em 0.9em; "
     "font-size: 0.875rem; line-height: 1.4; overflow-wrap: anywhere"
 )
 """Two lines; a longer text is scrolled."""

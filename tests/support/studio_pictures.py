@@ -10,11 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from studio_page import OPTIONS, StudioPage, find_chromium, open_studio
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+NECK, SEVENTH = 0, 6  # a curve, and one of its control points
 SCRUBBED = "2.62"  # s, at which the arms push
 
 
@@ -59,10 +62,49 @@ def show_live(studio: Any, window: StudioPage) -> None:
     _draw(studio)
 
 
+def show_keyframes(studio: Any, window: StudioPage) -> None:
+    """Show a rise from a squat of two keys, played in physics."""
+    window.open_tab("Keyframes")
+    window.type("Motion name", "up")
+    window.choose("Starts", "squat")
+    for height, button in (("75", "New"), ("90", "Add key")):
+        window.type("Height [%]", height)
+        window.click("Squat")
+        window.see(f"A balanced squat at {height[0]}")
+        window.click(button)
+    window.see("up, squat to standing")
+    window.click("Play keys")
+    window.see("As it should: stood after")
+    window.click("Pause")
+    window.type("Time [s]", "0.4")
+    _draw(studio)
+
+
+def show_style(studio: Any, window: StudioPage) -> None:
+    """Show a rise that a control point which was dragged down makes later."""
+    window.fall("supine")
+    window.open_tab("Style")
+    tab = studio.tabs["Style"]
+    window.choose("Preset", "side-sit")
+    window.see("Stands at")
+    (client,), seen = studio.server.get_clients().values(), []
+    client.camera.on_update(lambda camera: seen.append(camera.position.copy()))
+    window.page.get_by_text("Show curves", exact=True).click()
+    wait_until(lambda: any(np.allclose(at, tab.board.viewpoint, atol=1e-3) for at in seen))
+    before = tab.editor.curves
+    spots = tab.board.find_point(NECK, SEVENTH), tab.board.find_spot(NECK, SEVENTH, 0.32)
+    window.drag(*(window.find_pixel(client.camera, spot) for spot in spots))
+    wait_until(lambda: tab.editor.curves is not before)
+    assert tab.rollouts.wait(60.0)
+    _draw(studio)
+
+
 PICTURES: dict[str, Callable[[Any, StudioPage], None]] = {
     "pose": show_pose,
     "plan": show_plan,
     "live": show_live,
+    "keyframes": show_keyframes,
+    "style": show_style,
 }
 
 

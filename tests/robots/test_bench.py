@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from bus_stories import run_json, serving
 
 from drivers import Command, Twin
 from humanoid_getup.cli.robot.bus import list_bench_servos, parse_load
@@ -129,3 +130,17 @@ def test_servos_that_do_not_exist_are_refused(words: tuple[str, ...], expected: 
 def test_a_load_that_is_none_is_refused(text: str):
     with pytest.raises(ValueError, match="expected KG:M"):
         parse_load(text)
+
+
+def test_a_bench_is_diagnosed_as_any_robot_and_needs_no_imu(tmp_path: Path, capsys):
+    folder = write_desk(tmp_path)
+    with serving(load_robot(folder)) as served:
+        where = ("--robot", str(folder), "--port", served.path)
+        code, health = run_json("doctor", *where, capsys=capsys)
+    assert code == 0
+    assert health["healthy"]
+    assert {name: joint["model"] for name, joint in health["joints"].items()} == {
+        "servo_1": "XL430-W250",
+        "arm": "XM430-W350",
+    }
+    assert not [finding for finding in health["findings"] if "IMU" in str(finding)]

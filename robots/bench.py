@@ -164,10 +164,13 @@ def make_bench_joint(
     return Joint(name=name, lower=lower, upper=upper, servo=servo, segment="other")
 
 
-def choose_period(servos: int, baud: int) -> float:
-    """Choose a control period [s] that leaves time beside a cycle's bytes at a baud rate."""
+def choose_period(servos: int, baud: int, latency: float = 0.0) -> float:
+    """Choose a control period [s] that leaves time beside a cycle's bytes at a baud rate.
+
+    ``latency`` is how long the adapter holds back a reply [s]; a cycle has two.
+    """
     wire = (CYCLE_BITS + servos * SERVO_BITS) / baud
-    steps = math.ceil(max(LEAST_PERIOD, wire / WIRE_SHARE) / PERIOD_STEP)
+    steps = math.ceil(max(LEAST_PERIOD, (wire + 2.0 * latency) / WIRE_SHARE) / PERIOD_STEP)
     return round(steps * PERIOD_STEP, 6)
 
 

@@ -22,9 +22,10 @@ def make_desk(*servos: tuple[int, str], baud: int = BAUD) -> ServoBench:
 
 
 @contextmanager
-def serving_desk(*servos: tuple[int, str]) -> Iterator[Served]:
+def serving_desk(*servos: tuple[int, str], baud: int = BAUD) -> Iterator[Served]:
     """Serve servos that wait for their client."""
-    with serving(make_desk(*servos or ((1, "XL430-W250"), (3, "XM430-W350")))) as served:
+    desk = make_desk(*servos or ((1, "XL430-W250"), (3, "XM430-W350")), baud=baud)
+    with serving(desk) as served:
         yield served
 
 

@@ -9,6 +9,7 @@ from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.diagnostics import DIAGNOSED, ServoFacts, read_items
 from drivers.errors import SetupError
+from drivers.serial_port import read_latency_timer
 from drivers.service.scan import COMMON_RATES
 from drivers.service.servos.loose_servo import (
     LooseServo,
@@ -19,7 +20,7 @@ from drivers.service.servos.loose_servo import (
     open_bus,
 )
 from robots import Joint
-from robots.bench import MIDDLE, ServoBench, make_bench, make_bench_joint
+from robots.bench import MIDDLE, ServoBench, choose_period, make_bench, make_bench_joint
 from robots.description.servo_catalog import servo_models
 from robots.servo import RAD_PER_TICK
 
@@ -58,9 +59,20 @@ def find_bench(path: str, ids: Sequence[int] = (), baud: int | None = None) -> F
     with open_bus(path, COMMON_RATES[0] if baud is None else baud) as bus:
         servos = find_all(bus, ids, COMMON_RATES if baud is None else (baud,))
         found = [_examine(servo) for servo in servos]
-        bench = make_bench([facts.joint for facts in found], baud=bus.port.baud, name=path)
+        period = choose_period(len(found), bus.port.baud, read_latency(path))
+        bench = make_bench(
+            [facts.joint for facts in found],
+            baud=bus.port.baud,
+            name=path,
+            control_period=period,
+        )
     changes = {f.joint.name: list_eeprom_settings(f, bench.limit_by) for f in found}
     return FoundBench(bench, changes)
+
+
+def read_latency(path: str) -> float:
+    """Return how long the adapter of a port holds back a reply [s]; 0 if that is unknown."""
+    return (read_latency_timer(path) or 0) * 1e-3
 
 
 def find_all(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> list[LooseServo]:

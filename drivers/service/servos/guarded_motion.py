@@ -7,14 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
+from drivers.dynamixel.bus import ANSWER_MARGIN
 from drivers.errors import SetupError
 from drivers.safety_guard import SafetyGuard
 from drivers.safety_limits import GuardLimits
 from robots import Robot
+from robots.bench import ServoBench
 from robots.quaternion import Array
 from robots.torque_limit import TorqueLimit
 
+MARGIN_SHARE = 0.25  # of a bench's period, for which a reply may be late
 SHARE_OF_STALL = 0.5  # torque with which servos are moved by hand where no limit is given
 
 
@@ -38,7 +41,11 @@ class MovedServos:
             SetupError: if the robot's bus or IMU is not described as its ports need.
         """
         without_imu = self.robot.imu_kind is None
-        backend = DynamixelBackend(self.robot, self.ports, without_imu=without_imu)
+        options = None
+        if isinstance(self.robot, ServoBench):  # on any adapter, beside any other work
+            margin = max(ANSWER_MARGIN, MARGIN_SHARE * self.robot.control_period)
+            options = DriverOptions(answer_margin=margin)
+        backend = DynamixelBackend(self.robot, self.ports, without_imu=without_imu, options=options)
         return SafetyGuard(backend, GuardLimits.of(self.robot))
 
 

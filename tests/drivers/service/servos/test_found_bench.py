@@ -7,6 +7,7 @@ import pytest
 from desk import BAUD, LIMITED
 
 from drivers.errors import SetupError
+from drivers.service.servos import found_bench
 from drivers.service.servos.found_bench import find_bench
 from drivers.service.servos.loose_servo import NoServoError
 
@@ -40,3 +41,11 @@ def test_a_servo_without_a_range_is_refused(desk):
     desk.poke("servo_1", "max_position_limit", 3000)
     with pytest.raises(SetupError, match="min_position_limit is 3000 and max_position_limit 3000"):
         find_bench(desk.path, baud=BAUD)
+
+
+def test_an_adapter_that_holds_replies_back_gets_a_longer_period(desk, monkeypatch):
+    quick = find_bench(desk.path, baud=BAUD).bench
+    monkeypatch.setattr(found_bench, "read_latency_timer", lambda _: 16)
+    slow = find_bench(desk.path, baud=BAUD).bench
+    assert quick.control_period == 0.01
+    assert 0.75 * slow.control_period > 2 * 0.016 + 0.001  # reading has three quarters of it

@@ -74,7 +74,7 @@ def calibrate(folder, capsys, monkeypatch):
     """Calibrate the user's own robot; return exit code and figures."""
 
     def calibrate(served: Served, person: Person | None, *options: str) -> tuple[int, dict]:
-        monkeypatch.setattr(command, "open_prompt", lambda _: person)
+        monkeypatch.setattr(command, "open_prompt", lambda *_: person)
         arguments = ("calibrate", "--robot", str(folder), "--port", served.path, "--json", "-")
         # Named, because a virtual bus does not write the robot's own file by itself.
         out = ("--out", str(folder / "calibration.toml"))
@@ -216,7 +216,7 @@ def test_a_zero_far_off_is_warned_of(calibrate):
 @pytest.mark.parametrize("options", [("--yes",), ()])
 def test_a_zero_whose_range_leaves_the_servos_turn_is_refused(folder, capsys, options, monkeypatch):
     person = Person("", "yes")
-    monkeypatch.setattr(command, "open_prompt", lambda _: None if options else person)
+    monkeypatch.setattr(command, "open_prompt", lambda *_: None if options else person)
     out = folder / "calibration.toml"
     with real_robot(l_hip=JointCalibration(900, 1)) as served:
         mine = ("--robot", str(folder), "--port", served.path, "--json", "-", "--out", str(out))

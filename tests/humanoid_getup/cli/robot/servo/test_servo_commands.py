@@ -180,15 +180,14 @@ def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, mon
         'name = "arm"\n[bus]\nbaud = 2_000_000\n'
         '[[bench]]\nid = 4\nservo = "XL430-W250"\n[[bench]]\nid = 5\nservo = "XM430-W350"\n'
     )
-    monkeypatch.setattr(bus_module, "PING_SLOT", 0.001)
-    with serving_desk((1, "XM430-W350")) as served:
+    with serving_desk((1, "XM430-W350"), baud=57_600) as served:
         (servo,) = served.virtual.servos
         monkeypatch.setattr(sys, "stdin", Person("", "", "q"))
         line = ("servo", "setup", "--robot", str(tmp_path), "--port", served.path)
         assert main(line) == 1  # the second servo is never connected
         out = " ".join(capsys.readouterr().out.split())
         assert "1 of 2: connect only joint 'servo_5' (id 5), XM430-W350" in out
-        assert f"joint 'servo_5' (id 5): set up at 2000000 bit/s; was id 1 at {BAUD} bit/s" in out
+        assert "joint 'servo_5' (id 5): set up at 2000000 bit/s; was id 1 at 57600 bit/s" in out
         assert "is on the bus, expected a XL430-W250 for joint 'servo_4' (id 4)" in out
         assert "left: servo_4; go on with --joint servo_4" in out
         assert (servo.peek("id"), servo.peek("baud_rate")) == (5, 4)
@@ -200,6 +199,7 @@ def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, mon
 # Motion -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.realtime
 def test_a_servo_moves_to_an_angle_and_back_and_is_limp_afterwards(moving, capsys):
     where = ("--port", moving.paths["main"], "--id", "3", "--speed", "120", "--hold", "0", "--yes")
     code, there = run_json("servo", "move", "--to", "-20", *where, capsys=capsys)
@@ -219,6 +219,7 @@ def test_a_target_beyond_the_range_is_refused_before_torque_comes_on(moving, cap
     assert "target is +300.0°, expected -180.0° to +179.9°" in capsys.readouterr().err
 
 
+@pytest.mark.realtime
 def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
     where = ("--port", moving.paths["main"], "--speed", "180", "--yes")
     code, moved = run_json("servo", "wiggle", "--swing", "6", *where, capsys=capsys)
@@ -231,6 +232,7 @@ def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
         assert joint["moved"]
 
 
+@pytest.mark.realtime
 def test_in_a_terminal_keys_move_a_servo_until_q_ends_it(moving):
     master, slave = pty.openpty()
     where = ("--port", moving.paths["main"], "--speed", "180", "--yes", "--step", "10")

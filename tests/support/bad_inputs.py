@@ -469,7 +469,7 @@ GROUPS: dict[str, list[Case]] = {
                 ("bare.onnx --from mjlab", "its metadata lacks joint_names"),
                 ("bare.onnx --from gym", "--from is 'gym', expected mjlab, microduck, unitree,"),
                 ("bare.onnx --config deploy.yaml", "it names no joints, expected 2 names"),
-                ("bare.onnx --config loop.yaml", "no known format"),
+                ("bare.onnx --config loop.yaml", "its aliases stand for too many values"),
                 ("their.onnx", "robot 'op3' has no right_hip_joint, left_hip_joint"),
                 ("their.onnx --rename left", "--rename is left, expected THEIRS=OURS,..."),
                 ("their.onnx --robot tiny --rate 50", "every 2.5 control periods of 8 ms"),

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
@@ -22,6 +22,7 @@ from humanoid_getup.motions.importing.key_sequence import MOST_KEYS, KeyCollecto
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.validation import name_unknown_joints, on_axes, parse_file, read_table
+from robots.storage.yaml_text import parse_yaml
 
 NANOSECOND = 1e-9  # s
 CLOSE = 0.01  # rad between a trajectory and the curve through the keys that stand for it
@@ -67,7 +68,7 @@ def load_trajectory(path: Path, robot: Robot) -> KeySequence:
     """
     language = KINDS[path.suffix]
     try:
-        content = parse_file(path, language, json.loads if language == "JSON" else _read_yaml)
+        content = parse_file(path, language, json.loads if language == "JSON" else parse_yaml)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     if isinstance(content, dict) and GOAL in content:
@@ -79,20 +80,6 @@ def load_trajectory(path: Path, robot: Robot) -> KeySequence:
     if problems := problems or _find_problems(trajectory, robot):
         raise ValueError(f"{path}: {'; '.join(problems)}")
     return _collect(trajectory, robot, path)
-
-
-def _read_yaml(text: str) -> Any:
-    import yaml
-
-    try:
-        # `ros2 topic echo` ends each message by ---.
-        return next(iter(yaml.load_all(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))), None)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f"line {mark.line + 1}: " if mark else ""
-        raise ValueError(f"{place}{error.problem}") from error
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from error
 
 
 def _find_problems(trajectory: _Trajectory, robot: Robot) -> list[str]:

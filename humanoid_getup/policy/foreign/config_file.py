@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from humanoid_getup.policy.foreign.description import ForeignPolicyError
-from robots.storage.files import describe
 from robots.storage.validation import parse_file
+from robots.storage.yaml_text import parse_yaml
 
-PYTHON_TAG = "tag:yaml.org,2002:python/"
 T = TypeVar("T")
 
 
@@ -34,33 +34,10 @@ def load_yaml(file: Path) -> dict[str, Any]:
     Raises:
         ForeignPolicyError: if it cannot be read, is not YAML, or holds no table.
     """
-    found = load_config(file, "YAML", _parse_yaml)
+    found = load_config(file, "YAML", partial(parse_yaml, keeps_tagged=True))
     if not isinstance(found, dict):
         raise ForeignPolicyError(f"{file} holds no table, expected a deploy.yaml or an env.yaml")
     return found
-
-
-def _parse_yaml(text: str) -> Any:
-    import yaml
-
-    class PlainLoader(yaml.SafeLoader):
-        """Reads tagged Python objects as plain values."""
-
-    PlainLoader.add_multi_constructor(PYTHON_TAG, _construct_plainly)
-    try:
-        return yaml.load(text, PlainLoader)
-    except (yaml.YAMLError, RecursionError, TypeError) as error:
-        raise ValueError(describe(error)) from error
-
-
-def _construct_plainly(loader: Any, _suffix: str, node: Any) -> Any:
-    import yaml
-
-    if isinstance(node, yaml.SequenceNode):
-        return loader.construct_sequence(node, deep=True)
-    if isinstance(node, yaml.MappingNode):
-        return loader.construct_mapping(node, deep=True)
-    return loader.construct_scalar(node)
 
 
 class ConfigTable:

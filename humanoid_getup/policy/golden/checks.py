@@ -20,6 +20,7 @@ from robots.storage.arrays import ArchiveError
 
 JOINT_KEYS = ("joint_pos", "joint_vel", *(k for k, shape in OPTIONAL_KEYS.items() if "n" in shape))
 RATE_SLACK = 0.01  # share
+STEP_SLACK = 0.5  # of a policy step, by which distances of rows may differ
 
 
 def check_policy(policy: OnnxPolicy, trace: GoldenTrace) -> list[Finding]:
@@ -75,7 +76,13 @@ def _check_sizes(replayed: ReplayedPolicy) -> None:
         )
         if found != wanted
     ]
-    rate = 1.0 / float(np.median(np.diff(trace.time)))
+    steps = np.diff(trace.time)
+    rate = 1.0 / float(np.median(steps))
+    if np.ptp(steps) * rate > STEP_SLACK:
+        problems.append(
+            f"its rows are {steps.min():.3g} to {steps.max():.3g} s apart, expected each policy "
+            "step once"
+        )
     if abs(rate / policy.contract.rate_hz - 1.0) > RATE_SLACK:
         problems.append(f"its rows are {rate:.4g} Hz, expected {policy.contract.rate_hz:.4g} Hz")
     if policy.contract.style is not None:

@@ -81,14 +81,14 @@ def _measure_miss(motion: Motion, robot: Robot, model: mujoco.MjModel) -> Array:
 
 def _predict(motion: Motion, robot: Robot, model: mujoco.MjModel) -> Array:
     """Simulate each row from its own state; return the speeds at its end, (T - 1, nv)."""
-    model = _without_servos(model)
+    model, longest = _without_servos(model), model.opt.timestep
     data, dof = mujoco.MjData(model), robot.layout(model).dof
     ends = np.zeros((len(motion.duration), model.nv))
     for row, duration in enumerate(motion.duration):
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = motion.qpos[row], motion.qvel[row]
         parts = motion.effort[row]
-        steps = max(1, round(duration / len(parts) / model.opt.timestep))
+        steps = max(1, round(duration / len(parts) / longest))
         model.opt.timestep = duration / len(parts) / steps
         for torque in parts:
             data.qfrc_applied[dof] = torque

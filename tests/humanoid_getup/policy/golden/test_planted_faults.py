@@ -248,6 +248,7 @@ def test_what_a_trace_does_not_hold_is_not_compared(policy: OnnxPolicy, trace: G
     [
         (lambda t: {"observation": t.observation[:, 1:]}, "observation has 11 columns"),
         (lambda t: {"time": 2.0 * t.time}, r"rows are 31.25 Hz, expected 62.5 Hz"),
+        (lambda t: {"time": t.time + 1e9 * (t.time > 0.1)}, r"rows are 0.016 to 1e\+09 s apart"),
     ],
 )
 def test_a_trace_that_does_not_fit_is_refused(policy, trace: GoldenTrace, change, message: str):

@@ -195,8 +195,12 @@ def _load_weights(model: ModelProto, folder: Path) -> None:
             check_file(folder / name, MAX_BYTES)
         except (OSError, ValueError) as error:
             raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
+    size = 0
     for tensor in tensors:
         external_data_helper.load_external_data_for_tensor(tensor, str(folder))
+        size += len(tensor.raw_data)
+        if size > MAX_BYTES:  # many tensors may name the same bytes of a file
+            raise ForeignPolicyError(f"its weights have more than {MAX_BYTES} bytes")
         tensor.data_location = TensorProto.DEFAULT
         del tensor.external_data[:]
 

@@ -218,3 +218,19 @@ def test_weights_in_a_file_beside_are_read_and_no_others(tmp_path: Path, name: s
         return
     (found,) = read_network(file).model.graph.initializer
     np.testing.assert_array_equal(onnx.numpy_helper.to_array(found), np.float32(made.weights()))
+
+
+def test_tensors_that_repeat_the_bytes_of_a_file_are_limited(tmp_path: Path, monkeypatch):
+    import onnx
+
+    monkeypatch.setattr("humanoid_getup.policy.foreign.reading.MAX_BYTES", 10_000)
+    model = onnx.load(save_network(tmp_path / "their.onnx", made.weights()))
+    (tmp_path / "weights.bin").write_bytes(bytes(4000))
+    for number in range(3):
+        tensor = onnx.TensorProto(name=f"t{number}", data_type=1, dims=[1000])
+        tensor.data_location = onnx.TensorProto.EXTERNAL
+        tensor.external_data.add(key="location", value="weights.bin")
+        model.graph.initializer.append(tensor)
+    (tmp_path / "their.onnx").write_bytes(model.SerializeToString())
+    with pytest.raises(ForeignPolicyError, match="its weights have more than 10000 bytes"):
+        read_network(tmp_path / "their.onnx")

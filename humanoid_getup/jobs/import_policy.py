@@ -27,8 +27,8 @@ from humanoid_getup.policy.foreign.reading import describe_policy, read_network
 from humanoid_getup.policy.foreign.record import FOREIGN_KEY, to_record
 from humanoid_getup.policy.foreign.wrapping import Wrapping, wrap_network
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
-from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
-from humanoid_getup.policy.pack import MANIFEST, POLICY, PackError, read_pack
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
+from humanoid_getup.policy.pack import MANIFEST, POLICY, PackError, check_manifest, read_pack
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
 from robots.storage.encoding import to_json
@@ -94,6 +94,9 @@ def _import_pack(
     source = request.network if request.network.is_dir() else request.network.parent
     try:
         manifest, contents = read_pack(source)
+        check_manifest(manifest, read_contract(source / POLICY))
+    except PolicyError as error:
+        raise BadInputError(str(error)) from error
     except (PackError, OSError) as error:
         missing = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
         raise BadInputError(f"packed policy {source}: {missing}{describe(error)}") from error

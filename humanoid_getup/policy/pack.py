@@ -10,7 +10,7 @@ import msgspec
 
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.onnx_file import MAX_BYTES
-from robots.storage.encoding import to_json
+from robots.storage.encoding import as_kept, to_json
 from robots.storage.files import describe, read_bounded
 
 MANIFEST, POLICY, EVALUATION = "manifest.json", "policy.onnx", "eval.json"
@@ -42,7 +42,7 @@ class PackedRobot(msgspec.Struct, frozen=True, kw_only=True):
     """Policy steps per second."""
 
 
-class Manifest(msgspec.Struct, frozen=True, kw_only=True):
+class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a packed policy is."""
 
     schema_version: int = SCHEMA
@@ -92,15 +92,36 @@ def make_manifest(
         description=description,
         kind=kind,
         entry_pose=entry_pose,
-        robot=PackedRobot(
-            model=contract.robot, joints=contract.joints, control_hz=contract.rate_hz
-        ),
+        robot=_describe_robot(contract),
         obs_len=contract.observation_size,
         action_len=contract.action.size,
         training=contract.provenance,
         eval=_read_evaluation(contents[EVALUATION]) if EVALUATION in contents else None,
         files=tuple(files),
     ).sealed()
+
+
+def check_manifest(manifest: Manifest, contract: PolicyContract) -> None:
+    """Refuse a manifest that says of its policy what the contract does not.
+
+    Raises:
+        PackError: naming what differs.
+    """
+    wrong = [
+        name
+        for name, found, wanted in (
+            ("robot", manifest.robot, _describe_robot(contract)),
+            ("obs_len", manifest.obs_len, contract.observation_size),
+            ("action_len", manifest.action_len, contract.action.size),
+            ("training", manifest.training, as_kept(contract.provenance)),
+        )
+        if found != wanted
+    ]
+    if wrong:
+        raise PackError(f"{MANIFEST}: {', '.join(wrong)}: not as in the contract of {POLICY}")
+    texts = (manifest.name, manifest.description)
+    if not all(text.isprintable() for text in texts):
+        raise PackError(f"{MANIFEST}: name or description cannot be printed, expected one line")
 
 
 def read_pack(folder: Path) -> tuple[Manifest, dict[str, bytes]]:
@@ -118,6 +139,10 @@ def read_pack(folder: Path) -> tuple[Manifest, dict[str, bytes]]:
     if POLICY not in contents:
         raise PackError(f"{MANIFEST} lists no {POLICY}")
     return manifest, contents
+
+
+def _describe_robot(contract: PolicyContract) -> PackedRobot:
+    return PackedRobot(model=contract.robot, joints=contract.joints, control_hz=contract.rate_hz)
 
 
 def _read_manifest(file: Path) -> Manifest:

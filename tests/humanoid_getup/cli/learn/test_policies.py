@@ -4,6 +4,7 @@ import json
 import shlex
 from pathlib import Path
 
+import msgspec
 import pytest
 
 pytest.importorskip("onnx")
@@ -14,6 +15,7 @@ from bus_stories import TINY
 from foreign_policies import save_network
 
 from humanoid_getup.cli.main import main
+from humanoid_getup.policy.pack import Manifest
 
 STIFF = {"joint_stiffness": "15.0,15.0"}
 
@@ -111,6 +113,26 @@ def test_a_changed_byte_of_a_packed_policy_is_one_line(
     assert getup("policy import packed --out back") == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and name in error
+    assert not (folder / "back").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"obs_len": 3, "training": {}}, "obs_len, training: not as in the contract"),
+        ({"name": "\x1b[2Jswing"}, "name or description cannot be printed"),
+        ({"licence": "any"}, "malformed: Object contains unknown field `licence`"),
+    ],
+)
+def test_a_manifest_that_is_not_of_its_policy_is_refused(folder: Path, capsys, changes, message):
+    file = pack(folder) / "manifest.json"
+    record = json.loads(file.read_text()) | changes
+    known = {name: record[name] for name in Manifest.__struct_fields__}
+    record["sha256"] = msgspec.convert(known, Manifest).sealed().sha256
+    file.write_text(json.dumps(record))
+    capsys.readouterr()
+    assert getup("policy import packed --out back") == 2
+    assert message in capsys.readouterr().err
     assert not (folder / "back").exists()
 
 

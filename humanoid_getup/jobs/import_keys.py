@@ -84,6 +84,7 @@ def add_keys(
         trials.append(_try_out(each, robot, request))
     monitor.check()
     with refusing():
+        path.parent.mkdir(parents=True, exist_ok=True)
         append_keyframes(path, [trial.keyframes for trial in trials], robot)
     return AddedKeys(robot=robot, file=path, imported=tuple(imported), trials=tuple(trials))
 

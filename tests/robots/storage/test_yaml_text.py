@@ -53,5 +53,5 @@ def test_tagged_objects_are_plain_values_or_refused():
 def test_text_after_the_first_document_is_not_read():
     assert parse_yaml("a: 1\n---\na: [") == {"a": 1}
     assert parse_yaml("") is None
-    with pytest.raises(ValueError, match="line 2: .*document start"):
+    with pytest.raises(ValueError, match=r"line 2: .*document start"):
         parse_yaml("[ground]\nfrictoin = 1")

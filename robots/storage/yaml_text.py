@@ -25,12 +25,11 @@ def parse_yaml(text: str, *, keeps_tagged: bool = False) -> Any:
     """
     import yaml
 
-    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-        """Reads plain values."""
-
+    base = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    own: Any = type("PlainLoader", (base,), {})
     if keeps_tagged:
-        Loader.add_multi_constructor(PYTHON_TAG, _construct_plainly)
-    loader = Loader(text)
+        own.add_multi_constructor(PYTHON_TAG, _construct_plainly)
+    loader = own(text)
     try:
         if not loader.check_node():
             return None

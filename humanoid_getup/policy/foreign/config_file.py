@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,7 @@ from humanoid_getup.policy.foreign.description import ForeignPolicyError
 from robots.storage.validation import parse_file
 from robots.storage.yaml_text import parse_yaml
 
+LARGEST = sys.float_info.max
 T = TypeVar("T")
 
 
@@ -38,6 +40,11 @@ def load_yaml(file: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise ForeignPolicyError(f"{file} holds no table, expected a deploy.yaml or an env.yaml")
     return found
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a value is a number that fits into a float."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
 
 
 class ConfigTable:
@@ -84,9 +91,21 @@ class ConfigTable:
             ForeignPolicyError: if it is missing or no number.
         """
         found = self.require(key)
-        if isinstance(found, bool) or not isinstance(found, int | float):
+        if not is_number(found):
             raise ForeignPolicyError(f"{self.name(key)} is {found!r:.40}, expected a number")
         return float(found)
+
+    def texts(self, key: str, default: Any = None) -> tuple[str, ...]:
+        """Return a list of texts, or one of them.
+
+        Raises:
+            ForeignPolicyError: if it is neither.
+        """
+        found = self.get(key, default)
+        texts = [found] if isinstance(found, str) else found
+        if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+            raise ForeignPolicyError(f"{self.name(key)} is {found!r:.40}, expected texts")
+        return tuple(texts)
 
     def positive(self, key: str) -> float:
         """Return a number above 0.

@@ -116,7 +116,7 @@ def _read_limits(action: ConfigTable, size: int) -> tuple[Array | None, Array | 
         return None, None
     try:
         pairs = np.asarray(clip, dtype=float).reshape(size, 2)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ForeignPolicyError(
             f"{action.name('clip')} is {clip!r:.40}, expected two numbers a joint"
         ) from None

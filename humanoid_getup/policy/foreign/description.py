@@ -164,7 +164,7 @@ def spread(values: Sequence[float] | float, size: int, what: str) -> Array:
     """
     try:
         array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ForeignPolicyError(f"{what} is {values!r:.60}, expected numbers") from None
     if array.ndim == 0 or array.shape == (1,):
         array = np.full(size, float(array.reshape(-1)[0]))

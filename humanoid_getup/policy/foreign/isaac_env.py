@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.policy.action import ActionMode
-from humanoid_getup.policy.foreign.config_file import ConfigTable, load_yaml
+from humanoid_getup.policy.foreign.config_file import ConfigTable, is_number, load_yaml
 from humanoid_getup.policy.foreign.description import (
     ForeignFormat,
     ForeignPolicy,
@@ -53,6 +53,7 @@ def read_isaac_env(file: Path, shape: NetworkShape, given: Given) -> ForeignPoli
     action = _find_action(table.table("actions"))
     moved = _find_moved(action, joints)
     group = _find_group(table.table("observations"))
+    lower, upper = _read_limits(action, moved)
     damping = _read_actuators(robot.table("actuators"), "damping", joints)
     gain = np.full(len(joints), given.gain) if given.gain else None
     if gain is None:
@@ -66,6 +67,8 @@ def read_isaac_env(file: Path, shape: NetworkShape, given: Given) -> ForeignPoli
         mode=MODES[_last_word(action.require("class_type"))],
         scale=_match(action, "scale", action.get("scale", 1.0), moved, missing=1.0),
         offset=_read_offset(action, joints, moved, default),
+        lower=lower,
+        upper=upper,
         position_gain=gain,
         damping=damping,
         rate=given.rate or 1.0 / (sim.positive("dt") * table.positive("decimation")),
@@ -95,9 +98,12 @@ def _find_action(actions: ConfigTable) -> ConfigTable:
 
 
 def _find_moved(action: ConfigTable, joints: tuple[str, ...]) -> tuple[str, ...]:
-    names = action.get("joint_names", [".*"])
-    patterns = [names] if isinstance(names, str) else list(names)
-    moved = tuple(joint for joint in joints if any(_fits(p, joint) for p in patterns))
+    patterns = action.texts("joint_names", [".*"])
+    if action.get("preserve_order", False):  # that of the patterns
+        found = [joint for p in patterns for joint in joints if _fits(p, joint)]
+        moved = tuple(dict.fromkeys(found))
+    else:
+        moved = tuple(joint for joint in joints if any(_fits(p, joint) for p in patterns))
     if not moved:
         raise ForeignPolicyError(f"{action.name('joint_names')} fits none of --joints")
     return moved
@@ -111,13 +117,27 @@ def _read_offset(
     return _match(action, "offset", action.get("offset", 0.0), moved, missing=0.0)
 
 
+def _read_limits(action: ConfigTable, moved: tuple[str, ...]) -> tuple[Array | None, Array | None]:
+    """Read the limits of targets, two numbers by patterns of joint names."""
+    if action.get("clip") is None:
+        return None, None
+    lower, upper = np.full((2, len(moved)), [[-np.inf], [np.inf]])
+    for pattern, limits in action.table("clip").values.items():
+        if not isinstance(limits, list) or len(limits) != 2 or not all(map(is_number, limits)):
+            raise ForeignPolicyError(
+                f"{action.name('clip')} is {limits!r:.40}, expected two numbers a joint"
+            )
+        rows = [_fits(pattern, joint) for joint in moved]
+        lower[rows], upper[rows] = limits
+    return lower, upper
+
+
 def _read_actuators(actuators: ConfigTable, key: str, joints: tuple[str, ...]) -> Array:
     """Read a figure of the groups of actuators; each joint is in one."""
     found = np.full(len(joints), np.nan)
     for name in actuators.values:
         group = actuators.table(name)
-        patterns = group.require("joint_names_expr")
-        patterns = [patterns] if isinstance(patterns, str) else patterns
+        patterns = group.texts("joint_names_expr")
         rows = [i for i, joint in enumerate(joints) if any(_fits(p, joint) for p in patterns)]
         value = group.require(key)
         own = tuple(joints[i] for i in rows)
@@ -135,7 +155,7 @@ def _match(
     rules = value if isinstance(value, Mapping) else {".*": value}
     found = np.full(len(joints), missing)
     for pattern, number in rules.items():
-        if isinstance(number, bool) or not isinstance(number, int | float):
+        if not is_number(number):
             raise ForeignPolicyError(f"{table.name(key)} is {number!r:.40}, expected numbers")
         found[[_fits(pattern, joint) for joint in joints]] = number
     return found

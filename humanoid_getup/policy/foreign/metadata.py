@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.policy.action import ActionMode
+from humanoid_getup.policy.foreign.config_file import ConfigTable
 from humanoid_getup.policy.foreign.description import (
     ForeignFormat,
     ForeignPolicy,
@@ -18,7 +19,7 @@ from humanoid_getup.policy.foreign.description import (
     NetworkShape,
     spread,
 )
-from humanoid_getup.policy.foreign.terms import check_terms, find_size, make_term
+from humanoid_getup.policy.foreign.terms import MOST_HISTORY, check_terms, find_size, make_term
 
 MICRODUCK_KEY = "microduck"
 MJLAB_KEYS = ("joint_names", "observation_names", "action_scale", "default_joint_pos")
@@ -81,7 +82,7 @@ def read_microduck(shape: NetworkShape, given: Given) -> ForeignPolicy:
     wanted = ("joint_names", "default_joint_pos", "action_scale", "control_hz", "observation")
     if missing := [key for key in wanted if key not in record]:
         raise ForeignPolicyError(f"its metadata 'microduck' lacks {', '.join(missing)}")
-    joints = tuple(map(str, record["joint_names"]))
+    joints = ConfigTable(record, "microduck").texts("joint_names")
     n, k = len(joints), shape.action
     layout = _read_layout(record["observation"])
     check_terms([name for name, _ in layout])
@@ -126,10 +127,7 @@ def _read_terms(
     count = len(names)
     scales = _nested(data.get("observation_terms_scale"), count, 1.0)
     clips = _nested(data.get("observation_terms_clip"), count, None)
-    histories = [
-        max(1, int(steps))
-        for steps in _nested(data.get("observation_terms_history_length"), count, 1)
-    ]
+    histories = _read_histories(data.get("observation_terms_history_length"), count)
     sizes = [find_size(name, n, shape.action) for name in names]
     open_ = [i for i, size in enumerate(sizes) if size is None]
     if len(open_) > 1:
@@ -143,6 +141,16 @@ def _read_terms(
         make_term(name, size or 1, scale=scale, clip=clip, history=history)
         for name, size, scale, clip, history in rows
     )
+
+
+def _read_histories(text: str | None, count: int) -> list[int]:
+    """Read numbers of steps; 0 is the present alone."""
+    steps = _nested(text, count, 1.0)
+    if not all(isinstance(each, float) and 0 <= each <= MOST_HISTORY for each in steps):
+        raise ForeignPolicyError(
+            f"observation_terms_history_length is {text!r:.40}, expected 0 to {MOST_HISTORY} steps"
+        )
+    return [max(1, int(each)) for each in steps]
 
 
 def _read_gain(data: dict[str, str], n: int) -> np.ndarray | None:
@@ -211,7 +219,7 @@ def _read_json(text: str) -> dict[str, Any]:
 def _read_layout(rows: Any) -> list[tuple[str, int]]:
     try:
         layout = [(str(name), int(size)) for name, size in rows]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         layout = []
     if not layout or not all(0 < size <= 10_000 for _, size in layout):
         raise ForeignPolicyError(

@@ -120,7 +120,7 @@ def _read_clip(clip: Any, owner: str) -> tuple[float, float]:
         return -np.inf, np.inf
     try:
         lower, upper = map(float, clip)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ForeignPolicyError(f"{owner}: clip is {clip!r:.40}, expected two numbers") from None
     if not lower < upper:
         raise ForeignPolicyError(f"{owner}: clip is {lower:g} to {upper:g}, expected a range")

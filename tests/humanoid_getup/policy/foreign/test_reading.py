@@ -1,5 +1,7 @@
 """Descriptions of other projects' policies: what is read, from where, and what is refused."""
 
+import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +18,10 @@ from humanoid_getup.policy.foreign.description import (
     ForeignPolicy,
     ForeignPolicyError,
     Given,
+    NetworkShape,
 )
 from humanoid_getup.policy.foreign.reading import describe_policy, read_network
+from robots.storage.yaml_text import parse_yaml
 
 
 def read(folder: Path, metadata=None, config: dict[str, str] | None = None, **options):
@@ -234,3 +238,60 @@ def test_tensors_that_repeat_the_bytes_of_a_file_are_limited(tmp_path: Path, mon
     (tmp_path / "their.onnx").write_bytes(model.SerializeToString())
     with pytest.raises(ForeignPolicyError, match="its weights have more than 10000 bytes"):
         read_network(tmp_path / "their.onnx")
+
+
+def places_in(value, place=()):
+    """Yield the places of all values in nested tables and lists."""
+    yield place
+    items = value.items() if isinstance(value, dict) else ()
+    for key, inner in enumerate(value) if isinstance(value, list) else items:
+        yield from places_in(inner, (*place, key))
+
+
+def with_value(content, place, value):
+    if not place:
+        return value
+    copy = dict(content) if isinstance(content, dict) else list(content)
+    copy[place[0]] = with_value(content[place[0]], place[1:], value)
+    return copy
+
+
+ODD = (None, 0, -5.5, 10**400, math.inf, math.nan, "x", [], [1], [None], {}, {"a": 1}, True, "(")
+
+
+@pytest.mark.parametrize("kind", ["deploy.yaml", "env.yaml", "microduck"])
+def test_whatever_stands_anywhere_is_read_or_refused(tmp_path: Path, kind: str):
+    metadata = made.microduck_metadata()
+    text = {"deploy.yaml": made.DEPLOY, "env.yaml": made.ENV}.get(kind)
+    content = parse_yaml(text, keeps_tagged=True) if text else json.loads(metadata["microduck"])
+    file, refused = tmp_path / "config.yaml", 0
+    size = made.DEPLOY_SIZE if kind == "deploy.yaml" else sum(made.SIZES)
+    for place in places_in(content):
+        for value in ODD:
+            changed = json.dumps(with_value(content, place, value))  # which YAML reads, too
+            file.write_text(changed)
+            shape = NetworkShape(metadata={"microduck": changed}, observation=size, action=2)
+            try:
+                given = Given(joints=made.MOTORS)
+                describe_policy(shape, None, [file] if text else [], given).describe()
+            except ForeignPolicyError:
+                refused += 1
+    assert refused > 200
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "[1,2]", "-3"])
+def test_a_history_that_is_no_number_of_steps_is_refused(tmp_path: Path, text: str):
+    metadata = made.mjlab_metadata(observation_terms_history_length=f"{text},1,1,1,1")
+    with pytest.raises(ForeignPolicyError, match="expected 0 to 200 steps"):
+        read(tmp_path, metadata)
+
+
+def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
+    new = "joint_names: [left_.*, .*]\n    preserve_order: true\n    clip: {left_.*: [-0.4, 0.1]}"
+    env = made.ENV.replace("joint_names: [.*]\n", f"{new}\n")
+    policy = read(tmp_path, config={"env.yaml": env}, joints=made.JOINTS)
+    assert policy.joints == made.JOINTS and policy.moved == made.JOINTS[::-1]
+    np.testing.assert_array_equal(policy.scale, [0.5, 0.3])
+    np.testing.assert_array_equal(policy.offset, [-0.2, 0.1])
+    np.testing.assert_array_equal(policy.lower, [-0.4, -np.inf])
+    np.testing.assert_array_equal(policy.upper, [0.1, np.inf])

@@ -137,7 +137,8 @@ def _find_config(files: Sequence[Path]) -> Table:
         tree = load_config(file, "Python", _parse)
         classes |= {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
     inherited = {base for node in classes.values() for base in _list_bases(node)}
-    tables = {name: _read_class(node, classes, 0) for name, node in classes.items()}
+    known: dict[int, Table] = {}
+    tables = {name: _read_class(node, classes, known) for name, node in classes.items()}
     found = [
         name
         for name, table in tables.items()
@@ -169,22 +170,33 @@ def _list_bases(node: ast.ClassDef) -> list[str]:
     return [ast.unparse(base).split(".")[-1] for base in node.bases]
 
 
-def _read_class(node: ast.ClassDef, classes: dict[str, ast.ClassDef], depth: int) -> Table:
-    """Read the values of a class and of those that it inherits from, and the classes within."""
+def _read_class(
+    node: ast.ClassDef,
+    classes: dict[str, ast.ClassDef],
+    known: dict[int, Table],
+    depth: int = 0,
+) -> Table:
+    """Read the values of a class and of those that it inherits from, and the classes within.
+
+    Each class is read once: ``known`` has those that were.
+    """
+    if id(node) in known:
+        return known[id(node)]
     if depth > MOST_DEPTH:
         raise ForeignPolicyError(f"class {node.name} is nested too deep")
     table: Table = {}
     for base in _list_bases(node):
         if base in classes and classes[base] is not node:
-            table |= _read_class(classes[base], classes, depth + 1)
+            table |= _read_class(classes[base], classes, known, depth + 1)
     for each in node.body:
         if isinstance(each, ast.ClassDef):
-            inner = _read_class(each, {}, depth + 1)
+            inner = _read_class(each, {}, known, depth + 1)
             earlier = table.get(each.name)
             keeps = isinstance(earlier, dict) and bool(each.bases)
             table[each.name] = _merge(earlier, inner) if keeps else inner
         elif isinstance(each, ast.Assign) and isinstance(each.targets[0], ast.Name):
             table[each.targets[0].id] = _evaluate(each.value)
+    known[id(node)] = table
     return table
 
 

@@ -23,6 +23,7 @@ from robots.storage.files import describe
 from robots.storage.validation import parse_file
 
 FEWEST_ROWS = 8  # of which each check still tells one fault from another
+LARGEST = 1e12  # of any number: a time may be seconds since 1970
 NORM_SLACK = 0.01  # of an orientation's length
 TEXT_KEYS = ("robot", "joints")
 NUMBER_KEYS = {
@@ -153,6 +154,8 @@ def _check(arrays: Mapping[str, Any]) -> GoldenTrace:
         if key in arrays:
             expected = tuple(sizes.get(size) if isinstance(size, str) else size for size in shape)
             numbers[key] = to_numbers(arrays[key], key, (rows, *expected))
+            if np.abs(numbers[key]).max(initial=0.0) > LARGEST:
+                raise ArchiveError(f"{key} has numbers beyond {LARGEST:g}")
     if np.any(np.diff(numbers["time"]) <= 0.0):
         raise ArchiveError("time does not increase")
     for key in ("orientation", "true_orientation"):

@@ -295,3 +295,9 @@ def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
     np.testing.assert_array_equal(policy.offset, [-0.2, 0.1])
     np.testing.assert_array_equal(policy.lower, [-0.4, -np.inf])
     np.testing.assert_array_equal(policy.upper, [0.1, np.inf])
+
+
+def test_classes_that_inherit_many_times_are_read_once(tmp_path: Path):
+    bases = [f"class C{k + 1}({', '.join([f'C{k}'] * 6)}): x = 1" for k in range(18)]
+    text = "\n".join(["class C0: x = 1", *bases, made.LEGGED.replace("import os", "class C: pass")])
+    assert read_legged(tmp_path, text.replace("os.remove(__file__)", "")).joints == made.JOINTS

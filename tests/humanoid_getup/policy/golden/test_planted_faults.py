@@ -254,3 +254,9 @@ def test_what_a_trace_does_not_hold_is_not_compared(policy: OnnxPolicy, trace: G
 def test_a_trace_that_does_not_fit_is_refused(policy, trace: GoldenTrace, change, message: str):
     with pytest.raises(ArchiveError, match=message):
         check_policy(policy, replace(trace, **change(trace)))
+
+
+def test_a_trace_of_numbers_beyond_all_units_is_refused(trace: GoldenTrace, tmp_path: Path):
+    replace(trace, torque=1e200 * trace.action).save(tmp_path / "trace.npz")
+    with pytest.raises(ArchiveError, match=r"torque has numbers beyond 1e\+12"):
+        GoldenTrace.load(tmp_path / "trace.npz")

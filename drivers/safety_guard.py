@@ -67,10 +67,16 @@ class SafetyGuard(Backend):
     """
 
     def __init__(self, backend: Backend, limits: GuardLimits | None = None) -> None:
+        """Prepare to guard a backend; no limits for those of its robot.
+
+        Raises:
+            ValueError: if a range of the limits is not within that of its joint.
+        """
         expect("backend", backend, Backend, "a backend, e.g. Twin(world)")
         self.backend = backend
         self.robot, self.period = backend.robot, backend.period
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
+        self.limits.check_range(self.robot)
         self._reach = self.limits.max_velocity * self.period
         self._is_limp = self.robot.strength == 0.0
         # Half a period less: ages are sums of periods, beyond rounding.
@@ -157,7 +163,7 @@ class SafetyGuard(Backend):
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
-        self._judged_time = state.time
+        self._judged_time = max(self._judged_time, state.time)
         names, limits = self.robot.joint_names, self.limits
         if not state.is_valid:
             return Fault(FaultKind.BAD_MEASUREMENT, _name_bad_joints(state, names), state.time)

@@ -63,6 +63,20 @@ class GuardLimits:
             if not np.all(np.isfinite(values) & (values >= 0.0)):
                 raise ValueError(f"guard limits: {name} is {values}, expected 0 or more")
 
+    def check_range(self, robot: Robot) -> None:
+        """Check that the range of each target lies within that of its joint.
+
+        Raises:
+            ValueError: naming every joint of which it does not.
+        """
+        outside = ~((self.lower >= robot.lower) & (self.upper <= robot.upper))
+        if problems := [
+            f"joint '{robot.joint_names[i]}': {self.lower[i]:+.3f} to {self.upper[i]:+.3f} rad, "
+            f"expected a range within {robot.lower[i]:+.3f} to {robot.upper[i]:+.3f} rad"
+            for i in np.flatnonzero(outside)
+        ]:
+            raise ValueError(f"guard limits: {'; '.join(problems)}")
+
     @staticmethod
     def of(robot: Robot, torque_limit: float | None = None) -> GuardLimits:
         """Build the limits of a robot's joints and servos.

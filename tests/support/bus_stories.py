@@ -58,6 +58,11 @@ class Served:
         """Let a servo report a temperature [°C]."""
         self._ports.main.faults.heat(servo_id, temperature)
 
+    def pass_time(self, seconds: float) -> None:
+        """Let time pass without a byte on the bus [s]."""
+        physics = self.virtual.physics
+        self._ports.main.call(lambda: physics.advance(physics.time + seconds))
+
     def add(self, device) -> None:
         """Hang one more device on the bus."""
         self._ports.main.call(lambda: self._chain.devices.append(device))

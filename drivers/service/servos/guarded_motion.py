@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.bus import ANSWER_MARGIN
+from drivers.dynamixel.clock import Clock
 from drivers.errors import SetupError
 from drivers.safety_guard import SafetyGuard
 from drivers.safety_limits import GuardLimits
@@ -40,13 +41,22 @@ class MovedServos:
         Raises:
             SetupError: if the robot's bus or IMU is not described as its ports need.
         """
+        return SafetyGuard(self.make_backend(), GuardLimits.of(self.robot))
+
+    def make_backend(self, clock: Clock | None = None) -> DynamixelBackend:
+        """Make the backend of the servos, for a guard; no clock for wall time.
+
+        Raises:
+            SetupError: if the robot's bus or IMU is not described as its ports need.
+        """
         without_imu = self.robot.imu_kind is None
         options = None
-        if isinstance(self.robot, ServoBench):  # on any adapter, beside any other work
+        if clock is None and isinstance(self.robot, ServoBench):  # beside any other work
             margin = max(ANSWER_MARGIN, MARGIN_SHARE * self.robot.control_period)
             options = DriverOptions(answer_margin=margin)
-        backend = DynamixelBackend(self.robot, self.ports, without_imu=without_imu, options=options)
-        return SafetyGuard(backend, GuardLimits.of(self.robot))
+        return DynamixelBackend(
+            self.robot, self.ports, clock=clock, without_imu=without_imu, options=options
+        )
 
 
 def choose_servos(

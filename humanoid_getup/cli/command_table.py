@@ -253,6 +253,11 @@ COMMANDS = {
         "options.servo.WiggleServos",
         "servo.motion.wiggle",
     ),
+    "servo validate": TableEntry(
+        "Validate servos by named checks.",
+        "options.servo.ValidateServos",
+        "servo.validate.validate",
+    ),
     "servo jog": TableEntry("Move servos by keys.", "options.servo.JogServos", "servo.motion.jog"),
     "servo monitor": TableEntry(
         "Show what servos measure, and their ranges.",

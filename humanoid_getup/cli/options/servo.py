@@ -12,7 +12,7 @@ from humanoid_getup.cli.options.hardware import ServiceOptions
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
-from humanoid_getup.jobs.requests.values import Range, between
+from humanoid_getup.jobs.requests.values import Items, Range, between
 
 ID = Range(0, 252)
 NO_PORT = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
@@ -188,6 +188,37 @@ class WiggleServos(MovedOptions):
 
     swing: Annotated[float, between(0.5, 30.0, "°"), arg(metavar="°")] = 5.0
     """Angle to each side [°]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidateServos(MovedOptions):
+    """Validate one servo after the other: range, ramp, load, speed, torque, watchdog, replies.
+
+    Each servo swings slowly, jumps once and holds, guarded, about 15 s; all others are limp
+    meanwhile; a key stops it. Torque is off afterwards.
+    """
+
+    swing: Annotated[float, between(5.0, 45.0, "°"), arg(metavar="°")] = 20.0
+    """Angle to each side [°]."""
+    speed: Annotated[float, between(10.0, 180.0, "°/s"), arg(metavar="°/S")] = 60.0
+    """Highest speed of its targets, which is validated [°/s]."""
+    servos: Annotated[
+        tuple[str, ...], Items(twice=True), arg(metavar="MODEL:ID,ID,MODEL:ID,...")
+    ] = ()
+    """Virtual servos to validate instead of those on a port, as of getup bus."""
+    load: Annotated[str | None, arg(metavar="KG:M")] = None
+    """Mass that hangs from each virtual servo, and its distance; default: none."""
+
+    def find_problems(self) -> list[str]:
+        """Report what is for a port or for virtual servos alone as well."""
+        problems = super().find_problems()
+        if self.servos:
+            problems = [problem for problem in problems if problem != NO_PORT]
+            if self.port or self.robot:
+                problems.append("--servos are virtual, expected without --port and --robot")
+        elif self.load is not None:
+            problems.append("--load needs --servos: it hangs from virtual servos")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,7 +61,10 @@ def serve_bus(command: ServeBus) -> int:
 
 def _load_robot(command: ServeBus) -> Robot:
     """Load the robot, or build the bench of servos, with the baud rate of the command."""
-    robot = _build_bench(command) if command.servos else load_robot(command, takes_bench=True)
+    if command.servos:
+        robot: Robot = build_bench(command.servos, command.load)
+    else:
+        robot = load_robot(command, takes_bench=True)
     if command.baud is None or robot.bus is None:
         return robot
     with refusing():
@@ -81,16 +84,16 @@ def _find_start(world: World | ServoBench, origin: str, rng: np.random.Generator
     )
 
 
-def _build_bench(command: ServeBus) -> ServoBench:
-    """Build the bench whose servos a command lists.
+def build_bench(words: Sequence[str], load: str | None) -> ServoBench:
+    """Build the bench whose servos and load a command gives.
 
     Raises:
         BadInputError: if a model or an id is unknown, an id is given twice, or the load is none.
     """
     with refusing():
-        servos = list_bench_servos(command.servos)
-        load = BARE if command.load is None else parse_load(command.load)
-        return make_bench(servos, baud=FACTORY_BAUD, loads=[load] * len(servos))
+        servos = list_bench_servos(words)
+        hanging = BARE if load is None else parse_load(load)
+        return make_bench(servos, baud=FACTORY_BAUD, loads=[hanging] * len(servos))
 
 
 def list_bench_servos(words: Sequence[str]) -> list[Joint]:

@@ -147,6 +147,10 @@ def _find_problem(value: Any, hint: Any) -> str | None:
     is_number = not isinstance(value, bool) and isinstance(value, int | float)
     if is_number and limits and value not in limits:
         return f"is {limits.format(value)}, expected {limits}"
+    if limits and isinstance(value, tuple):
+        numbers = (item for item in value if isinstance(item, int | float))
+        if outside := [item for item in numbers if item not in limits]:
+            return f"has {limits.format(outside[0])}, expected {limits}"
     is_nan = isinstance(value, float) and math.isnan(value)
     if not is_nan and any(_fits(value, kind) for kind in kinds):
         return None

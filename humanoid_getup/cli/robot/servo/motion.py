@@ -62,7 +62,7 @@ class MovedJoint:
 def move(command: MoveServo) -> int:
     """Move a servo; 0 if it arrives."""
     console = console_for(command)
-    servos = _open(command, console)
+    servos = open_servos(command, console)
     if servos is None:
         return DID_NOT_STAND
     if len(servos.chosen) != 1:
@@ -99,7 +99,7 @@ def move(command: MoveServo) -> int:
 def wiggle(command: WiggleServos) -> int:
     """Swing one servo after the other; 0 if all follow."""
     console = console_for(command)
-    servos = _open(command, console)
+    servos = open_servos(command, console)
     if servos is None:
         return DID_NOT_STAND
     robot, swing = servos.robot, math.radians(command.swing)
@@ -133,7 +133,7 @@ def wiggle(command: WiggleServos) -> int:
 def jog(command: JogServos) -> int:
     """Move servos by keys until q is pressed."""
     console = console_for(command)
-    servos = _open(command, console)
+    servos = open_servos(command, console)
     if servos is None:
         return DID_NOT_STAND
     robot, step = servos.robot, math.radians(command.by)
@@ -197,7 +197,7 @@ class JogKeys(TerminalKeys):
 # Helpers --------------------------------------------------------------------------------------
 
 
-def _open(command: MovedOptions, console: Console) -> MovedServos | None:
+def open_servos(command: MovedOptions, console: Console) -> MovedServos | None:
     """Find the servos of a command; None if the person does not agree to what is written."""
     if command.robot:
         robot = load_robot(command.robot)

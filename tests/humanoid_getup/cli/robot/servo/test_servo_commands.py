@@ -18,6 +18,7 @@ from waiting import LONGEST_WAIT
 
 from drivers.dynamixel import bus as bus_module
 from drivers.service.servos import port_finder
+from drivers.service.servos.validation import Check
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
@@ -230,6 +231,28 @@ def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
         assert 3.0 < up < 9.0
         assert -9.0 < down < -3.0
         assert joint["moved"]
+
+
+@pytest.mark.realtime
+def test_a_servo_on_a_port_is_validated_by_name_and_limp_afterwards(moving, capsys):
+    where = ("--port", moving.paths["main"], "--id", "3", "--yes")
+    fast = ("--swing", "5", "--speed", "180")
+    code, found = run_json("servo", "validate", *where, *fast, capsys=capsys)
+    checks = found["servo_3"]
+    assert list(checks) == [check.name.lower() for check in Check]
+    failed = [name for name, check in checks.items() if not check["passed"]]
+    assert code == int(failed != [])
+    assert set(failed) <= {"reply_time"}, "a busy computer may be late, a servo not"
+    code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
+    assert torque["torque_enable"]["value"] == 0
+
+
+def test_a_virtual_servo_that_cannot_hold_its_load_fails_by_name(capsys):
+    line = ("servo", "validate", "--servos", "XL430-W250:1", "--load", "2:0.2")
+    assert main((*line, "--swing", "5", "--speed", "180", "--torque-limit", "0.2")) == 1
+    shown = capsys.readouterr().out
+    assert "failed: joint 'servo_1':" in shown
+    assert "holds against its load" in shown[shown.index("failed:") :]
 
 
 @pytest.mark.realtime

@@ -15,7 +15,7 @@ from drivers.state import Command, State
 from robots import Robot
 from robots.quaternion import Array
 
-RAMP_SHARE = 0.5  # of the speed, for the slow ramp
+SLOW = math.radians(30.0)  # rad/s at most, of the slow ramp: lag grows with speed
 SETTLE_TIME, HOLD_TIME, JUMP_MARGIN = 0.4, 1.0, 0.5  # s
 TURN = 2.0 * math.pi
 
@@ -60,7 +60,7 @@ def plan_moves(span: Span, start: float, speed: float, period: float) -> tuple[M
     """Plan all moves of a servo from an angle [rad], at most at a speed [rad/s]."""
     lower, upper = span.ends
     corners = pairwise((start, upper, lower, upper))
-    ramp = [_ramp(a, b, RAMP_SHARE * speed * period) for a, b in corners]
+    ramp = [_ramp(a, b, min(0.5 * speed, SLOW) * period) for a, b in corners]
     jump_time = 2.0 * span.swing / speed + JUMP_MARGIN
     return (
         Move(Check.FOLLOWS, np.concatenate([*ramp, np.full(_count(SETTLE_TIME, period), upper)])),

@@ -236,7 +236,7 @@ def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
 @pytest.mark.realtime
 def test_a_servo_on_a_port_is_validated_by_name_and_limp_afterwards(moving, capsys):
     where = ("--port", moving.paths["main"], "--id", "3", "--yes")
-    fast = ("--swing", "5", "--speed", "180")
+    fast = ("--swing", "10", "--speed", "120")
     code, found = run_json("servo", "validate", *where, *fast, capsys=capsys)
     checks = found["servo_3"]
     assert list(checks) == [check.name.lower() for check in Check]
@@ -249,7 +249,7 @@ def test_a_servo_on_a_port_is_validated_by_name_and_limp_afterwards(moving, caps
 
 def test_a_virtual_servo_that_cannot_hold_its_load_fails_by_name(capsys):
     line = ("servo", "validate", "--servos", "XL430-W250:1", "--load", "2:0.2")
-    assert main((*line, "--swing", "5", "--speed", "180", "--torque-limit", "0.2")) == 1
+    assert main((*line, "--swing", "10", "--speed", "120", "--torque-limit", "0.2")) == 1
     shown = capsys.readouterr().out
     assert "failed: joint 'servo_1':" in shown
     assert "holds against its load" in shown[shown.index("failed:") :]

@@ -22,6 +22,13 @@ HARMLESS = ("led", "torque_enable")
 MOTION = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
 """Registers that move a servo, which only the guard may."""
 
+ADDRESS = {
+    "id": "after it the servo replies elsewhere: getup servo id does that",
+    "baud_rate": "after it the servo replies elsewhere: getup servo baud does that",
+    "protocol_type": "after it the servo would not reply: Protocol 2.0 alone is spoken here",
+}
+"""Registers that change how a servo is reached, and why they are not written as others are."""
+
 
 class ServoError(DriverError):
     """A servo does not do what it was sent."""
@@ -97,6 +104,8 @@ class LooseServo:
             raise SetupError(
                 f"{self.name}: {register} is {value}, expected {_describe(self, item)}"
             )
+        if register in ADDRESS:
+            raise SetupError(f"{self.name}: {register} is not written, {ADDRESS[register]}")
         moves = register in MOTION or register.startswith("indirect_")
         if moves or (register == "torque_enable" and value):
             raise SetupError(

@@ -249,10 +249,11 @@ def _clip(wanted: Array, lower: Array, upper: Array, reference: Array) -> Array:
 def _name_lost(state: State, lost: Integers, names: tuple[str, ...]) -> str:
     """Name silent joints; for a whole robot that is silent, what that may come from."""
     ages = state.joint_age[lost]
-    if 1 < len(lost) == len(names):
+    if len(lost) == len(names):
+        who = f"all {len(names)} servos" if len(names) > 1 else f"joint '{''.join(names)}'"
         return (
-            f"all {len(names)} servos since {ages.min():.2f} s: no power, the adapter or its cable "
-            "is loose, or this computer has too little time"
+            f"{who} since {ages.min():.2f} s: no power, the adapter or its cable is loose, or this "
+            "computer has too little time"
         )
     rows = zip(lost, ages, strict=True)
     return ", ".join(f"joint '{names[i]}' since {age:.2f} s" for i, age in rows)

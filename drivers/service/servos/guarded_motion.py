@@ -51,7 +51,8 @@ class MovedServos:
         """
         without_imu = self.robot.imu_kind is None
         options = None
-        if clock is None and isinstance(self.robot, ServoBench):  # beside any other work
+        is_real = clock is None or clock.is_real
+        if is_real and isinstance(self.robot, ServoBench):  # beside any other work
             margin = max(ANSWER_MARGIN, MARGIN_SHARE * self.robot.control_period)
             options = DriverOptions(answer_margin=margin)
         return DynamixelBackend(

@@ -268,9 +268,9 @@ def test_in_a_terminal_keys_move_a_servo_until_q_ends_it(moving):
         try:
             read_until(master, r"servo_1 +1 .*limp")
             os.write(master, b"\x1b[C")
-            read_until(master, r"servo_1 +1 +\+([5-9]|1\d)\.\d +\+10\.0")
+            read_until(master, r"servo_1 +1 +\+([5-9]|1\d)\.\d +\+(9|10)\.\d")
             os.write(master, b"n\x1b[D")  # two keys that arrive together
-            read_until(master, r"servo_3 +3 +-([5-9]|1\d)\.\d +-10\.0")
+            read_until(master, r"servo_3 +3 +-([5-9]|1\d)\.\d +-(9|10)\.\d")
             os.write(master, b"q")
             read_until(master, None)
             assert jogging.wait(LONGEST_WAIT) == 0
@@ -284,10 +284,10 @@ def read_until(terminal: int, pattern: str | None) -> None:
     shown = ""
     end = time.monotonic() + LONGEST_WAIT
     while pattern is None or not re.search(pattern, ESCAPES.sub("", shown)):
-        assert time.monotonic() < end, shown
+        assert time.monotonic() < end, shown[-500:]
         try:
             if select.select([terminal], [], [], 1.0)[0]:
                 shown += os.read(terminal, 65536).decode(errors="replace")
         except OSError:  # of a terminal that no program has
-            assert pattern is None, shown
+            assert pattern is None, shown[-500:]
             return

@@ -11,11 +11,13 @@ import mujoco
 import numpy as np
 
 from robots.bus_settings import MAIN_PORT, WATCHDOG, BusSettings
-from robots.imu import ImuSettings
 from robots.posture import Posture
 from robots.robot import Joint, Robot
-from robots.servo import RAD_PER_TICK, LimitMode, Servo, ServoModel
+from robots.servo import RAD_PER_TICK, Servo, ServoModel
 
+FOLDER = Path("bench")
+"""Folder of a bench that is in none."""
+IMU_SITE = "imu"
 MIDDLE = 2048  # ticks at angle 0
 LOWEST, HIGHEST = -math.pi, math.pi - RAD_PER_TICK  # rad, the ends of the turn about the middle
 
@@ -72,7 +74,7 @@ def build_bench_model(joints: Sequence[Joint], loads: Sequence[Load]) -> mujoco.
         pos=[0.0, 0.0, 0.5 * PLATE_HEIGHT],
         mass=PLATE_MASS,
     )
-    for name, height in (("top", HORN_HEIGHT), ("imu", PLATE_HEIGHT), ("underside", 0.0)):
+    for name, height in (("top", HORN_HEIGHT), (IMU_SITE, PLATE_HEIGHT), ("underside", 0.0)):
         plate.add_site(name=name, pos=[0.0, 0.0, height])
     for i, (joint, load) in enumerate(zip(joints, loads, strict=True)):
         place = [0.0, half_width - SPACING * (i + 1), PLATE_HEIGHT + HORN_HEIGHT]
@@ -95,45 +97,31 @@ def make_bench(
     *,
     baud: int,
     loads: Sequence[Load] | None = None,
-    name: str = "bench",
-    folder: Path = Path("bench"),
     control_period: float | None = None,
-    supply_voltage: float | None = None,
-    bus: BusSettings | None = None,
-    imu: ImuSettings | None = None,
-    limit_by: LimitMode | None = None,
 ) -> ServoBench:
-    """Make a bench of servos.
+    """Make a bench of servos on one port, at the nominal supply of the first.
 
     Args:
         servos: The servos as joints, with their ranges; see `make_bench_joint`.
         baud: Baud rate [bit/s].
         loads: Load of each servo; None for bare horns.
-        name: Name of the bench.
-        folder: Folder in which its calibration is.
         control_period: [s]; None for one that suits the baud rate.
-        supply_voltage: [V]; None for the nominal one of the first servo.
-        bus: Its ports and watchdog; None for one port.
-        imu: An IMU on a line of its own; None for none.
-        limit_by: What torque limits act on; None for the current, where all servos sense it.
     """
     period = choose_period(len(servos), baud) if control_period is None else control_period
-    if bus is None:
-        ports = {MAIN_PORT: tuple(joint.name for joint in servos)}
-        bus = BusSettings(baud=baud, watchdog=max(WATCHDOG, WATCHDOG_CYCLES * period), ports=ports)
+    ports = {MAIN_PORT: tuple(joint.name for joint in servos)}
+    watchdog = max(WATCHDOG, WATCHDOG_CYCLES * period)
     senses_current = all(joint.servo.model.has_current_mode for joint in servos)
-    nominal = servos[0].servo.model.nominal_voltage
     return ServoBench(
-        name=name,
-        folder=folder,
+        name="bench",
+        folder=FOLDER,
         joints=tuple(servos),
         loads=tuple(loads or (BARE for _ in servos)),
         torso="plate",
         neck_site="top",
-        imu_site=None if imu is None else "imu",
+        imu_site=None,
         sole_sites=("underside",),
         control_period=period,
-        supply_voltage=nominal if supply_voltage is None else supply_voltage,
+        supply_voltage=servos[0].servo.model.nominal_voltage,
         standing=Posture(
             position=np.zeros(3),
             orientation=np.array([1.0, 0.0, 0.0, 0.0]),
@@ -142,10 +130,9 @@ def make_bench(
         standing_neck_height=HORN_HEIGHT,
         mirror_index=np.arange(len(servos)),
         mirror_sign=np.ones(len(servos)),
-        model_file=folder / "none",
-        bus=bus,
-        imu=imu,
-        limit_by=limit_by or ("current" if senses_current else "pwm"),
+        model_file=FOLDER / "none",  # its model is built
+        bus=BusSettings(baud=baud, watchdog=watchdog, ports=ports),
+        limit_by="current" if senses_current else "pwm",
     )
 
 

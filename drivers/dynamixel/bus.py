@@ -15,6 +15,7 @@ from drivers.dynamixel.protocol2 import (
     Damaged,
     FrameParser,
     Instruction,
+    Reset,
     Span,
     Status,
     is_confirmed,
@@ -198,6 +199,11 @@ class DynamixelBus:
     def clear_turns(self, device: int, tries: int = 1) -> Status | None:
         """Bring a position back into one turn; ``None`` if the device does not confirm."""
         return self.request(Request(protocol2.clear_turns(device), {device: 0}), tries).get(device)
+
+    def factory_reset(self, device: int, kept: Reset) -> Status | None:
+        """Set a device's EEPROM to its defaults; ``None`` if it does not confirm."""
+        frame = protocol2.factory_reset(device, kept)
+        return self.request(Request(frame, {device: 0})).get(device)
 
     # All devices ------------------------------------------------------------------------------
 

@@ -222,7 +222,7 @@ COMMANDS = {
     "servo setup": TableEntry(
         "Give the servos of a robot their ids, one at a time.",
         "options.servo.SetUpServos",
-        "servo.address.set_up",
+        "servo.setup.set_up",
     ),
     "servo id": TableEntry(
         "Give a servo another id.", "options.servo.ChangeId", "servo.address.change_servo_id"
@@ -258,7 +258,7 @@ COMMANDS = {
         "options.servo.ValidateServos",
         "servo.validate.validate",
     ),
-    "servo jog": TableEntry("Move servos by keys.", "options.servo.JogServos", "servo.motion.jog"),
+    "servo jog": TableEntry("Move servos by keys.", "options.servo.JogServos", "servo.jog.jog"),
     "servo monitor": TableEntry(
         "Show what servos measure, and their ranges.",
         "options.servo.MonitorServos",

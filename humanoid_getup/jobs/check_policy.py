@@ -13,7 +13,7 @@ from humanoid_getup.jobs.inputs import find_start, load_robot
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.policies import CheckPolicyRequest
 from humanoid_getup.policy.golden.checks import check_policy as compare
-from humanoid_getup.policy.golden.finding import Finding
+from humanoid_getup.policy.golden.comparison import Comparison
 from humanoid_getup.policy.golden.recording import record_trace
 from humanoid_getup.policy.golden.trace import FEWEST_ROWS, GoldenTrace
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -32,7 +32,7 @@ class PolicyCheck(msgspec.Struct, frozen=True, kw_only=True):
     """Whether no boundary differs; None for a recorded trace."""
     steps: int
     """Policy steps of the trace."""
-    findings: tuple[Finding, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
     recorded: str = ""
     """File of a recorded trace."""
 
@@ -57,13 +57,13 @@ def check_policy(
     monitor.begin("comparing")
     try:
         trace = GoldenTrace.load(request.trace)
-        findings = tuple(compare(policy, trace))
+        comparisons = tuple(compare(policy, trace))
     except (ValueError, OSError) as error:
         raise BadInputError(f"trace {request.trace}: {describe(error)}") from error
     return PolicyCheck(
-        agrees=all(finding.agrees is not False for finding in findings),
+        agrees=all(compared.agrees is not False for compared in comparisons),
         steps=len(trace),
-        findings=findings,
+        comparisons=comparisons,
     )
 
 

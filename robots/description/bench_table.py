@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from robots.bench import HIGHEST, LOWEST, MIDDLE, Load, ServoBench, make_bench
+from robots.bench import HIGHEST, IMU_SITE, LOWEST, MIDDLE, Load, ServoBench, make_bench
 from robots.bus_settings import BusSettings
 from robots.description.schema import (
     MAX_CONTROL_PERIOD,
@@ -96,15 +96,18 @@ def load_bench(
         [_make_joint(row, servos[row.servo]) for row in rows],
         baud=bus.baud,
         loads=[Load(mass=row.load_mass, arm=row.load_arm) for row in rows],
+        control_period=table.control_period,
+    )
+    return replace(
+        bench,
         name=table.name,
         folder=folder,
-        control_period=table.control_period,
-        supply_voltage=table.supply_voltage,
         bus=bus,
         imu=table.imu,
-        limit_by=table.limit_by,
-    )
-    return bench, []
+        imu_site=None if table.imu is None else IMU_SITE,
+        supply_voltage=table.supply_voltage or bench.supply_voltage,
+        limit_by=table.limit_by or bench.limit_by,
+    ), []
 
 
 def _make_joint(row: BenchRow, model: ServoModel) -> Joint:

@@ -10,7 +10,7 @@ import pytest
 from bus_stories import run_json, serving
 
 from drivers import Command, Twin
-from humanoid_getup.cli.robot.bus import list_bench_servos, parse_load
+from humanoid_getup.cli.robot.bench_words import list_bench_servos, parse_load
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot as load_for_command
 from humanoid_getup.jobs.requests.shared import RobotOption

@@ -60,12 +60,8 @@ def find_bench(path: str, ids: Sequence[int] = (), baud: int | None = None) -> F
         servos = find_all(bus, ids, COMMON_RATES if baud is None else (baud,))
         found = [_examine(servo) for servo in servos]
         period = choose_period(len(found), bus.port.baud, read_latency(path))
-        bench = make_bench(
-            [facts.joint for facts in found],
-            baud=bus.port.baud,
-            name=path,
-            control_period=period,
-        )
+        joints = [facts.joint for facts in found]
+        bench = make_bench(joints, baud=bus.port.baud, control_period=period)
     changes = {f.joint.name: list_eeprom_settings(f, bench.limit_by) for f in found}
     return FoundBench(bench, changes)
 

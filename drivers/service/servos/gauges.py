@@ -46,6 +46,14 @@ class Gauge:
             return None
         return self.servo.table[register].to_si(self.values[register])
 
+    def note(self, values: dict[str, int]) -> None:
+        """Note what was read, in counts."""
+        position = values["present_position"]
+        self.values, self.missed = values, 0
+        self.positions.append(position)
+        self.lowest = position if self.lowest is None else min(self.lowest, position)
+        self.highest = position if self.highest is None else max(self.highest, position)
+
     @property
     def angle(self) -> float | None:
         """Return its angle from the middle of its turn [rad]; None before the first reply."""
@@ -74,12 +82,4 @@ class Gauges:
             if values is None:
                 gauge.missed += 1
                 continue
-            position = values["present_position"]
-            gauge.values, gauge.missed = values, 0
-            gauge.positions.append(position)
-            gauge.lowest = min(
-                position, gauge.positions[0] if gauge.lowest is None else gauge.lowest
-            )
-            gauge.highest = max(
-                position, gauge.positions[0] if gauge.highest is None else gauge.highest
-            )
+            gauge.note(values)

@@ -16,6 +16,7 @@ from drivers.safety_limits import GuardLimits
 from robots import Robot
 from robots.bench import ServoBench
 from robots.quaternion import Array
+from robots.storage.validation import name_unknown_joints
 from robots.torque_limit import TorqueLimit
 
 MARGIN_SHARE = 0.25  # of a bench's period, for which a reply may be late
@@ -71,10 +72,7 @@ def choose_servos(
     Raises:
         SetupError: if it has no such joint, or the limit is more than its servos have.
     """
-    if unknown := [name for name in names if name not in robot.joint_names]:
-        listed = ", ".join(f"'{name}'" for name in unknown)
-        raise SetupError(f"unknown joint {listed}, expected {', '.join(robot.joint_names)}")
-    chosen = tuple(i for i, name in enumerate(robot.joint_names) if not names or name in names)
+    chosen = find_joints(robot, names)
     if torque_limit is None:
         return MovedServos(robot, ports, chosen, SHARE_OF_STALL * robot.max_torque)
     try:
@@ -82,6 +80,18 @@ def choose_servos(
     except ValueError as error:
         raise SetupError(str(error)) from error
     return MovedServos(robot, ports, chosen, np.minimum(robot.max_torque, torque_limit))
+
+
+def find_joints(robot: Robot, names: Sequence[str]) -> tuple[int, ...]:
+    """Find joints by name, all without any; return their numbers, in the robot's order.
+
+    Raises:
+        SetupError: if the robot has no such joint.
+    """
+    unknown = [name for name in names if name not in robot.joint_names]
+    if problems := name_unknown_joints(unknown, robot.joint_names):
+        raise SetupError("; ".join(problems))
+    return tuple(i for i, name in enumerate(robot.joint_names) if not names or name in names)
 
 
 def check_target(robot: Robot, joint: int, angle: float) -> None:

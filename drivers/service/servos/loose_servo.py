@@ -12,6 +12,7 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, Item, table_for
 from drivers.dynamixel.diagnostics import GARBLED, read_items
 from drivers.dynamixel.protocol2 import ErrorNumber, Status, read_identity
+from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.startup import BOOT_MARGIN, BOOT_TIME, SETUP_MARGIN
 from drivers.errors import DriverError, SetupError
 from drivers.serial_port import PortError, SerialPort
@@ -147,13 +148,10 @@ class LooseServo:
             ServoError: if it does not.
         """
         until = time.monotonic() + BOOT_TIME
-        self.bus.answer_margin, before = BOOT_MARGIN, self.bus.answer_margin
-        try:
+        with using_margin((self.bus,), BOOT_MARGIN):
             while time.monotonic() < until:
                 if self.bus.ping(servo_id) is not None:
                     return replace(self, id=servo_id)
-        finally:
-            self.bus.answer_margin = before
         raise ServoError(f"{self.name}: silent {BOOT_TIME:g} s after its restart")
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import TRIES
 from drivers.dynamixel.diagnostics import GARBLED, read_items
 from drivers.dynamixel.protocol2 import MAX_ID, Reset, is_confirmed
-from drivers.dynamixel.requests import Request
 from drivers.errors import SetupError
 from drivers.serial_port import PortError
 from drivers.service.scan import TELLTALES
@@ -118,8 +116,7 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
     new_id = FACTORY_ID if kept is Reset.ALL else servo.id
     new_baud = servo.bus.port.baud if kept is Reset.ALL_BUT_ID_AND_BAUD else FACTORY_BAUD
     check_new_id(servo, new_id)
-    frame = protocol2.factory_reset(servo.id, kept)
-    if not is_confirmed(servo.bus.request(Request(frame, {servo.id: 0})).get(servo.id)):
+    if not is_confirmed(servo.bus.factory_reset(servo.id, kept)):
         raise ServoError(f"{servo.name}: the reset is not confirmed")
     servo.bus.port.set_baud(new_baud)
     return servo.await_reply(new_id)

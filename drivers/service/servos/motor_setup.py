@@ -9,6 +9,7 @@ from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.diagnostics import name_of
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
+from drivers.service.servos.guarded_motion import find_joints
 from drivers.service.servos.loose_servo import LooseServo, NoServoError, find_any
 from drivers.service.servos.maintenance import change_baud, change_id
 from robots import Joint, Robot
@@ -35,10 +36,7 @@ def list_joints(robot: Robot, names: Sequence[str] = ()) -> tuple[Joint, ...]:
     Raises:
         SetupError: if the robot has no such joint.
     """
-    if unknown := [name for name in names if name not in robot.joint_names]:
-        listed = ", ".join(f"'{name}'" for name in unknown)
-        raise SetupError(f"unknown joint {listed}, expected {', '.join(robot.joint_names)}")
-    return tuple(j for j in reversed(robot.joints) if not names or j.name in names)
+    return tuple(robot.joints[i] for i in reversed(find_joints(robot, names)))
 
 
 def set_up_servo(bus: DynamixelBus, robot: Robot, joint: Joint) -> SetUpServo:

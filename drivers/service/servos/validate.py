@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,9 +24,8 @@ from drivers.service.servos.validation import Check, Validation
 from drivers.service.servos.validation_moves import (
     MoveLog,
     MovesController,
-    Pause,
-    Span,
-    choose_span,
+    SwingRange,
+    choose_swing_range,
     judge_moves,
     plan_moves,
 )
@@ -53,7 +53,7 @@ class ServoValidator:
         swing: float = SWING,
         speed: float = SPEED,
         clock: Clock | None = None,
-        pause: Pause = time.sleep,
+        pause: Callable[[float], None] = time.sleep,
     ) -> None:
         """Prepare to validate.
 
@@ -62,7 +62,7 @@ class ServoValidator:
             swing: Angle to each side of where a servo is [rad].
             speed: Highest speed of targets [rad/s].
             clock: Clock of the measurements; None for wall time.
-            pause: Lets time pass without a byte on the bus.
+            pause: Waits for some seconds without a byte on the bus.
         """
         self._servos, self._swing, self._speed = servos, swing, speed
         self._clock, self._pause = clock or Clock(), pause
@@ -84,20 +84,22 @@ class ServoValidator:
         """
         with SafetyGuard(self._servos.make_backend(self._clock)) as guard:
             start = float(guard.read().joint_pos[joint])
-        span = choose_span(start, self._swing, self._robot.lower[joint], self._robot.upper[joint])
+        swing_range = choose_swing_range(
+            start, self._swing, self._robot.lower[joint], self._robot.upper[joint]
+        )
         backend = self._servos.make_backend(self._clock)
-        guard = self._guard = SafetyGuard(backend, self._limit(joint, span))
+        guard = self._guard = SafetyGuard(backend, self._limit(joint, swing_range))
         if self._stop_reason is not None:
             guard.stop(self._stop_reason)
         with engaged(guard, realtime=self._clock.is_real):
-            results = self._move(guard, backend, joint, start, span)
+            results = self._move(guard, backend, joint, start, swing_range)
         return results + self._check_after(joint)
 
-    def _limit(self, joint: int, span: Span) -> GuardLimits:
-        """Make the guard's limits: the span of the joint, and the speed."""
+    def _limit(self, joint: int, swing_range: SwingRange) -> GuardLimits:
+        """Make the guard's limits: the swing_range of the joint, and the speed."""
         limits = GuardLimits.of(self._robot)
         lower, upper = limits.lower.copy(), limits.upper.copy()
-        lower[joint], upper[joint] = span.ends
+        lower[joint], upper[joint] = swing_range.ends
         return replace(
             limits,
             lower=lower,
@@ -111,10 +113,10 @@ class ServoValidator:
         backend: DynamixelBackend,
         joint: int,
         start: float,
-        span: Span,
+        swing_range: SwingRange,
     ) -> list[Validation]:
         speed = float(guard.limits.max_velocity[joint])
-        moves = plan_moves(span, start, speed, guard.period)
+        moves = plan_moves(swing_range, start, speed, guard.period)
         log = MoveLog(joint)
         torque = float(self._servos.torque_limit[joint])
         controller = MovesController(self._robot, joint, moves, torque)
@@ -123,7 +125,7 @@ class ServoValidator:
             controller, guard, max_time=most, realtime=self._clock.is_real, on_cycle=log.note
         )
         return [
-            *judge_moves(moves, log, span, speed, report.reason),
+            *judge_moves(moves, log, swing_range, speed, report.reason),
             *self._check_registers(backend, joint, report),
         ]
 
@@ -134,14 +136,14 @@ class ServoValidator:
         device = self._robot.joints[joint]
         bus = next(chain.bus for chain in backend.chains if device in chain.joints)
         limit = float(self._servos.torque_limit[joint])
-        allowed = SILENCE * find_bus(self._robot).watchdog
+        longest = SILENCE * find_bus(self._robot).watchdog
         if report.ending is not Ending.DONE:
             return [
                 _miss(Check.TORQUE_LIMIT, limit, "N·m", report.reason),
-                _miss(Check.WATCHDOG, allowed, "s", report.reason),
+                _miss(Check.WATCHDOG, longest, "s", report.reason),
             ]
         torque = self._read_torque(backend, bus, joint)
-        self._pause(allowed)
+        self._pause(longest)
         state = _read(bus, device, "bus_watchdog")
         stopped = state is not None and state & 0xFF == TRIPPED
         remark = "of silence, and it has stopped" if stopped else "it goes on without a command"
@@ -149,8 +151,8 @@ class ServoValidator:
             torque,
             Validation(
                 check=Check.WATCHDOG,
-                measured=allowed if stopped else None,
-                limit=allowed,
+                measured=longest if stopped else None,
+                limit=longest,
                 unit="s",
                 remark=SILENT if state is None else remark,
             ),

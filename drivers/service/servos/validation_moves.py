@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -11,12 +11,13 @@ import numpy as np
 
 from drivers.control_loop import Cycle
 from drivers.service.servos.validation import Check, Validation
+from drivers.service.servos.waypoints import SETTLE_TIME
 from drivers.state import Command, State
 from robots import Robot
 from robots.quaternion import Array
 
 SLOW = math.radians(30.0)  # rad/s at most, of the slow ramp: lag grows with speed
-SETTLE_TIME, HOLD_TIME, JUMP_MARGIN = 0.4, 1.0, 0.5  # s
+HOLD_TIME, JUMP_MARGIN = 1.0, 0.5  # s
 TURN = 2.0 * math.pi
 
 LAG = math.radians(5.0)  # behind a slow ramp, of a position loop without integral
@@ -36,7 +37,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Span:
+class SwingRange:
     """Angles within which a servo is validated."""
 
     center: float
@@ -50,24 +51,26 @@ class Span:
         return self.center - self.swing, self.center + self.swing
 
 
-def choose_span(start: float, swing: float, lower: float, upper: float) -> Span:
-    """Choose the span around an angle that is within a range, all in rad."""
+def choose_swing_range(start: float, swing: float, lower: float, upper: float) -> SwingRange:
+    """Choose the swing_range around an angle that is within a range, all in rad."""
     swing = min(swing, 0.5 * (upper - lower))
-    return Span(float(np.clip(start, lower + swing, upper - swing)), swing)
+    return SwingRange(float(np.clip(start, lower + swing, upper - swing)), swing)
 
 
-def plan_moves(span: Span, start: float, speed: float, period: float) -> tuple[Move, ...]:
+def plan_moves(
+    swing_range: SwingRange, start: float, speed: float, period: float
+) -> tuple[Move, ...]:
     """Plan all moves of a servo from an angle [rad], at most at a speed [rad/s]."""
-    lower, upper = span.ends
+    lower, upper = swing_range.ends
     corners = pairwise((start, upper, lower, upper))
     ramp = [_ramp(a, b, min(0.5 * speed, SLOW) * period) for a, b in corners]
-    jump_time = 2.0 * span.swing / speed + JUMP_MARGIN
+    jump_time = 2.0 * swing_range.swing / speed + JUMP_MARGIN
     return (
         Move(Check.FOLLOWS, np.concatenate([*ramp, np.full(_count(SETTLE_TIME, period), upper)])),
         Move(Check.HOLDS, np.full(_count(HOLD_TIME, period), upper)),
         Move(Check.VELOCITY_LIMIT, np.full(_count(jump_time, period), lower)),
         Move(Check.WRAPAROUND, np.full(_count(jump_time, period), lower + TURN)),
-        Move(Check.TORQUE_LIMIT, np.full(_count(JUMP_MARGIN, period), span.center)),
+        Move(Check.TORQUE_LIMIT, np.full(_count(JUMP_MARGIN, period), swing_range.center)),
     )
 
 
@@ -99,12 +102,7 @@ class MovesController:
         target = state.joint_pos.copy()
         target[self._joint] = self._targets[self._step]
         self._step += 1
-        return Command(
-            joint_pos=target,
-            gain_scale=np.ones(self._robot.n),
-            torque_limit=self._torque,
-            pwm_limit=np.ones(self._robot.n),
-        )
+        return Command.position(self._robot, target, self._torque)
 
 
 @dataclass
@@ -127,7 +125,7 @@ class MoveLog:
 
 
 def judge_moves(
-    moves: Sequence[Move], log: MoveLog, span: Span, speed: float, reason: str
+    moves: Sequence[Move], log: MoveLog, swing_range: SwingRange, speed: float, reason: str
 ) -> list[Validation]:
     """Judge what was measured during each move; ``reason`` says why a move is missing."""
     wanted, position = np.array(log.wanted), np.array(log.position)
@@ -137,7 +135,10 @@ def judge_moves(
         for move, end in zip(moves, ends.tolist(), strict=True)
         if end <= len(position)
     }
-    error, excess = np.abs(position - wanted), np.abs(position - span.center) - span.swing
+    error, excess = (
+        np.abs(position - wanted),
+        np.abs(position - swing_range.center) - swing_range.swing,
+    )
 
     def judge(check: Check, values: Array, limit: float, unit: str, remark: str) -> Validation:
         if check not in part:
@@ -171,7 +172,3 @@ def _ramp(start: float, end: float, step: float) -> Array:
 
 def _count(duration: float, period: float) -> int:
     return max(1, math.ceil(duration / period))
-
-
-Pause = Callable[[float], None]
-"""Waits for some seconds."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.control_loop import Ending, RunReport, engaged, run_engaged
 from drivers.safety_guard import SafetyGuard
+from drivers.service.servos.guarded_motion import check_target
 from drivers.state import Command, State
 from robots import Robot
 from robots.quaternion import Array
@@ -78,12 +80,7 @@ class WaypointController:
                 passed = 0.0
         share = smooth_step(np.array(passed / self._duration if self._duration else 1.0))
         target = self._start + share * (self._goal - self._start)
-        return Command(
-            joint_pos=target,
-            gain_scale=np.ones(self._robot.n),
-            torque_limit=self._torque,
-            pwm_limit=np.ones(self._robot.n),
-        )
+        return Command.position(self._robot, target, self._torque)
 
     def _begin(self, start: Array, time: float) -> None:
         goal = self._waypoints[len(self.arrivals)]
@@ -117,18 +114,36 @@ class WaypointRun:
 
 
 def move_through(
-    guard: SafetyGuard, controller: WaypointController, *, realtime: bool
+    guard: SafetyGuard, make: Callable[[Array], WaypointController], *, realtime: bool
 ) -> WaypointRun:
     """Connect, move through waypoints, and switch torque off.
+
+    Args:
+        guard: Guard of the servos.
+        make: Makes the controller from the measured angles [rad], (n,); it may refuse.
+        realtime: Keep the deadlines of the wall clock.
 
     Raises:
         DriverError: if the servos cannot be connected to.
     """
     with engaged(guard, realtime=realtime):
         start = guard.read().joint_pos
+        controller = make(start)
         longest = controller.estimate_duration(start) + TIMEOUT_MARGIN
         report = run_engaged(controller, guard, max_time=longest, realtime=realtime)
     return WaypointRun(start, tuple(controller.arrivals), report)
+
+
+def make_move(joint: int, target: float, robot: Robot) -> Array:
+    """Make the waypoint that moves one joint to a target [rad], others limp, (1, n).
+
+    Raises:
+        SetupError: if the target is out of the joint's range.
+    """
+    check_target(robot, joint, target)
+    waypoints = np.full((1, robot.n), np.nan)
+    waypoints[0, joint] = target
+    return waypoints
 
 
 def make_wiggle(joint_pos: Array, joint: int, swing: float, robot: Robot) -> Array:

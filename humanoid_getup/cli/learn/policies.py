@@ -41,8 +41,8 @@ def check_policy(command: CheckPolicyRequest) -> int:
     if found.recorded:
         console.print(f"{found.recorded}: {found.steps} policy steps", markup=False)
         return DID_IT
-    for finding in found.findings:
-        console.print(finding.describe(), markup=False, soft_wrap=True)
+    for compared in found.comparisons:
+        console.print(compared.describe(), markup=False, soft_wrap=True)
     return DID_IT if found.agrees else DID_NOT_STAND
 
 

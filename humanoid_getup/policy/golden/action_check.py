@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.order_search import find_order, name_order
 from humanoid_getup.policy.golden.replayed import ReplayedPolicy
 from robots.quaternion import Array
@@ -12,14 +12,14 @@ from robots.quaternion import Array
 SLACK = 5e-3  # of the largest action, at least of 1
 
 
-def check_action(replayed: ReplayedPolicy) -> Finding:
+def check_action(replayed: ReplayedPolicy) -> Comparison:
     """Compare the actions of a trace with those of the network on the same observations."""
     recorded, found = replayed.trace.action, replayed.step(replayed.signals).action
     limit = SLACK * max(1.0, float(np.abs(found).max()))
     difference = float(np.abs(recorded - found).max())
     agrees = difference <= limit
     cause = "" if agrees else _explain(replayed, recorded, found, limit)
-    return Finding(boundary=Boundary.ACTION, agrees=agrees, difference=difference, cause=cause)
+    return Comparison(boundary=Boundary.ACTION, agrees=agrees, difference=difference, cause=cause)
 
 
 def _explain(replayed: ReplayedPolicy, recorded: Array, found: Array, limit: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from humanoid_getup.policy.foreign.joint_names import map_joints
 from humanoid_getup.policy.golden.action_check import check_action
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.observation_check import check_observation
 from humanoid_getup.policy.golden.physics_check import check_physics
 from humanoid_getup.policy.golden.replayed import ReplayedPolicy
@@ -23,7 +23,7 @@ RATE_SLACK = 0.01  # share
 STEP_SLACK = 0.5  # of a policy step, by which distances of rows may differ
 
 
-def check_policy(policy: OnnxPolicy, trace: GoldenTrace) -> list[Finding]:
+def check_policy(policy: OnnxPolicy, trace: GoldenTrace) -> list[Comparison]:
     """Check a policy at each boundary; behind the first that differs, A to C are not compared.
 
     Raises:
@@ -33,19 +33,19 @@ def check_policy(policy: OnnxPolicy, trace: GoldenTrace) -> list[Finding]:
     trace = order_trace(trace, policy.robot)
     replayed = ReplayedPolicy(policy, trace)
     _check_sizes(replayed)
-    findings: list[Finding] = []
+    comparisons: list[Comparison] = []
     for boundary, check in (
         (Boundary.OBSERVATION, check_observation),
         (Boundary.ACTION, check_action),
         (Boundary.TORQUE, check_torque),
     ):
-        before = next((each for each in findings if each.agrees is False), None)
+        before = next((each for each in comparisons if each.agrees is False), None)
         if before is None:
-            findings.append(check(replayed))
+            comparisons.append(check(replayed))
         else:
             cause = f"differs before, at {before.boundary}"
-            findings.append(Finding(boundary=boundary, agrees=None, cause=cause))
-    return [*findings, check_physics(trace, policy.robot)]
+            comparisons.append(Comparison(boundary=boundary, agrees=None, cause=cause))
+    return [*comparisons, check_physics(trace, policy.robot)]
 
 
 def order_trace(trace: GoldenTrace, robot: Robot) -> GoldenTrace:

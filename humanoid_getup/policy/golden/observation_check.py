@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.order_search import find_order, name_order
-from humanoid_getup.policy.golden.replayed import Part, ReplayedPolicy
+from humanoid_getup.policy.golden.replayed import ObservedPart, ReplayedPolicy
 from humanoid_getup.policy.observation import Sensed
 from robots import quaternion
 from robots.quaternion import Array
@@ -27,7 +27,7 @@ class Hypothesis:
     change: Callable[[ReplayedPolicy], Sensed]
 
 
-def check_observation(replayed: ReplayedPolicy) -> Finding:
+def check_observation(replayed: ReplayedPolicy) -> Comparison:
     """Compare the observations of a trace with those that the policy makes of its signals."""
     trace, signals = replayed.trace, replayed.signals
     found = replayed.step(signals).observation
@@ -39,7 +39,7 @@ def check_observation(replayed: ReplayedPolicy) -> Finding:
         if error > limit
     ]
     causes = [f"'{part.name}': {_explain(replayed, part, found)}" for part in wrong]
-    return Finding(
+    return Comparison(
         boundary=Boundary.OBSERVATION,
         agrees=not wrong,
         difference=max(errors),
@@ -47,7 +47,7 @@ def check_observation(replayed: ReplayedPolicy) -> Finding:
     )
 
 
-def _explain(replayed: ReplayedPolicy, part: Part, found: Array) -> str:
+def _explain(replayed: ReplayedPolicy, part: ObservedPart, found: Array) -> str:
     """Find the mistake that makes the trace's numbers of ours."""
     recorded, limit = replayed.trace.observation, _limit(found[:, part.whole])
     for hypothesis in _list_hypotheses(part):
@@ -60,7 +60,7 @@ def _explain(replayed: ReplayedPolicy, part: Part, found: Array) -> str:
     return _explain_numbers(mine, theirs, limit, _name_entries(replayed, part))
 
 
-def _name_entries(replayed: ReplayedPolicy, part: Part) -> list[str]:
+def _name_entries(replayed: ReplayedPolicy, part: ObservedPart) -> list[str]:
     """Name the newest entries of a term: by their joints, or by their numbers."""
     if part.quantity in JOINT_TERMS:
         names = replayed.record.joints if replayed.record else replayed.robot.joint_names
@@ -68,7 +68,7 @@ def _name_entries(replayed: ReplayedPolicy, part: Part) -> list[str]:
     return [f"entry {number}" for number in range(part.newest.stop - part.newest.start)]
 
 
-def _list_hypotheses(part: Part) -> Iterator[Hypothesis]:
+def _list_hypotheses(part: ObservedPart) -> Iterator[Hypothesis]:
     for field in ("joint_vel", "joint_pos", "gyro", "gravity"):
         if field == part.quantity:
             yield Hypothesis("one policy step late", lambda r, f=field: _shift(r, f))
@@ -105,7 +105,7 @@ def _shift(replayed: ReplayedPolicy, field: str) -> Sensed:
     return replace(replayed.signals, **{field: np.concatenate((values[:1], values[:-1]))})
 
 
-def _explain_order(replayed: ReplayedPolicy, part: Part) -> str:
+def _explain_order(replayed: ReplayedPolicy, part: ObservedPart) -> str:
     """Find the order of joints that makes the trace's numbers of ours; '' if there is none."""
     recorded, robot = replayed.trace.observation[:, part.newest], replayed.robot
     joints = replayed.record.joints if replayed.record else robot.joint_names
@@ -136,5 +136,5 @@ def _limit(values: Array) -> float:
     return SLACK * max(1.0, float(np.abs(values).max(initial=0.0)))
 
 
-def _error(recorded: Array, found: Array, part: Part) -> float:
+def _error(recorded: Array, found: Array, part: ObservedPart) -> float:
     return float(np.abs(recorded[:, part.whole] - found[:, part.whole]).max())

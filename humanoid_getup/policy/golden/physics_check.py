@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from drivers.twin.simulation import build_flat_world
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.trace import GoldenTrace
 from robots import Robot
 from robots.kinematics import place_postures
@@ -20,7 +20,7 @@ CLEARER = 0.5  # share of a miss to which a cause must reduce it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class DrivenStates:
     """States of a robot and what drives it, T rows."""
 
     qpos: Array
@@ -31,28 +31,28 @@ class Motion:
     """Durations of the rows [s], (T - 1,)."""
 
 
-def check_physics(trace: GoldenTrace, robot: Robot) -> Finding:
+def check_physics(trace: GoldenTrace, robot: Robot) -> Comparison:
     """Predict each next state from state and torques on flat ground; compare joint speeds."""
     missing = [name for name in ("position", "velocity") if getattr(trace, name) is None]
     if trace.torque is None and trace.effort is None:
         missing.append("torque")
     if missing:
         cause = f"the trace has no {', '.join(missing)}"
-        return Finding(boundary=Boundary.PHYSICS, agrees=None, cause=cause)
+        return Comparison(boundary=Boundary.PHYSICS, agrees=None, cause=cause)
     model = build_flat_world(robot)
-    motion = _read_motion(trace, robot, model)
-    miss = _measure_miss(motion, robot, model)
+    states = _read_states(trace, robot, model)
+    miss = _measure_miss(states, robot, model)
     agrees = float(np.median(miss)) <= SLACK
-    return Finding(
+    return Comparison(
         boundary=Boundary.PHYSICS,
         agrees=agrees,
         difference=float(np.median(miss)),
         unit="of the change of joint speeds",
-        cause="" if agrees else _explain(motion, robot, model, miss),
+        cause="" if agrees else _explain(states, robot, model, miss),
     )
 
 
-def _read_motion(trace: GoldenTrace, robot: Robot, model: mujoco.MjModel) -> Motion:
+def _read_states(trace: GoldenTrace, robot: Robot, model: mujoco.MjModel) -> DrivenStates:
     def true(name: str) -> Array:
         value = getattr(trace, f"true_{name}")
         return getattr(trace, name) if value is None else value
@@ -68,26 +68,26 @@ def _read_motion(trace: GoldenTrace, robot: Robot, model: mujoco.MjModel) -> Mot
     if effort is None:
         assert trace.torque is not None
         effort = trace.torque[:, None]
-    return Motion(qpos=qpos, qvel=qvel, effort=effort, duration=np.diff(trace.time))
+    return DrivenStates(qpos=qpos, qvel=qvel, effort=effort, duration=np.diff(trace.time))
 
 
-def _measure_miss(motion: Motion, robot: Robot, model: mujoco.MjModel) -> Array:
+def _measure_miss(states: DrivenStates, robot: Robot, model: mujoco.MjModel) -> Array:
     """Return by how much each prediction misses, as a share of the change, (T - 1,)."""
-    dof, change = robot.layout(model).dof, np.diff(motion.qvel, axis=0)
-    predicted = _predict(motion, robot, model)
-    error = np.linalg.norm((predicted - motion.qvel[1:])[:, dof], axis=1)
+    dof, change = robot.layout(model).dof, np.diff(states.qvel, axis=0)
+    predicted = _predict(states, robot, model)
+    error = np.linalg.norm((predicted - states.qvel[1:])[:, dof], axis=1)
     return error / (np.linalg.norm(change[:, dof], axis=1) + QUIET * np.sqrt(robot.n))
 
 
-def _predict(motion: Motion, robot: Robot, model: mujoco.MjModel) -> Array:
+def _predict(states: DrivenStates, robot: Robot, model: mujoco.MjModel) -> Array:
     """Simulate each row from its own state; return the speeds at its end, (T - 1, nv)."""
     model, longest = _without_servos(model), model.opt.timestep
     data, dof = mujoco.MjData(model), robot.layout(model).dof
-    ends = np.zeros((len(motion.duration), model.nv))
-    for row, duration in enumerate(motion.duration):
+    ends = np.zeros((len(states.duration), model.nv))
+    for row, duration in enumerate(states.duration):
         mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:] = motion.qpos[row], motion.qvel[row]
-        parts = motion.effort[row]
+        data.qpos[:], data.qvel[:] = states.qpos[row], states.qvel[row]
+        parts = states.effort[row]
         steps = max(1, round(duration / len(parts) / longest))
         model.opt.timestep = duration / len(parts) / steps
         for torque in parts:
@@ -105,18 +105,18 @@ def _without_servos(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _explain(motion: Motion, robot: Robot, model: mujoco.MjModel, miss: Array) -> str:
+def _explain(states: DrivenStates, robot: Robot, model: mujoco.MjModel, miss: Array) -> str:
     """Try what would make the states of the trace follow from its torques."""
     tries = {
-        "joint speeds are one policy step late in the trace": _advance_speeds(motion, robot, model),
-        "torques are one policy step late in the trace": _advance_effort(motion),
+        "joint speeds are one policy step late in the trace": _advance_speeds(states, robot, model),
+        "torques are one policy step late in the trace": _advance_effort(states),
     }
     for text, changed in tries.items():
         own = _measure_miss(changed, robot, model)
         if np.median(own[:-1]) <= CLEARER * np.median(miss[:-1]):
             return text
     dof = robot.layout(model).dof
-    error = np.abs(_predict(motion, robot, model) - motion.qvel[1:])[:, dof]
+    error = np.abs(_predict(states, robot, model) - states.qvel[1:])[:, dof]
     i = int(np.median(error, axis=0).argmax())
     return (
         f"the speed of joint '{robot.joint_names[i]}' is off by {np.median(error[:, i]):.2g} rad/s "
@@ -124,11 +124,11 @@ def _explain(motion: Motion, robot: Robot, model: mujoco.MjModel, miss: Array) -
     )
 
 
-def _advance_speeds(motion: Motion, robot: Robot, model: mujoco.MjModel) -> Motion:
-    dof, qvel = robot.layout(model).dof, motion.qvel.copy()
-    qvel[:-1, dof] = motion.qvel[1:, dof]
-    return replace(motion, qvel=qvel)
+def _advance_speeds(states: DrivenStates, robot: Robot, model: mujoco.MjModel) -> DrivenStates:
+    dof, qvel = robot.layout(model).dof, states.qvel.copy()
+    qvel[:-1, dof] = states.qvel[1:, dof]
+    return replace(states, qvel=qvel)
 
 
-def _advance_effort(motion: Motion) -> Motion:
-    return replace(motion, effort=np.concatenate((motion.effort[1:], motion.effort[-1:])))
+def _advance_effort(states: DrivenStates) -> DrivenStates:
+    return replace(states, effort=np.concatenate((states.effort[1:], states.effort[-1:])))

@@ -16,7 +16,7 @@ from robots.quaternion import Array
 
 
 @dataclass(frozen=True)
-class Part:
+class ObservedPart:
     """A named part of an observation: the newest entries of a term."""
 
     name: str
@@ -64,7 +64,7 @@ class ReplayedPolicy:
         return self.parts[-1].whole.stop
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[ObservedPart]:
         """Return the parts of the network's observation."""
         if self.record is not None:
             return list(_divide(self.record.windows))
@@ -146,9 +146,11 @@ def _delay(values: Array) -> Array:
     return np.concatenate((np.zeros_like(values[:1]), values[:-1]))
 
 
-def _divide(windows: list[Window] | tuple[Window, ...]) -> Iterator[Part]:
+def _divide(windows: list[Window] | tuple[Window, ...]) -> Iterator[ObservedPart]:
     start = 0
     for window in windows:
         end = start + window.length
-        yield Part(window.name, window.quantity, slice(start, end), slice(end - window.size, end))
+        yield ObservedPart(
+            window.name, window.quantity, slice(start, end), slice(end - window.size, end)
+        )
         start = end

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.order_search import find_order, name_order
 from humanoid_getup.policy.golden.replayed import ReplayedPolicy
 from robots.quaternion import Array
@@ -39,20 +39,20 @@ class ServoLaw:
     """Share of the torques that the law leaves."""
 
 
-def check_torque(replayed: ReplayedPolicy) -> Finding:
+def check_torque(replayed: ReplayedPolicy) -> Comparison:
     """Compare targets, then torques of a trace with those that the policy has here."""
     boundary, trace = Boundary.TORQUE, replayed.trace
     if trace.target is None:
-        return Finding(boundary=boundary, agrees=None, cause="the trace has no target")
+        return Comparison(boundary=boundary, agrees=None, cause="the trace has no target")
     share = replayed.step(replayed.signals).share
     slow, fast = replayed.aim(share), replayed.aim(share, unlimited=True)
     error = np.minimum(np.abs(trace.target - slow), np.abs(trace.target - fast))
     difference = float(error.max())
     if difference > ANGLE_SLACK:
         cause = _explain_target(replayed, fast)
-        return _finding(difference, "rad", cause)
+        return _compare(difference, "rad", cause)
     if trace.torque is None:
-        return Finding(
+        return Comparison(
             boundary=boundary,
             agrees=True,
             difference=difference,
@@ -62,15 +62,17 @@ def check_torque(replayed: ReplayedPolicy) -> Finding:
     angle, speed = replayed.state()
     laws = _fit_laws(replayed, angle, speed)
     if laws and (text := _explain_misfit(replayed, laws)):
-        return _finding(_measure_misfit(laws), "of the torques", text)
+        return _compare(_measure_misfit(laws), "of the torques", text)
     if not laws:
-        return Finding(boundary=boundary, agrees=None, cause="its servos saturate or do not move")
+        return Comparison(
+            boundary=boundary, agrees=None, cause="its servos saturate or do not move"
+        )
     off, cause = _compare_gains(replayed, laws)
-    return _finding(off, "of a gain", cause)
+    return _compare(off, "of a gain", cause)
 
 
-def _finding(difference: float, unit: str, cause: str) -> Finding:
-    return Finding(
+def _compare(difference: float, unit: str, cause: str) -> Comparison:
+    return Comparison(
         boundary=Boundary.TORQUE,
         agrees=not cause,
         difference=difference,
@@ -93,7 +95,7 @@ def _explain_target(replayed: ReplayedPolicy, found: Array) -> str:
         return name_order(robot.joint_names, order)
     if text := _explain_order(replayed, recorded, free):
         return text
-    factors = np.array([fits[i][0] for i in moved])  # type: ignore[index]
+    factors = np.array([fit[0] for fit in fits if fit is not None])
     wrong = [i for i, factor in zip(moved, factors, strict=True) if abs(factor - 1.0) > 0.02]
     if wrong:
         return _name_scale(replayed, wrong[0], float(factors[moved.index(wrong[0])]), len(wrong))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import dataclass
 
 from rich.console import Group
 from rich.live import Live
@@ -26,6 +27,17 @@ from robots.storage.files import write_atomically
 PERIOD = 0.1  # s between two reads of all servos
 BARS = "▁▂▃▄▅▆▇█"
 HINT = "nothing is changed: turn servos without torque by hand from end to end; q ends it"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenRange:
+    """Range that a servo has been through [ticks], for JSON; None before its first reply."""
+
+    model: str
+    range_min: int | None
+    range_max: int | None
+    position: int | None
+    """Newest one."""
 
 
 def monitor(command: MonitorServos) -> int:
@@ -52,14 +64,14 @@ def monitor(command: MonitorServos) -> int:
     return HARDWARE_FAULT if any(gauge.missed for gauge in gauges.all) else DID_IT
 
 
-def describe_range(gauge: Gauge) -> dict[str, object]:
-    """Describe the range that a servo has been through, in ticks, for JSON."""
-    return {
-        "model": gauge.servo.table.model,
-        "range_min": gauge.lowest,
-        "range_max": gauge.highest,
-        "position": gauge.positions[-1] if gauge.positions else None,
-    }
+def describe_range(gauge: Gauge) -> SeenRange:
+    """Describe the range that a servo has been through."""
+    return SeenRange(
+        model=gauge.servo.table.model,
+        range_min=gauge.lowest,
+        range_max=gauge.highest,
+        position=gauge.positions[-1] if gauge.positions else None,
+    )
 
 
 def _draw(gauges: Gauges) -> Group:

@@ -42,6 +42,19 @@ class RegisterRow:
     """Whether it is kept without power."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ListedServo:
+    """A servo that replies, for JSON."""
+
+    id: int
+    model: str
+    firmware: int
+    baud: int
+    """[bit/s]"""
+    values: Mapping[str, int]
+    """What it measures, by register [counts]."""
+
+
 def list_servos(command: ListServos) -> int:
     """List the servos on a port; 0 if there are some."""
     console = console_for(command)
@@ -157,12 +170,12 @@ def _describe(item: Item, count: int) -> RegisterRow:
     )
 
 
-def _describe_gauge(gauge: Gauge, baud: int) -> dict[str, object]:
+def _describe_gauge(gauge: Gauge, baud: int) -> ListedServo:
     servo = gauge.servo
-    return {
-        "id": servo.id,
-        "model": servo.table.model,
-        "firmware": servo.firmware,
-        "baud": baud,
-        "values": gauge.values,
-    }
+    return ListedServo(
+        id=servo.id,
+        model=servo.table.model,
+        firmware=servo.firmware,
+        baud=baud,
+        values=gauge.values,
+    )

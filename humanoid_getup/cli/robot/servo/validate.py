@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rich.console import Console
 from rich.table import Table
@@ -18,14 +18,26 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.options.servo import ValidateServos
-from humanoid_getup.cli.robot.bus import build_bench
-from humanoid_getup.cli.robot.servo.motion import open_servos
+from humanoid_getup.cli.robot.bench_words import build_bench
+from humanoid_getup.cli.robot.servo.opening import open_servos
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from robots.bus_settings import MAIN_PORT
 
 HEADINGS = ("validation", "measured", "limit", "", "remark")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidationRow:
+    """Result of a check, for JSON."""
+
+    measured: float | None
+    """None where it could not be measured."""
+    limit: float
+    unit: str
+    passed: bool
+    remark: str
 
 
 def validate(command: ValidateServos) -> int:
@@ -78,17 +90,17 @@ def tabulate(validations: Sequence[Validation]) -> Table:
     return table
 
 
-def describe(validations: Sequence[Validation]) -> dict[str, dict[str, object]]:
+def describe(validations: Sequence[Validation]) -> dict[str, ValidationRow]:
     """Describe validations by name, for JSON."""
     return {
-        validation.check.name.lower(): {
-            "measured": validation.measured,
-            "limit": validation.limit,
-            "unit": validation.unit,
-            "passed": validation.passed,
-            "remark": validation.remark,
-        }
-        for validation in validations
+        each.check.name.lower(): ValidationRow(
+            measured=each.measured,
+            limit=each.limit,
+            unit=each.unit,
+            passed=each.passed,
+            remark=each.remark,
+        )
+        for each in validations
     }
 
 

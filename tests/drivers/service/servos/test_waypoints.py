@@ -8,8 +8,14 @@ from desk import make_desk, serving_desk
 
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
+from drivers.errors import SetupError
 from drivers.safety_guard import SafetyGuard
-from drivers.service.servos.waypoints import WaypointController, make_wiggle, move_through
+from drivers.service.servos.waypoints import (
+    WaypointController,
+    make_move,
+    make_wiggle,
+    move_through,
+)
 from drivers.state import State
 from drivers.twin.backend import Twin
 
@@ -21,7 +27,7 @@ def play(guard: SafetyGuard, waypoints: list[list[float]], speed: float = SPEED)
     controller = WaypointController(
         robot, np.array(waypoints), speed=speed, torque_limit=robot.max_torque
     )
-    return move_through(guard, controller, realtime=False)
+    return move_through(guard, lambda _: controller, realtime=False)
 
 
 @pytest.fixture
@@ -91,7 +97,7 @@ def test_the_estimated_time_is_that_of_the_move(guard):
         guard.robot, np.array([[0.5, -1.0]]), speed=SPEED, torque_limit=guard.robot.max_torque
     )
     estimate = controller.estimate_duration(np.zeros(2))
-    done = move_through(guard, controller, realtime=False)
+    done = move_through(guard, lambda _: controller, realtime=False)
     assert done.report.duration == pytest.approx(estimate, abs=3 * guard.period)
 
 
@@ -127,3 +133,28 @@ def _state(time: float) -> State:
         temperature=np.full(1, 25.0),
         voltage=12.0,
     )
+
+
+def test_a_stop_between_two_moves_stops_the_next_one(guard):
+    assert play(guard, [[0.2, 0.0]]).is_whole
+    guard.stop("a person pressed a key")
+    done = play(guard, [[0.4, 0.0]])
+    assert not done.is_whole
+    assert not done.arrivals
+    assert "a person pressed a key" in done.report.reason
+
+
+def test_a_target_beyond_the_range_is_refused_with_torque_off(guard):
+    commands = []
+    guard.write = _recording(guard.write, commands, "torque_limit")
+
+    def make(start: np.ndarray) -> WaypointController:
+        del start
+        waypoints = make_move(0, 9.0, guard.robot)
+        return WaypointController(
+            guard.robot, waypoints, speed=SPEED, torque_limit=guard.robot.max_torque
+        )
+
+    with pytest.raises(SetupError, match=r"target is \+515.7°, expected -180.0° to \+179.9°"):
+        move_through(guard, make, realtime=False)
+    assert not np.any(commands)

@@ -19,7 +19,7 @@ from drivers import Twin
 from humanoid_getup.jobs.import_policy import import_policy
 from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
 from humanoid_getup.policy.golden.checks import check_policy, order_trace
-from humanoid_getup.policy.golden.finding import Boundary, Finding
+from humanoid_getup.policy.golden.comparison import Boundary, Comparison
 from humanoid_getup.policy.golden.recording import record_trace
 from humanoid_getup.policy.golden.trace import GoldenTrace
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -96,15 +96,15 @@ def put(trace: GoldenTrace, term: int, values: np.ndarray) -> GoldenTrace:
     return replace(trace, observation=seen)
 
 
-def first_difference(findings: list[Finding]) -> Finding:
-    assert [finding.boundary for finding in findings] == list(Boundary)
-    return next(finding for finding in findings if finding.agrees is False)
+def first_difference(comparisons: list[Comparison]) -> Comparison:
+    assert [compared.boundary for compared in comparisons] == list(Boundary)
+    return next(compared for compared in comparisons if compared.agrees is False)
 
 
 def test_a_correct_pair_agrees_at_every_boundary(policy: OnnxPolicy, trace: GoldenTrace):
-    findings = check_policy(policy, trace)
-    assert [finding.agrees for finding in findings] == [True] * 4
-    assert [finding.cause for finding in findings] == [""] * 4
+    comparisons = check_policy(policy, trace)
+    assert [compared.agrees for compared in comparisons] == [True] * 4
+    assert [compared.cause for compared in comparisons] == [""] * 4
 
 
 def test_a_trace_comes_back_from_its_file(policy: OnnxPolicy, trace: GoldenTrace, tmp_path: Path):
@@ -112,7 +112,7 @@ def test_a_trace_comes_back_from_its_file(policy: OnnxPolicy, trace: GoldenTrace
     back = GoldenTrace.load(tmp_path / "trace.npz")
     np.testing.assert_array_equal(back.observation, trace.observation)
     assert back.joints == trace.joints
-    assert [finding.agrees for finding in check_policy(policy, back)] == [True] * 4
+    assert [compared.agrees for compared in check_policy(policy, back)] == [True] * 4
 
 
 def test_one_of_our_own_policies_agrees_with_its_trace(tiny: Robot, tmp_path: Path):
@@ -120,7 +120,7 @@ def test_one_of_our_own_policies_agrees_with_its_trace(tiny: Robot, tmp_path: Pa
     policy = OnnxPolicy.load(save_policy(tmp_path / "own.onnx", tiny, weight=weight), tiny)
     own = record_trace(policy, drop(tiny), STEPS)
     assert actions_of(tiny).size == own.action.shape[1]
-    assert [finding.agrees for finding in check_policy(policy, own)[:3]] == [True] * 3
+    assert [compared.agrees for compared in check_policy(policy, own)[:3]] == [True] * 3
 
 
 def test_a_gain_of_1_is_named(folder: Path, tiny: Robot, trace: GoldenTrace):
@@ -233,14 +233,14 @@ def test_joints_of_a_trace_may_be_in_any_order(policy: OnnxPolicy, trace: Golden
     turned = {key: getattr(trace, key)[..., ::-1] for key in keys}
     other = replace(trace, joints=made.JOINTS, **turned)
     assert order_trace(other, policy.robot).joints == policy.robot.joint_names
-    assert [finding.agrees for finding in check_policy(policy, other)] == [True] * 4
+    assert [compared.agrees for compared in check_policy(policy, other)] == [True] * 4
 
 
 def test_what_a_trace_does_not_hold_is_not_compared(policy: OnnxPolicy, trace: GoldenTrace):
     bare = replace(trace, target=None, torque=None, effort=None, position=None)
-    findings = check_policy(policy, bare)
-    assert [finding.agrees for finding in findings] == [True, True, None, None]
-    assert "the trace has no position, torque" in findings[3].cause
+    comparisons = check_policy(policy, bare)
+    assert [compared.agrees for compared in comparisons] == [True, True, None, None]
+    assert "the trace has no position, torque" in comparisons[3].cause
 
 
 @pytest.mark.parametrize(

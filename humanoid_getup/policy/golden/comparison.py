@@ -16,7 +16,7 @@ class Boundary(StrEnum):
     PHYSICS = "D: torque to next state"
 
 
-class Finding(msgspec.Struct, frozen=True, kw_only=True):
+class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     """How policy and trace compare at a boundary."""
 
     boundary: Boundary

@@ -1,0 +1,67 @@
+"""Servos on a bench as a command line names them: `--servos` and `--load`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from drivers.dynamixel.protocol2 import MAX_ID
+from humanoid_getup.jobs.errors import refusing
+from robots import Joint
+from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
+from robots.bus_settings import FACTORY_BAUD
+from robots.description.bench_table import MAX_ARM, MAX_MASS
+from robots.description.servo_catalog import servo_models
+
+
+def build_bench(words: Sequence[str], load: str | None) -> ServoBench:
+    """Build the bench whose servos and load a command gives.
+
+    Raises:
+        BadInputError: if a model or an id is unknown, an id is given twice, or the load is none.
+    """
+    with refusing():
+        servos = list_bench_servos(words)
+        hanging = BARE if load is None else parse_load(load)
+        return make_bench(servos, baud=FACTORY_BAUD, loads=[hanging] * len(servos))
+
+
+def list_bench_servos(words: Sequence[str]) -> list[Joint]:
+    """List the servos that words name: MODEL:ID, or the ID of another one of the same model.
+
+    Raises:
+        ValueError: if a word names none, or an id is given twice.
+    """
+    joints: list[Joint] = []
+    model = ""
+    for word in words:
+        before, colon, number = word.rpartition(":")
+        model = before if colon else model
+        if model not in servo_models():
+            known = ", ".join(servo_models())
+            raise ValueError(f"--servos has '{word}', expected MODEL:ID with a model of {known}")
+        if not number.isdecimal() or int(number) > MAX_ID:
+            raise ValueError(f"--servos has '{word}', expected an id from 0 to {MAX_ID}")
+        joints.append(make_bench_joint(servo_models()[model], int(number)))
+    ids = [joint.servo.id for joint in joints]
+    if twice := [i for i in ids if ids.count(i) > 1]:
+        raise ValueError(f"--servos has the id {twice[0]} twice, expected each once")
+    return joints
+
+
+def parse_load(text: str) -> Load:
+    """Read a load written as KG:M.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    try:
+        mass, arm = map(float, text.split(":"))
+    except ValueError:
+        mass, arm = math.nan, math.nan
+    if not (0.0 <= mass <= MAX_MASS and 0.0 < arm <= MAX_ARM):
+        raise ValueError(
+            f"--load is '{text}', expected KG:M, a mass of 0 to {MAX_MASS:g} kg and its distance "
+            f"from the horn, up to {MAX_ARM:g} m, such as 0.2:0.1"
+        )
+    return Load(mass=mass, arm=arm)

@@ -43,7 +43,7 @@ def load_yaml(file: Path) -> dict[str, Any]:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value is a number that fits into a float."""
+    """Return whether a value is a number that fits into a float."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
 
 

@@ -38,9 +38,9 @@ def read_deploy_yaml(file: Path, shape: NetworkShape, given: Given) -> ForeignPo
     order = _read_order(table)
     n, motors = len(order), max(order) + 1
     if len(given.joints) < motors:
-        told = f"--joints has {len(given.joints)}" if given.joints else "it names no joints"
+        given_names = f"--joints has {len(given.joints)}" if given.joints else "it names no joints"
         raise ForeignPolicyError(
-            f"{file.name}: {told}, expected {motors} names in the order of the motors with "
+            f"{file.name}: {given_names}, expected {motors} names in the order of the motors with "
             "--joints NAME,..."
         )
     joints = tuple(given.joints[motor] for motor in order)
@@ -131,10 +131,10 @@ def _read_terms(table: ConfigTable, joints: int, actions: int) -> tuple[ForeignT
 
 def _read_term(term: ConfigTable, name: str, joints: int, actions: int) -> ForeignTerm:
     scale: Any = term.get("scale")
-    told = len(scale) if isinstance(scale, list) else None
+    size = len(scale) if isinstance(scale, list) else None
     return make_term(
         name,
-        told or find_size(name, joints, actions) or 1,
+        size or find_size(name, joints, actions) or 1,
         scale=scale,
         clip=term.get("clip"),
         history=term.get("history_length", 1),

@@ -44,7 +44,7 @@ def read_isaac_env(file: Path, shape: NetworkShape, given: Given) -> ForeignPoli
     joints = given.joints
     if not joints:
         raise ForeignPolicyError(
-            f"{file.name} does not tell the order of the joints: expected their names in the "
+            f"{file.name} does not state the order of the joints: expected their names in the "
             "simulator's order with --joints NAME,..."
         )
     robot = table.table("scene").table("robot")

@@ -23,7 +23,7 @@ from humanoid_getup.policy.foreign.terms import MOST_HISTORY, check_terms, find_
 
 MICRODUCK_KEY = "microduck"
 MJLAB_KEYS = ("joint_names", "observation_names", "action_scale", "default_joint_pos")
-ASSUMED_RATE = 50.0  # Hz; mjlab's tasks step at 50 Hz, and its metadata does not tell
+ASSUMED_RATE = 50.0  # Hz; mjlab's tasks step at 50 Hz, which its metadata does not state
 NO_GAIN = 1.0  # N·m/rad that mjlab writes where the model does not have the gain (its issue 347)
 
 
@@ -123,7 +123,7 @@ def _read_register(record: dict[str, Any]) -> float | None:
 def _read_terms(
     data: dict[str, str], names: tuple[str, ...], n: int, shape: NetworkShape
 ) -> tuple[ForeignTerm, ...]:
-    """Read the terms; their sizes are not told, and that of one command is what is left."""
+    """Read the terms; their sizes are not stated, and that of one command is what is left."""
     count = len(names)
     scales = _nested(data.get("observation_terms_scale"), count, 1.0)
     clips = _nested(data.get("observation_terms_clip"), count, None)

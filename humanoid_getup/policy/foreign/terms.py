@@ -72,7 +72,7 @@ def check_terms(names: Sequence[str]) -> None:
 
 
 def find_size(name: str, joints: int, actions: int) -> int | None:
-    """Return the size of a term; ``None`` for a command, whose size its name does not tell."""
+    """Return the size of a term; ``None`` for a command, whose size its name does not say."""
     quantity = find_quantity(name)
     if quantity is Quantity.COMMAND:
         return 3 if "velocity" in name or "vel" in name.split("_") else None

@@ -15,7 +15,7 @@ from robots.kinematics import place_postures
 from robots.quaternion import Array
 
 SLACK = 0.25  # share of the change of speeds by which predictions may miss, in the median
-QUIET = 0.05  # rad/s; changes below it are not told from noise
+QUIET = 0.05  # rad/s; changes below it may be noise
 CLEARER = 0.5  # share of a miss to which a cause must reduce it
 
 

@@ -29,7 +29,7 @@ class TerminalKeys:
         sent; without any when the terminal is gone.
         """
         self._on_press = on_press
-        self._terminal = _standard_input() if terminal is None else terminal
+        self._terminal = find_standard_input() if terminal is None else terminal
         self._thread: threading.Thread | None = None
 
     @property
@@ -84,7 +84,8 @@ class StopKey(TerminalKeys):
         super().__init__(lambda sent: stop(PRESSED if sent else LOST), terminal)
 
 
-def _standard_input() -> int | None:
+def find_standard_input() -> int | None:
+    """Return the file descriptor of standard input, if there is one."""
     try:
         return sys.stdin.fileno()
     except (AttributeError, OSError, ValueError):  # closed, or a test's stand-in

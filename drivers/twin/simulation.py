@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from drivers.errors import ModelError, NoImuError
+from drivers.twin.grip import Grip
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
@@ -98,6 +99,7 @@ class Simulation:
         if robot.imu_site is not None:
             self._imu = TwinImu(self.model, robot.imu_site, self._noise, self._rng)
         self.truth = GroundTruth(robot, self.model, self.data)
+        self._grip: Grip | None = None
         self.on_sensor_update: list[Callable[[], None]] = []
         """Called after each `update_sensors`."""
         self.on_step: list[Callable[[], None]] = []
@@ -153,6 +155,7 @@ class Simulation:
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off, and start its clock at 0."""
         data = self.data
+        self.let_go()
         mujoco.mj_resetData(self.model, data)
         data.qpos[:] = place(self.robot, self.model, posture)
         self._windings.cool()
@@ -169,6 +172,40 @@ class Simulation:
         if self._imu is not None:
             self._imu.start(data)
 
+    def hold(self, posture: Posture) -> None:
+        """Place the robot as `place` does, held by a person: torso, and joints without torque."""
+        self.place(posture)
+        self._grip = Grip(self.robot, self.model)
+        self._grip.hold(self.data, np.zeros(self.robot.n))
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        if self._grip is not None:
+            self._grip.let_go()
+        self._grip = None
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint, by its number, by an angle [rad], as a person does who holds the robot.
+
+        Raises:
+            ValueError: if the robot is not held, or the joint has torque or would leave its range.
+        """
+        robot, place = self.robot, self._layout.qpos[joint]
+        name, target = robot.joint_names[joint], float(self.data.qpos[place]) + by
+        lower, upper = robot.lower[joint], robot.upper[joint]
+        if self._grip is None:
+            raise ValueError(f"{name} cannot be turned: the robot is not held")
+        if self._drive is not None and self._drive.torque[joint] > 0.0:
+            raise ValueError(f"{name} cannot be turned: it has torque")
+        if not lower <= target <= upper:
+            degrees = np.degrees([target, lower, upper])
+            raise ValueError(
+                f"{name} would be at {degrees[0]:+.1f}°, expected {degrees[1]:+.1f}° to "
+                f"{degrees[2]:+.1f}°"
+            )
+        self.data.qpos[place] = target
+        mujoco.mj_step1(self.model, self.data)
+
     def drive(self, target: Array, drive: Drive) -> None:
         """Set the joint targets [rad], (n,), and the gains and limits of the servos from now on."""
         self._apply(self.robot.transmission.to_actuator(target), drive)
@@ -182,6 +219,8 @@ class Simulation:
             self.model.actuator_forcerange[self._actuators, 1] = drive.torque
             self._rest_time = 0.0
             self.model.opt.noslip_iterations = 0
+            if self._grip is not None:
+                self._grip.hold(self.data, drive.torque)
         if last is None or self._supply_varies or not drive.equals(last):
             gains = drive.gains(self.robot, self.voltage)
             self.model.actuator_gainprm[self._actuators] = gains

@@ -41,6 +41,18 @@ class ServedRobot(Protocol):
         """Place the robot at rest, cool, torque off."""
         ...
 
+    def hold(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off, held by a person."""
+        ...
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
+        ...
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        ...
+
 
 def serve_robot(
     simulation: Simulation,
@@ -81,3 +93,15 @@ class LockStepRobot(VirtualPorts):
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
         self.main.call(lambda: self._virtual.place(posture))
+
+    def hold(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off, held by a person."""
+        self.main.call(lambda: self._virtual.hold(posture))
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
+        self.main.call(lambda: self._virtual.physics.turn(joint, by))
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        self.main.call(self._virtual.physics.let_go)

@@ -120,9 +120,31 @@ class ServoPhysics:
         """Place the robot at rest, cool; the bus time is kept."""
         with self._lock:
             self.simulation.place(posture)
-            self._steps_since_sensing = 0
+            self._begin_again()
+
+    def hold(self, posture: Posture) -> None:
+        """Place the robot as `place` does, held by a person; see `Simulation.hold`."""
+        with self._lock:
+            self.simulation.hold(posture)
+            self._begin_again()
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
+        with self._lock:
+            self.simulation.turn(joint, by)
+            self._begin_again()
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        with self._lock:
+            self.simulation.let_go()
             self._still_for = 0.0
-            self._sense()
+
+    def _begin_again(self) -> None:
+        """Sense a robot that was moved by other means than its servos."""
+        self._steps_since_sensing = 0
+        self._still_for = 0.0
+        self._sense()
 
     def pass_period(self) -> None:
         """Advance by one control period."""

@@ -37,10 +37,19 @@ class VirtualRobot(VirtualDevices):
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
-        for servo in self.servos:
-            servo.poke("torque_enable", 0)
+        self._release()
         self.physics.place(posture)
         self._sense_imu()
+
+    def hold(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off, held by a person."""
+        self._release()
+        self.physics.hold(posture)
+        self._sense_imu()
+
+    def _release(self) -> None:
+        for servo in self.servos:
+            servo.poke("torque_enable", 0)
 
     def _sense_imu(self) -> None:
         if self.imu is not None:

@@ -8,7 +8,7 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "policy", "prior"),
-    "robot": ("robots", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
+    "robot": ("robots", "first-steps", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
     "look": ("studio", "replay", "log", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
@@ -197,6 +197,11 @@ COMMANDS = {
     "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
     ),
+    "first-steps": TableEntry(
+        "Lead from a port to the first rise, step by step.",
+        "options.first_steps.FirstSteps",
+        "first_steps.first_steps.first_steps",
+    ),
     "scan": TableEntry(
         "List serial ports and the devices on them.", "options.hardware.Scan", "scan.scan"
     ),
@@ -252,6 +257,11 @@ COMMANDS = {
         "Swing one servo after the other a little.",
         "options.servo.WiggleServos",
         "servo.motion.wiggle",
+    ),
+    "servo squat": TableEntry(
+        "Bend and stretch the legs of a robot that is held.",
+        "options.servo.SquatRobot",
+        "servo.squat.squat",
     ),
     "servo validate": TableEntry(
         "Validate servos by named checks.",

@@ -129,9 +129,21 @@ class RealTimeRobot:
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
-        self._ask(TorqueOff())
-        self._devices.receive()
+        self._release()
         self.physics.place(posture)
+
+    def hold(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off, held by a person."""
+        self._release()
+        self.physics.hold(posture)
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
+        self.physics.turn(joint, by)
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        self.physics.let_go()
 
     def __enter__(self) -> RealTimeRobot:
         """Start the process; its ports are there when `paths` returns."""
@@ -156,6 +168,11 @@ class RealTimeRobot:
         self._stopping.set()
         self._thread.join()
         self._end_process()
+
+    def _release(self) -> None:
+        """Switch torque off."""
+        self._ask(TorqueOff())
+        self._devices.receive()
 
     def _end_process(self) -> None:
         self._connection.close()  # which ends it

@@ -20,7 +20,8 @@ class ServeBus(BodyOption, SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
     Prints the path of the serial port; of a robot with several, one line each. Behind it are, with
-    --servos, servos on a bench instead of a robot.
+    --servos, servos on a bench instead of a robot. What is typed meanwhile, a person at the robot
+    does: hold zero, turn l_knee:20, let go, lay prone.
     """
 
     servos: Annotated[
@@ -40,6 +41,11 @@ class ServeBus(BodyOption, SceneOptions):
     """Initial posture: class of a sampled fall, or a posture file."""
     link: Annotated[Path | None, arg(metavar="PATH")] = None
     """Path of the port; default: in a temporary folder."""
+    hold: Annotated[str | None, READ, arg(metavar="zero|standing|FILE")] = None
+    """Posture in which a person holds the robot, instead of a fall: torso and joints without torque
+    stay; servos with torque move theirs."""
+    turn: Annotated[tuple[str, ...], arg(metavar="JOINT:DEG,...")] = ()
+    """Joints that the person turns, each by an angle [°]; with --hold."""
     lock_step: bool = False
     """Advance time with the client's sync writes of goals instead of the clock."""
     faults: Annotated[Path | None, READ, arg(metavar="FILE")] = None
@@ -56,6 +62,8 @@ class ServeBus(BodyOption, SceneOptions):
         problems = super().find_problems()
         if self.load is not None and not self.servos:
             problems.append("--load needs --servos: it hangs from the servos of a bench")
+        if self.turn and self.hold is None:
+            problems.append("--turn needs --hold: a person turns joints of a robot that is held")
         return problems
 
 

@@ -191,6 +191,25 @@ class WiggleServos(MovedOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SquatRobot(ServiceOptions):
+    """Bend and stretch the legs of a robot that a person holds in the air, slowly, guarded.
+
+    All joints go to the stance, into a small balanced squat, and back; then torque is off. It shows
+    that all of them move together, each the right way, before the robot lies on the ground. A key
+    stops it.
+    """
+
+    height: Annotated[float, between(50.0, 99.0, "%"), arg(metavar="%")] = 90.0
+    """Height of the neck in the squat, in percent of that in the stance [%]."""
+    speed: Annotated[float, between(1.0, 90.0, "°/s"), arg(metavar="°/S")] = 20.0
+    """Highest speed of a joint [°/s]."""
+    torque_limit: Annotated[float | None, between(0.001, 1000.0, "N·m"), arg(metavar="N·m")] = None
+    """Torque limit per servo [N·m]; default: half of its stall torque."""
+    yes: bool = False
+    """Do not ask whether the robot is held."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ValidateServos(MovedOptions):
     """Validate one servo after the other: range, ramp, load, speed, torque, watchdog, replies.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -17,7 +16,9 @@ from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_devices import VirtualDevices
 from humanoid_getup.cli.options.hardware import ServeBus
 from humanoid_getup.cli.robot.bench_words import build_bench
+from humanoid_getup.cli.robot.virtual_person import VirtualPerson
 from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.cli.shared.typed_lines import TypedLines
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_start, load_robot
 from humanoid_getup.scenes.named_scenes import load_scene
@@ -44,13 +45,20 @@ def serve_bus(command: ServeBus) -> int:
     time_mode = TimeMode.LOCK_STEP if command.lock_step else TimeMode.REAL_TIME
     serving = serve_robot(simulation, time_mode=time_mode, options=options, powered=command.powered)
     with serving as served, ThreadPoolExecutor(1) as beside:
-        start = beside.submit(_find_start, world, command.origin, rng)
-        paths = served.paths
-        served.place(start.result())
+        person = VirtualPerson(served, world, rng)
+        if command.hold is None:
+            start = beside.submit(_find_start, world, command.origin, rng)
+            paths = served.paths
+            served.place(start.result())
+        else:
+            paths = served.paths
+            person.hold(command.hold)
+        for turned in command.turn:
+            person.turn(turned)
         for path in paths.values():
             print(path, flush=True)
         print(describe(devices), file=sys.stderr)
-        _wait(served)
+        _wait(served, person)
     return DID_IT
 
 
@@ -99,12 +107,16 @@ def describe(robot: VirtualDevices) -> str:
     )
 
 
-def _wait(served: ServedRobot) -> None:
-    """Wait for an interrupt, or for a bus that ends by itself; say when physics is late."""
-    never, said = threading.Event(), 0.0
+def _wait(served: ServedRobot, person: VirtualPerson) -> None:
+    """Wait for an interrupt, or for a bus that ends by itself; do what is typed meanwhile.
+
+    Says when physics is late.
+    """
+    typed, said = TypedLines(), 0.0
     try:
         while served.running:
-            never.wait(CHECK_PERIOD)
+            for sentence in typed.wait(CHECK_PERIOD):
+                _do(person, sentence)
             if served.behind > said + LATE:
                 said = served.behind
                 print(
@@ -115,3 +127,13 @@ def _wait(served: ServedRobot) -> None:
     except KeyboardInterrupt:
         return
     raise BadInputError("the virtual bus stopped unexpectedly")
+
+
+def _do(person: VirtualPerson, sentence: str) -> None:
+    """Do what was typed, and say that it was done, or why not."""
+    try:
+        person.do(sentence)
+    except BadInputError as error:
+        print(f"getup: {error}", file=sys.stderr)
+    else:
+        print(f"done: {sentence}", flush=True)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -27,17 +26,17 @@ from drivers.service.calibrate import (
 )
 from drivers.service.session import RobotBus, open_robot_bus
 from humanoid_getup.cli.options.hardware import Calibrate
+from humanoid_getup.cli.robot.held_posture import ZERO, find_held_angles
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.prompt import open_prompt
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import name_ports
-from robots import Joint, Robot, load_posture, load_robot
+from robots import Joint, Robot, load_robot
 from robots.description.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
 
-ZERO, STANDING = "zero", "standing"
 NOT_SAVED = "nothing is saved"
 UNFINISHED = f"the input ended before the calibration did: {NOT_SAVED}"
 HEADINGS = ("joint", "id", "zero was", "zero is", "differs by °", "sign was", "sign is")
@@ -109,19 +108,15 @@ def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
         if command.signs:
             return None
         at = ZERO
-    if at == STANDING:
-        return robot.standing.joint_pos
+    angles = find_held_angles(robot, at)
     if at != ZERO:
-        if not Path(at).exists():
-            raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
-        with refusing():
-            return load_posture(Path(at), robot).joint_pos
+        return angles
     chosen = [joint.name for joint in _choose_joints(command, robot)]
     beyond = [j for j in robot.joints if j.name in chosen and not j.lower <= 0.0 <= j.upper]
     if beyond:
         names = ", ".join(f"'{joint.name}'" for joint in beyond)
         raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
-    return np.zeros(robot.n)
+    return angles
 
 
 def check_folder(folder: Path) -> None:

@@ -1,20 +1,14 @@
 """`getup servo`: from an unknown port to a servo that moves, at the virtual bus."""
 
 import json
-import os
-import pty
-import re
-import select
-import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from bus_stories import Served, run_json
 from desk import BAUD, make_desk, serving_desk
-from waiting import LONGEST_WAIT
+from terminal import in_terminal
 
 from drivers.dynamixel import bus as bus_module
 from drivers.service.servos import port_finder
@@ -25,7 +19,6 @@ from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.servo.monitor import draw_bars
 
-ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
 
 
@@ -257,37 +250,12 @@ def test_a_virtual_servo_that_cannot_hold_its_load_fails_by_name(capsys):
 
 @pytest.mark.realtime
 def test_in_a_terminal_keys_move_a_servo_until_q_ends_it(moving):
-    master, slave = pty.openpty()
     where = ("--port", moving.paths["main"], "--speed", "180", "--yes", "--step", "10")
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", "servo", "jog", *where]
-    environment = os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
-    with subprocess.Popen(
-        command, stdin=slave, stdout=slave, stderr=slave, env=environment
-    ) as jogging:
-        os.close(slave)
-        try:
-            read_until(master, r"servo_1 +1 .*limp")
-            os.write(master, b"\x1b[C")
-            read_until(master, r"servo_1 +1 +\+([5-9]|1\d)\.\d +\+(9|10)\.\d")
-            os.write(master, b"n\x1b[D")  # two keys that arrive together
-            read_until(master, r"servo_3 +3 +-([5-9]|1\d)\.\d +-(9|10)\.\d")
-            os.write(master, b"q")
-            read_until(master, None)
-            assert jogging.wait(LONGEST_WAIT) == 0
-        finally:
-            jogging.kill()
-    os.close(master)
-
-
-def read_until(terminal: int, pattern: str | None) -> None:
-    """Read what a program shows until it shows a pattern, or to its end."""
-    shown = ""
-    end = time.monotonic() + LONGEST_WAIT
-    while pattern is None or not re.search(pattern, ESCAPES.sub("", shown)):
-        assert time.monotonic() < end, shown[-500:]
-        try:
-            if select.select([terminal], [], [], 1.0)[0]:
-                shown += os.read(terminal, 65536).decode(errors="replace")
-        except OSError:  # of a terminal that no program has
-            assert pattern is None, shown[-500:]
-            return
+    with in_terminal("servo", "jog", *where) as jogging:
+        jogging.see(r"servo_1 +1 .*limp")
+        jogging.type("\x1b[C")
+        jogging.see(r"servo_1 +1 +\+([5-9]|1\d)\.\d +\+(9|10)\.\d")
+        jogging.type("n\x1b[D")  # two keys that arrive together
+        jogging.see(r"servo_3 +3 +-([5-9]|1\d)\.\d +-(9|10)\.\d")
+        jogging.type("q")
+        assert jogging.wait() == 0

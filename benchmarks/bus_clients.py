@@ -81,12 +81,14 @@ def bare_bytes(path: str) -> Iterator[Operations]:
             return len(port.read(size)) == size
 
         one, all_ = protocol2.Span(POSITION, 4), len(IDS) * 15
-        goals = protocol2.sync_write(GOAL, dict.fromkeys(IDS, MIDDLE.to_bytes(4, "little")))
+        goals = protocol2.sync_write(
+            GOAL, dict.fromkeys(IDS, MIDDLE.to_bytes(4, "little"))
+        ).encode()
         yield {
-            "ping": lambda: exchange(protocol2.ping(FIRST), 14),
-            "read": lambda: exchange(protocol2.read(FIRST, one), 15),
-            "write": lambda: exchange(protocol2.write(FIRST, LED, b"\x01"), 11),
-            "group read": lambda: exchange(protocol2.sync_read(IDS, one), all_),
+            "ping": lambda: exchange(protocol2.ping(FIRST).encode(), 14),
+            "read": lambda: exchange(protocol2.read(FIRST, one).encode(), 15),
+            "write": lambda: exchange(protocol2.write(FIRST, LED, b"\x01").encode(), 11),
+            "group read": lambda: exchange(protocol2.sync_read(IDS, one).encode(), all_),
             "group write": lambda: port.write(goals),
         }
 

@@ -143,9 +143,10 @@ def is_stale(state: State) -> bool:
 def bare_bytes(path: str, baud: int) -> Iterator[Client]:
     """Send precomputed frames and wait for all bytes of the replies: the cost of the bus itself."""
     ids = [joint.servo.id for joint in robot_at(baud).joints]
-    group = sync_read(ids, Span(*STATE), fast=True)
-    imu = read(200, Span(*IMU))
-    goals = sync_write(GOAL[0], dict.fromkeys(ids, (2048).to_bytes(GOAL[1], "little")))
+    group = sync_read(ids, Span(*STATE), fast=True).encode()
+    imu = read(200, Span(*IMU)).encode()
+    middle = dict.fromkeys(ids, (2048).to_bytes(GOAL[1], "little"))
+    goals = sync_write(GOAL[0], middle).encode()
     port, failures = SerialPort(path, baud), [0]
     port.open()
 

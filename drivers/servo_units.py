@@ -19,9 +19,9 @@ def tick_range(joint: Joint) -> tuple[int, int]:
     return first, last
 
 
-def fits_one_turn(ticks: tuple[int, int]) -> bool:
-    """Return whether a range of ticks lies within the goals of position mode."""
-    return ticks[0] >= 0 and ticks[1] < TICKS_PER_TURN
+def fits_one_turn(ticks: tuple[int, int], last: int = TICKS_PER_TURN - 1) -> bool:
+    """Return whether a range of ticks lies within the goals of position mode, 0 to the last."""
+    return ticks[0] >= 0 and ticks[1] <= last
 
 
 class ServoUnits:

@@ -13,13 +13,11 @@ import numpy as np
 from robots.bus_settings import MAIN_PORT, WATCHDOG, BusSettings
 from robots.posture import Posture
 from robots.robot import Joint, Robot
-from robots.servo import RAD_PER_TICK, Servo, ServoModel
+from robots.servo import Servo, ServoModel
 
 FOLDER = Path("bench")
 """Folder of a bench that is in none."""
 IMU_SITE = "imu"
-MIDDLE = 2048  # ticks at angle 0
-LOWEST, HIGHEST = -math.pi, math.pi - RAD_PER_TICK  # rad, the ends of the turn about the middle
 
 # The plate is so heavy that servos on it do not move it.
 PLATE_MASS, PLATE_HEIGHT, PLATE_DEPTH = 100.0, 0.05, 0.2  # kg, m, m
@@ -141,23 +139,30 @@ def make_bench_joint(
     servo_id: int,
     *,
     name: str = "",
-    lower: float = LOWEST,
-    upper: float = HIGHEST,
+    lower: float | None = None,
+    upper: float | None = None,
     keeps_limits: bool = False,
 ) -> Joint:
-    """Make a joint of a servo on a bench, angle 0 in the middle of its turn; ranges in rad."""
-    servo = Servo(id=servo_id, model=model, sign=1, zero_ticks=MIDDLE, keeps_limits=keeps_limits)
+    """Make a joint of a servo on a bench, angle 0 in the middle of its turn; ranges in rad.
+
+    A range that is not given is that of the servo's positions.
+    """
+    middle = model.middle_tick
+    servo = Servo(id=servo_id, model=model, sign=1, zero_ticks=middle, keeps_limits=keeps_limits)
     name = name or f"servo_{servo_id}"
+    lowest, highest = model.ends
+    lower = lowest if lower is None else lower
+    upper = highest if upper is None else upper
     return Joint(name=name, lower=lower, upper=upper, servo=servo, segment="other")
 
 
-def choose_period(servos: int, baud: int, latency: float = 0.0) -> float:
+def choose_period(servos: int, baud: int, latency: float = 0.0, reads: int = 2) -> float:
     """Choose a control period [s] that leaves time beside a cycle's bytes at a baud rate.
 
-    ``latency`` is how long the adapter holds back a reply [s]; a cycle has two.
+    ``latency`` is how long the adapter holds back a reply [s]; a cycle waits for it in each read.
     """
     wire = (CYCLE_BITS + servos * SERVO_BITS) / baud
-    steps = math.ceil(max(LEAST_PERIOD, (wire + 2.0 * latency) / WIRE_SHARE) / PERIOD_STEP)
+    steps = math.ceil(max(LEAST_PERIOD, (wire + reads * latency) / WIRE_SHARE) / PERIOD_STEP)
     return round(steps * PERIOD_STEP, 6)
 
 

@@ -26,7 +26,7 @@ Volts = Annotated[float, positive(MAX_VOLTAGE, "V")]
 
 PGain = Annotated[int, whole(1, MAX_GAIN)]
 
-Protocol = Literal["dynamixel", "feetech"]
+Protocol = Literal["dynamixel", "dynamixel 1.0", "feetech"]
 
 LimitMode = Literal["current", "pwm", "ideal"]
 """What a torque limit acts on; see :class:`robots.torque_limit.TorqueLimit`."""
@@ -71,7 +71,33 @@ class ServoModel:
     trips: bool = True
     """Whether its overload protection may switch it off after a while at all its torque."""
     protocol: Protocol = "dynamixel"
-    """What it speaks on its bus; the driver speaks Dynamixel Protocol 2.0 alone."""
+    """What it speaks on its bus: Dynamixel Protocol 2.0 or 1.0, or Feetech's."""
+    ticks_per_turn: Annotated[float, positive(65_536.0)] = TICKS_PER_TURN
+    """Counts of its position in a whole turn, measured or not."""
+    last_tick: Annotated[int, whole(1, 65_535)] = TICKS_PER_TURN - 1
+    """Highest position that it measures and takes as a goal; the lowest is 0."""
+
+    @property
+    def rad_per_tick(self) -> float:
+        """Return the angle of a count of its position [rad]."""
+        return 2.0 * math.pi / self.ticks_per_turn
+
+    @property
+    def max_id(self) -> int:
+        """Return the highest id that it may have."""
+        return 252 if self.protocol == "dynamixel" else 253
+
+    @property
+    def middle_tick(self) -> int:
+        """Return the middle of its positions."""
+        return (self.last_tick + 1) // 2
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the ends of its positions about their middle [rad]."""
+        return -self.middle_tick * self.rad_per_tick, (
+            self.last_tick - self.middle_tick
+        ) * self.rad_per_tick
 
     @property
     def motor_constant(self) -> float:
@@ -154,7 +180,7 @@ class Servo:
     @property
     def rad_per_tick(self) -> float:
         """Return the angle by which a tick turns the joint [rad]."""
-        return RAD_PER_TICK / self.gear
+        return self.model.rad_per_tick / self.gear
 
     @property
     def p_gain(self) -> int:
@@ -171,8 +197,8 @@ class Servo:
             raise ValueError(f"servo {self.id}: sign is {self.sign}, expected -1 or 1")
         if not 0.0 < self.gear < math.inf:
             raise ValueError(f"servo {self.id}: gear is {self.gear:g}, expected above 0")
-        if not 0 <= self.id <= 252:
-            raise ValueError(f"servo id is {self.id}, expected 0 to 252")
+        if not 0 <= self.id <= self.model.max_id:
+            raise ValueError(f"servo id is {self.id}, expected 0 to {self.model.max_id}")
 
     def to_rad(self, ticks: int) -> float:
         """Convert encoder ticks to the joint angle [rad]."""
@@ -183,10 +209,10 @@ class Servo:
         return round(self.sign * angle / self.rad_per_tick) + self.zero_ticks
 
 
-def count_pwm(share: Array | float) -> Array:
+def count_pwm(share: Array | float, full_scale: Array | float = PWM_FULL_SCALE) -> Array:
     """Convert shares of the supply to whole counts of the PWM, from none to all of them, (...)."""
-    counts = np.floor(PWM_FULL_SCALE * share + COUNT_ROUNDING)
-    return np.minimum(np.maximum(counts, 0.0), PWM_FULL_SCALE)
+    counts = np.floor(full_scale * share + COUNT_ROUNDING)
+    return np.minimum(np.maximum(counts, 0.0), full_scale)
 
 
 def round_pwm(share: Array | float) -> Array:

@@ -14,6 +14,7 @@ from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
 from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
+from drivers.dynamixel.protocol2 import Instruction
 from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
@@ -325,6 +326,8 @@ class DynamixelBackend(Backend):
 
     def _restart(self, chain: ServoChain, row: int) -> None:
         device, states = self.robot.joints[row], self._states
+        if Instruction.REBOOT not in chain.bus.wire.instructions:
+            raise RebootError(device, "knows no restart over its bus: switch its power off and on")
         if chain.bus.reboot(device.servo.id, TRIES) is None:
             raise RebootError(device, "does not confirm that it reboots")
         until = time.monotonic() + BOOT_TIME

@@ -12,7 +12,7 @@ from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import MISSES
-from drivers.dynamixel.protocol2 import ALERT
+from drivers.dynamixel.protocol2 import ALERT, Span
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
 from robots import Joint
@@ -41,7 +41,12 @@ class BackgroundRead:
         self._bus, self._board = bus, board
         self._rows = rows
         self._servos = dict(zip(rows.tolist(), (joint.servo for joint in joints), strict=True))
-        self._turns = itertools.cycle(itertools.product(ROTATION, self._servos))
+        self._tables = {row: table_named(s.model.name) for row, s in self._servos.items()}
+        self._turns = itertools.cycle(
+            (item, row)
+            for item, row in itertools.product(ROTATION, self._servos)
+            if item in self._tables[row]
+        )
         self._cycle = 0
         self._board_misses = 0
         self._requests: dict[tuple[int, str, int, bool, bool], Request | None] = {}
@@ -83,6 +88,8 @@ class BackgroundRead:
             if self._board is not None and status.id == self._board.id:
                 self._board_misses = 0
                 self._board.receive(status.data)
+            elif item == ERROR and item not in self._tables[row]:  # the reply itself names it
+                states.note_errors(row, status.alarms)
             else:
                 states.update_background(row, item, status.data)
 
@@ -116,15 +123,20 @@ class BackgroundRead:
         if key not in self._requests:
             servo, board = {}, {}
             if row >= 0:
-                table = table_named(self._servos[row].model.name)
-                last = "present_temperature" if item == SUPPLY else item
-                servo = {self._servos[row].id: table.span(item, last)}
+                servo = {self._servos[row].id: self._span(row, item)}
             if self._board is not None and self._is_board_due:
                 board = {self._board.id: self._board.span(self._cycle)}
             # A silent board may keep the devices behind it from replying.
             spans = servo | board if is_board_last else board | servo
-            self._requests[key] = Request.group(spans) if spans else None
+            self._requests[key] = self._bus.group(spans) if spans else None
         return self._requests[key]
+
+    def _span(self, row: int, item: str) -> Span:
+        """Return the registers of an item; any will do for errors that each reply names."""
+        table = self._tables[row]
+        if item not in table:
+            item = TORQUE
+        return table.span(item, "present_temperature" if item == SUPPLY else item)
 
 
 def has_time(bus: DynamixelBus, request: Request | None, limit: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 
@@ -11,16 +11,18 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.control_table import Item
+from drivers.dynamixel.identity import PING_DATA, decode_identity, identity_request
 from drivers.dynamixel.protocol2 import (
     Damaged,
-    FrameParser,
     Instruction,
+    Packet,
     Reset,
     Span,
     Status,
     is_confirmed,
 )
 from drivers.dynamixel.requests import Replies, Request
+from drivers.dynamixel.wire import PROTOCOL_2, Parser, Wire
 from drivers.serial_port import SerialPort
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
@@ -30,7 +32,6 @@ ANSWER_MARGIN = 0.004  # s
 LOCK_STEP_MARGIN = 0.2  # s; where time is simulated nothing is timed, and the machine may be busy
 FACTORY_RETURN_DELAY = 250 * 2e-6  # s (e-manual, Return Delay Time)
 TRIES = 3  # of a request outside the control cycle
-PING_DATA = 3  # bytes: model number, firmware
 PING_SLOT = 0.003  # s that each of 253 ids has for its reply to a broadcast ping
 TAIL_TIMEOUT = 0.001  # s for the rest of a fast reply whose beginning is missing
 WAKE_EARLY = 200e-6  # s before the end of a reply at which to be awake
@@ -77,6 +78,12 @@ class DynamixelBus:
     statistics: BusStatistics = field(default_factory=BusStatistics)
     return_delay: float = FACTORY_RETURN_DELAY
     """Longest wait of a device before it replies [s]."""
+    wire: Wire = PROTOCOL_2
+    """Protocol that the devices speak."""
+    instructions: Collection[int] | None = None
+    """Instructions that all of them know; None for those of the protocol."""
+    searched: tuple[Wire, ...] = (PROTOCOL_2,)
+    """Protocols in which devices are searched for, where it is not known which they speak."""
     _limit: float = np.inf  # time of the monotonic clock after which `request` does not wait
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
     _deadline: float = 0.0  # of the open request
@@ -100,7 +107,7 @@ class DynamixelBus:
     def duration(self, request: Request) -> float:
         """Compute how long a request and its replies are on the wire [s]."""
         delays = self.return_delay * (1 if request.is_fast else len(request.lengths))
-        return (len(request.frame) + request.reply_size) * self.byte_time + delays
+        return (request.size + request.reply_size) * self.byte_time + delays
 
     def send(self, frame: bytes) -> None:
         """Send an instruction that has no reply."""
@@ -110,8 +117,17 @@ class DynamixelBus:
         begin = max(time.monotonic(), self._quiet_at)
         self._quiet_at = begin + len(frame) * self.byte_time
 
+    def group(self, spans: Mapping[int, Span], *, fast: bool = False) -> Request:
+        """Build the request that reads registers of several devices; see `Request.group`."""
+        return Request.group(spans, fast=fast, wire=self.wire, instructions=self.instructions)
+
+    def ask(self, packet: Packet, length: int = 0) -> Request:
+        """Build the request of an instruction whose reply has some bytes of data."""
+        return Request(self.wire.encode(packet), {packet.id: length}, overhead=self.wire.overhead)
+
     def begin(self, request: Request) -> None:
-        """Send a request; bytes that came before it are dropped."""
+        """Send a request, or its first part; bytes that came before it are dropped."""
+        request = request.first
         if self.port.flush():
             self.statistics.stale += 1
         self.send(request.frame)
@@ -121,11 +137,22 @@ class DynamixelBus:
     def collect(self, request: Request, limit: float = np.inf) -> list[Status]:
         """Collect the replies to the open request, which is not a fast one.
 
-        ``limit`` is a time of the monotonic clock after which not to wait [s].
+        ``limit`` is a time of the monotonic clock after which not to wait [s]. Parts of the
+        request that are still to be sent are sent, while there is time.
         """
+        found = self._collect_one(request.first, limit)
+        for part in request.parts[1:]:
+            if time.monotonic() + self.duration(part) > limit:
+                self.statistics.lost += 1
+                continue
+            self.begin(part)
+            found += self._collect_one(part, limit)
+        return found
+
+    def _collect_one(self, request: Request, limit: float) -> list[Status]:
         limit = min(limit, self._deadline)
         order = request.places
-        parser, found = FrameParser(), list[tuple[int, Status]]()
+        parser, found = self.wire.parse_replies(), list[tuple[int, Status]]()
         if len(order) > 1:
             self._sleep(limit)
         while not (found and found[-1][0] == len(order) - 1):
@@ -172,16 +199,16 @@ class DynamixelBus:
 
     def ping(self, device: int, tries: int = 1) -> Status | None:
         """Read the model and firmware of a device; ``None`` if it is silent."""
-        return self.request(Request(protocol2.ping(device), {device: PING_DATA}), tries).get(device)
+        status = self.request(identity_request(self, device), tries).get(device)
+        return None if status is None else decode_identity(self.wire, status)
 
     def read(self, device: int, span: Span, tries: int = 1) -> Status | None:
         """Read registers of a device; ``None`` if it is silent."""
-        return self.request(Request.group({device: span}), tries).get(device)
+        return self.request(self.group({device: span}), tries).get(device)
 
     def write(self, device: int, address: int, data: bytes, tries: int = 1) -> Status | None:
         """Write registers of a device; ``None`` if it does not confirm."""
-        frame = protocol2.write(device, address, data)
-        return self.request(Request(frame, {device: 0}), tries).get(device)
+        return self.request(self.ask(protocol2.write(device, address, data)), tries).get(device)
 
     def read_item(self, device: int, item: Item, tries: int = TRIES) -> int | None:
         """Read an item of a device; ``None`` if it is silent or refuses."""
@@ -194,29 +221,28 @@ class DynamixelBus:
 
     def reboot(self, device: int, tries: int = 1) -> Status | None:
         """Restart a device; ``None`` if it does not confirm."""
-        return self.request(Request(protocol2.reboot(device), {device: 0}), tries).get(device)
+        return self.request(self.ask(protocol2.reboot(device)), tries).get(device)
 
     def clear_turns(self, device: int, tries: int = 1) -> Status | None:
         """Bring a position back into one turn; ``None`` if the device does not confirm."""
-        return self.request(Request(protocol2.clear_turns(device), {device: 0}), tries).get(device)
+        return self.request(self.ask(protocol2.clear_turns(device)), tries).get(device)
 
     def factory_reset(self, device: int, kept: Reset) -> Status | None:
         """Set a device's EEPROM to its defaults; ``None`` if it does not confirm."""
-        frame = protocol2.factory_reset(device, kept)
-        return self.request(Request(frame, {device: 0})).get(device)
+        return self.request(self.ask(protocol2.factory_reset(device, kept))).get(device)
 
     # All devices ------------------------------------------------------------------------------
 
     def ping_all(self) -> dict[int, Status]:
-        """Ping all ids at once; return the replies after the 0.8 s that their slots take.
+        """Ping all ids of Protocol 2.0 at once; return the replies after the 0.8 s of their slots.
 
         Each id replies in its own slot: until the end of the last one, more may come.
         """
         self.port.flush()
-        self.send(protocol2.ping())
-        slot = PING_SLOT + (protocol2.OVERHEAD + 1 + PING_DATA) * self.byte_time
+        self.send(PROTOCOL_2.encode(protocol2.ping()))
+        slot = PING_SLOT + (PROTOCOL_2.overhead + PING_DATA) * self.byte_time
         limit = self._quiet_at + (protocol2.MAX_ID + 1) * slot + self.answer_margin
-        parser, found = FrameParser(), {}
+        parser, found = PROTOCOL_2.parse_replies(), {}
         while chunk := self.port.read(limit):
             for status in self._parse(parser, chunk):
                 if len(status.data) == PING_DATA:
@@ -233,13 +259,13 @@ class DynamixelBus:
             if left > WAKE_EARLY:
                 time.sleep(left)
 
-    def _parse(self, parser: FrameParser, chunk: bytes) -> Iterator[Status]:
+    def _parse(self, parser: Parser, chunk: bytes) -> Iterator[Status]:
         self.statistics.bytes_in += len(chunk)
         for item in parser.feed(chunk):
             if isinstance(item, Damaged):
                 self.statistics.damaged += 1
             elif item.instruction == Instruction.STATUS and item.params:
-                yield Status(item.id, item.params[0], item.params[1:])
+                yield self.wire.decode_status(item)
 
     def _collect_fast(self, request: Request, limit: float) -> Replies:
         limit = min(limit, self._deadline)

@@ -10,21 +10,24 @@ from numpy.typing import NDArray
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, table_named
-from drivers.dynamixel.protocol2 import bulk_write
+from drivers.dynamixel.goal_ranges import (
+    SLOPES,
+    GoalScales,
+    goal_range,
+    has_slope,
+    round_gain,
+    to_slope,
+)
+from drivers.dynamixel.protocol2 import Instruction, bulk_write
 from drivers.dynamixel.requests import SyncWriter
 from drivers.dynamixel.servo_states import ServoStates
+from drivers.dynamixel.wire import Wire
 from drivers.errors import SetupError
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, Integers, check_command
 from robots import Joint, Robot
 from robots.quaternion import Array
-from robots.servo import (
-    MAX_TICKS,
-    PWM_FULL_SCALE,
-    TICKS_PER_TURN,
-    LimitMode,
-    count_pwm,
-)
+from robots.servo import LimitMode, count_pwm
 
 FAR = 100.0  # rad, beyond any servo; keeps absurd targets within whole numbers
 MOST_CURRENT = 0xFFFF  # counts, more than any servo's limit
@@ -41,11 +44,6 @@ WRITTEN = (
 """Registers that are written to all servos of a bus together."""
 WRITTEN_BY_CURRENT = (*WRITTEN, "goal_current")
 """The same in current-based position mode."""
-GOAL_RANGES: dict[LimitMode, tuple[int, int]] = {
-    "current": (-MAX_TICKS, MAX_TICKS),
-    "pwm": (0, TICKS_PER_TURN - 1),
-}
-"""Goals that the operating mode for a kind of torque limit takes [ticks]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,8 @@ class CommandConverter:
         self._robot = robot
         self._limit_by: LimitMode = limit_by
         self._units = ServoUnits(robot)
-        self.pwm_limit = np.full(robot.n, PWM_FULL_SCALE)
+        self._scales = GoalScales(robot, limit_by)
+        self.pwm_limit = self._scales.full_scale.copy()
         """PWM Limit register of each servo [counts]."""
         self.current_limit = np.full(robot.n, MOST_CURRENT)
         """Current Limit register of each servo [counts]."""
@@ -97,10 +96,12 @@ class CommandConverter:
             current = np.minimum(robot.count_current(torque), current)
         else:
             share = np.minimum(torque / robot.max_torque, share)
-        pwm = np.minimum(count_pwm(share), self.pwm_limit)
+        scales = self._scales
+        pwm = np.minimum(count_pwm(share, scales.full_scale), self.pwm_limit)
         gain = np.rint(robot.p_gain * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
+        gain = np.where(scales.has_slope, round_gain(gain), gain)
         return RegisterCommands(
-            goal=np.clip(goal, *GOAL_RANGES[self._limit_by]),
+            goal=np.clip(goal, scales.lowest, scales.highest),
             p_gain=gain.astype(int),
             pwm=pwm.astype(int),
             current=current.astype(int),
@@ -109,7 +110,7 @@ class CommandConverter:
 
     def to_command(self, registers: RegisterCommands, requested: Command) -> Command:
         """Convert register values to the command that they carry out."""
-        robot, share = self._robot, registers.pwm / PWM_FULL_SCALE
+        robot, share = self._robot, registers.pwm / self._scales.full_scale
         torque: Array = share * robot.max_torque
         if self._limit_by == "current":
             torque = registers.current * robot.current_step * robot.torque_per_ampere
@@ -150,7 +151,9 @@ class CommandWriter:
 
     Torque goes off first. Where it comes on, gain and limit are set before, the goal is the
     present position, and the watchdog restarts. The goals of all servos come last, those
-    without torque included: they end the cycle and feed the watchdogs.
+    without torque included: they end the cycle and feed the watchdogs. Servos without a watchdog
+    may switch torque on when they get a goal: the limp ones get none, but torque off once more
+    where all are limp.
     """
 
     def __init__(
@@ -172,12 +175,19 @@ class CommandWriter:
         self._bus, self._rows, self._watchdog = bus, rows, watchdog
         self._ids = [joint.servo.id for joint in joints]
         tables = [table_named(joint.servo.model.name) for joint in joints]
+        check_places(tables, limit_by)
+        self._goal = tables[0]["goal_position"]
+        self._feeds_limp = tables[0].has_watchdog
         is_by_current = limit_by == "current"
         names = WRITTEN_BY_CURRENT if is_by_current else WRITTEN
-        self._writers = {name: _make_writer(name, self._ids, tables) for name in names}
+        self._writers = {
+            name: _make_writer(name, self._ids, tables, bus.wire)
+            for name in names
+            if name in tables[0] or (name == "position_p_gain" and has_slope(tables[0]))
+        }
         changing = ("position_p_gain", "goal_pwm", *(("goal_current",) if is_by_current else ()))
         self._last = {name: LastWritten(len(rows)) for name in changing}
-        self._goal_range = GOAL_RANGES[limit_by]
+        self._goal_range = goal_range(tables[0], limit_by)
         self._all = np.ones(len(rows), dtype=bool)
         self._cycle = 0
 
@@ -216,8 +226,14 @@ class CommandWriter:
                 self._write_some(name, due, values[name])
         if switches_on:
             self._switch_on(on, states)
-        present = np.clip(states.ticks[rows], *self._goal_range)
-        self.write_all("goal_position", np.where(states.is_on[rows], commands.goal[rows], present))
+        if self._feeds_limp:
+            present = np.clip(states.ticks[rows], *self._goal_range)
+            goals = np.where(states.is_on[rows], commands.goal[rows], present)
+            self.write_all("goal_position", goals)
+        elif states.is_on[rows].any():
+            self._write_some("goal_position", states.is_on[rows], commands.goal[rows])
+        elif not off.all():
+            self.write_all("torque_enable", 0)
 
     def forget(self) -> None:
         """Write all gains and limits again: a servo has been set up."""
@@ -225,34 +241,77 @@ class CommandWriter:
             last.forget()
 
     def write_all(self, name: str, values: Integers | int) -> None:
-        """Write one of the `WRITTEN` registers of all servos: one value each, or one for all."""
-        self._bus.send(self._writers[name].encode(values))
+        """Write one of the `WRITTEN` registers of all servos: one value each, or one for all.
+
+        One that the servos do not have is not written.
+        """
+        self._send(name, values, None)
 
     def _write_some(self, name: str, chosen: NDArray[np.bool_], values: Integers | int) -> None:
-        self._bus.send(self._writers[name].encode(values, chosen))
+        self._send(name, values, chosen)
+
+    def _send(self, name: str, values: Integers | int, chosen: NDArray[np.bool_] | None) -> None:
+        if name in self._writers:
+            self._bus.send(self._writers[name].encode(values, chosen))
 
     def _switch_on(self, on: NDArray[np.bool_], states: ServoStates) -> None:
         chosen = self._rows[on]
         # A watchdog that has tripped locks the goals until it is cleared.
         self._write_some("bus_watchdog", on, 0)
-        # Not a sync write: on a virtual bus in lock-step that would end the cycle.
-        goal = self._writers["goal_position"].address
         ids = (self._ids[i] for i in np.flatnonzero(on))
         present = np.clip(states.ticks[chosen], *self._goal_range)
-        seeds = {
-            i: (goal, int(ticks).to_bytes(4, "little", signed=True))
-            for i, ticks in zip(ids, present, strict=True)
-        }
-        self._bus.send(bulk_write(seeds))
+        seeds = {i: self._goal.encode(int(ticks)) for i, ticks in zip(ids, present, strict=True)}
+        self._seed(seeds)
         self._write_some("bus_watchdog", on, self._watchdog)
         self._write_some("torque_enable", on, 1)
         states.note_on(chosen)
 
+    def _seed(self, goals: Mapping[int, bytes]) -> None:
+        """Set the goals of servos without torque, by id.
 
-def _make_writer(name: str, ids: list[int], tables: list[ControlTable]) -> SyncWriter:
-    places = {(table[name].address, table[name].size) for table in tables}
-    if len(places) > 1:
-        models = ", ".join(sorted({table.model for table in tables}))
-        raise SetupError(f"servos {models} keep {name} in different places: give each a port")
-    address, size = places.pop()
-    return SyncWriter(address, {1: "u1", 2: "<i2", 4: "<i4"}[size], ids)
+        Not by a sync write: on a virtual bus in lock-step that would end the cycle.
+        """
+        address = self._goal.address
+        if Instruction.BULK_WRITE in self._bus.wire.instructions:
+            packet = bulk_write({i: (address, goal) for i, goal in goals.items()})
+            self._bus.send(packet.encode())
+            return
+        for device, goal in goals.items():
+            self._bus.write(device, address, goal)
+
+
+class SlopeWriter(SyncWriter):
+    """Writes gains to servos that have a compliance slope for each direction instead."""
+
+    def encode(
+        self, values: NDArray[np.int_] | int, chosen: NDArray[np.bool_] | None = None
+    ) -> bytes:
+        """Build the frame that sets the gains of all devices, or of some, by mask (n,)."""
+        slope = to_slope(np.asarray(values))
+        return super().encode(slope | slope << 8, chosen)
+
+
+def _make_writer(name: str, ids: list[int], tables: list[ControlTable], wire: Wire) -> SyncWriter:
+    if name == "position_p_gain" and has_slope(tables[0]):
+        return SlopeWriter(tables[0][SLOPES[0]].address, "<u2", ids, wire)
+    item = tables[0][name]
+    return SyncWriter(item.address, item.kind, ids, wire)
+
+
+def check_places(tables: Sequence[ControlTable], limit_by: LimitMode) -> None:
+    """Check that servos on one port can be written to together.
+
+    Raises:
+        SetupError: if they keep a register in different places, or cannot limit their torque.
+    """
+    models = ", ".join(sorted({table.model for table in tables}))
+    names = WRITTEN_BY_CURRENT if limit_by == "current" else WRITTEN
+    for name in (*names, *SLOPES):
+        items = {table[name].span if name in table else None for table in tables}
+        if len(items) > 1:
+            raise SetupError(f"servos {models} keep {name} in different places: give each a port")
+    if lacking := [table.model for table in tables if "goal_pwm" not in table]:
+        raise SetupError(
+            f"servo {lacking[0]} has no register that limits its torque: it is not moved here, "
+            "expected servos that have one"
+        )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.control_table import DriveMode, OperatingMode
+from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.protocol2 import is_confirmed
+from drivers.dynamixel.goal_ranges import SLOPES, has_slope, to_slope
+from drivers.dynamixel.protocol2 import Span, is_confirmed
 from robots.servo import TICKS_PER_TURN, LimitMode
 
-ALL_ANSWERED = 2  # Status Return Level: every instruction is confirmed
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
 """EEPROM items that are read again when a servo may have restarted."""
 
@@ -28,16 +30,27 @@ def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, in
     The servo accepts every tick of its turn, unless it keeps its limits: the guard limits the
     joint's range, and a joint that starts outside it must be held where it is.
     """
+    table, registers = servo.table, servo.registers
     wanted = {
         "return_delay_time": 0,
         # Neither time-based profiles nor torque on by goal update; the direction is up to the
         # calibration.
-        "drive_mode": servo.registers["drive_mode"] & DriveMode.REVERSE,
-        "operating_mode": int(OPERATING_MODES[limit_by]),
+        "drive_mode": registers.get("drive_mode", 0) & DriveMode.REVERSE,
+        "operating_mode": position_mode(table, limit_by),
     }
+    if table["status_return_level"].eeprom:
+        wanted["status_return_level"] = table.all_answered
     if not servo.joint.servo.keeps_limits:
-        wanted |= {"max_position_limit": TICKS_PER_TURN - 1, "min_position_limit": 0}
-    return {name: value for name, value in wanted.items() if servo.registers[name] != value}
+        last = table["max_position_limit"].upper or 0
+        wanted |= {"max_position_limit": last, "min_position_limit": 0}
+    return {name: value for name, value in wanted.items() if registers.get(name, value) != value}
+
+
+def position_mode(table: ControlTable, limit_by: LimitMode) -> int:
+    """Return the operating mode in which a servo is moved to positions."""
+    if table.mode_names and table.default_mode is not None:
+        return table.default_mode
+    return int(OPERATING_MODES[limit_by])
 
 
 def list_ram_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
@@ -45,20 +58,26 @@ def list_ram_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:
 
     The watchdog goes off here, tripped or not; it comes on with the torque.
     """
-    d_gain = servo.table["position_d_gain"].default or 0
+    table, p_gain = servo.table, servo.joint.servo.p_gain
+    d_gain = table["position_d_gain"].default or 0 if "position_d_gain" in table else 0
     if limit_by == "current":  # whose loop takes the damping by back-EMF away
         d_gain = servo.joint.servo.model.d_gain
-    return {
-        "status_return_level": ALL_ANSWERED,
+    slope = int(to_slope(np.array(p_gain))) if has_slope(table) else 0
+    settings = {
+        "status_return_level": table.all_answered,
         "bus_watchdog": 0,
         "position_d_gain": d_gain,
         "position_i_gain": 0,
-        "position_p_gain": servo.joint.servo.p_gain,
+        "position_p_gain": p_gain,
         "feedforward_2nd_gain": 0,
         "feedforward_1st_gain": 0,
         "profile_acceleration": 0,
         "profile_velocity": 0,
+        **dict.fromkeys(SLOPES, slope),
+        **table.prepared,
     }
+    kept = ("status_return_level",) if table["status_return_level"].eeprom else ()
+    return {name: n for name, n in settings.items() if name in table and name not in kept}
 
 
 class ServoSetup:
@@ -95,11 +114,15 @@ class ServoSetup:
         name, value = self._left[0]
         item = self._servo.table[name]
         status = bus.write(self._servo.id, item.address, item.encode(value), tries)
+        if name == "status_return_level" and status is None:  # it has not confirmed before
+            status = bus.read(self._servo.id, item.span, tries)
         if status is None or status.number:
             what = "silent" if status is None else f"error {status.number}"
             self.failed = f"{name} = {value} is not confirmed ({what})"
             return False
-        self.eeprom_writes += item.eeprom
+        self.eeprom_writes += item.eeprom and not self._is_locked
+        if name == self._servo.table.keeps_by_lock:
+            self._is_locked = bool(value)
         self.failed = ""
         self._left.pop(0)
         return True
@@ -115,9 +138,14 @@ class ServoSetup:
         # Only position mode brings the position back into one turn by itself.
         position = self._servo.registers["present_position"]
         self._must_clear = self._limit_by == "current" and not 0 <= position < TICKS_PER_TURN
+        lock = self._servo.table.keeps_by_lock
+        kept = list(list_eeprom_settings(self._servo, self._limit_by).items())
+        self._is_locked = False
         self._left = [
             ("torque_enable", 0),
-            *list_eeprom_settings(self._servo, self._limit_by).items(),
+            *([(lock, 0)] if lock and kept else []),
+            *kept,
+            *([(lock, 1)] if lock else []),
             *list_ram_settings(self._servo, self._limit_by).items(),
         ]
 
@@ -131,13 +159,14 @@ class ServoSetup:
     def _check(self, bus: DynamixelBus, tries: int) -> bool:
         """Read the servo's model and EEPROM; refuse another model or firmware."""
         table = self._servo.table
-        span = table.span("model_number", "operating_mode")
-        status = bus.read(self._servo.id, span, tries)
+        names = [n for n in ("model_number", "firmware_version", *RECHECKED) if n in table]
+        first, last = min(table[n].address for n in names), max(table[n].end for n in names)
+        status = bus.read(self._servo.id, Span(first, last - first), tries)
         if status is None or status.number:
             self.failed = "its model cannot be read"
             return False
-        names = ("model_number", "firmware_version", *RECHECKED)
-        values = {n: table[n].decode(status.data[table[n].address : table[n].end]) for n in names}
+        places = {n: slice(table[n].address - first, table[n].end - first) for n in names}
+        values = {n: table[n].decode(status.data[place]) for n, place in places.items()}
         if (values["model_number"], values["firmware_version"]) != (
             table.number,
             self._servo.firmware,
@@ -147,7 +176,8 @@ class ServoSetup:
                 f"{values['firmware_version']} now, not the {table.model} of the start"
             )
             return False
-        registers = {**self._servo.registers, **{name: values[name] for name in RECHECKED}}
+        again = {name: values[name] for name in RECHECKED if name in values}
+        registers = {**self._servo.registers, **again}
         self._servo = replace(self._servo, registers=registers)
         self._must_check = False
         self._begin()

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 from functools import cache, cached_property
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal
 
-from drivers.dynamixel.protocol2 import Span
-from drivers.errors import DriverError
+from drivers.dynamixel.protocol2 import Instruction, Span
+from drivers.dynamixel.wire import WIRES, Wire
+from drivers.errors import DriverError, SetupError
+from robots.bus_settings import BAUD_RATES
 
+FILES = ("control_tables.toml", "protocol1_tables.toml", "feetech_tables.toml")
 SI_DIGITS = 9
 """Decimals of a value converted to SI: far below every unit of a register."""
 
@@ -30,13 +33,9 @@ class OperatingMode(IntEnum):
     CURRENT_BASED_POSITION = 5
     PWM = 16
 
-
-def name_mode(mode: int) -> str:
-    """Return the name of an operating mode, or the number of an unknown one."""
-    try:
-        return OperatingMode(mode).name.lower().replace("_", " ")
-    except ValueError:
-        return str(mode)
+    def describe(self) -> str:
+        """Return its name in words."""
+        return self.name.lower().replace("_", " ")
 
 
 class DriveMode(IntFlag):
@@ -77,6 +76,17 @@ class Item:
     scale: float
     """Units per count."""
     signed: bool
+    sign_bit: int | None = None
+    """Bit that says that a number is negative, above those of its amount; None for two's
+    complement."""
+    big_endian: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Return its numpy type, such as "<i4"; a number with a sign bit is unsigned there."""
+        order = ">" if self.big_endian else "<"
+        letter = "i" if self.signed and self.sign_bit is None else "u"
+        return f"{order}{letter}{self.size}"
 
     def to_si(self, count: int) -> float:
         """Convert a count to its SI unit.
@@ -101,7 +111,12 @@ class Item:
         Raises:
             OverflowError: if the value does not fit into the item's bytes.
         """
-        return value.to_bytes(self.size, "little", signed=self.signed)
+        if self.sign_bit is not None:
+            if abs(value) >> self.sign_bit:
+                raise OverflowError(f"{self.name} is {value}: too large for its bits")
+            value = abs(value) | (value < 0) << self.sign_bit
+        signed = self.signed and self.sign_bit is None
+        return value.to_bytes(self.size, self._order, signed=signed)
 
     def decode(self, data: bytes) -> int:
         """Convert register bytes to a value.
@@ -111,13 +126,25 @@ class Item:
         """
         if len(data) != self.size:
             raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
-        return int.from_bytes(data, "little", signed=self.signed)
+        if self.sign_bit is None:
+            return int.from_bytes(data, self._order, signed=self.signed)
+        return apply_sign(int.from_bytes(data, self._order), self.sign_bit)
+
+    @property
+    def _order(self) -> Literal["big", "little"]:
+        return "big" if self.big_endian else "little"
 
     def accepts(self, value: int) -> bool:
         """Return whether a value may be written."""
         return (
             self.lower is not None and self.upper is not None and self.lower <= value <= self.upper
         )
+
+
+def apply_sign(number: int, sign_bit: int) -> int:
+    """Return a number whose sign is a bit of its own; bits above that are ignored."""
+    amount = number & ((1 << sign_bit) - 1)
+    return -amount if number >> sign_bit & 1 else amount
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,17 +169,74 @@ class ControlTable:
     """By name, in order of address."""
     indirect: tuple[Indirect, ...]
     modes: tuple[int, ...]
-    """Operating modes it has; empty if it is not a servo."""
+    """Operating modes it has; empty if there is no register for them."""
     default_mode: int | None
     fast_read_firmware: int | None
     """First firmware with fast reads; None when none has them."""
     backup_firmware: int | None
     """First firmware with the backup instruction; None when none has it."""
+    is_servo: bool = True
+    wire: Wire = WIRES["2.0"]
+    """Protocol that it speaks."""
+    extra_instructions: frozenset[int] = frozenset()
+    """Instructions that it knows beside those of all devices of its protocol."""
+    mode_names: Mapping[int, str] = field(default_factory=dict)
+    """Names of its operating modes; empty for those of `OperatingMode`."""
+    bauds: Mapping[int, int] = field(default_factory=lambda: dict(enumerate(BAUD_RATES)))
+    """Baud rate [bit/s] of each value of the item ``baud_rate``."""
+    error_bits: tuple[int, ...] = ()
+    """Bit of `HardwareError` that each bit of its errors means; empty if they are the same."""
+    prepared: Mapping[str, int] = field(default_factory=dict)
+    """Values that the driver gives items before torque comes on, beside those it computes."""
+    keeps_by_lock: str | None = None
+    """Item that is 0 while writes to the EEPROM are kept without power; None without a lock."""
 
     @cached_property
     def size(self) -> int:
         """Return the address one past the last register."""
         return max(item.end for item in self)
+
+    @property
+    def instructions(self) -> frozenset[int]:
+        """Return all instructions that it knows."""
+        return self.wire.instructions | self.extra_instructions
+
+    @property
+    def has_watchdog(self) -> bool:
+        """Return whether it stops by itself when its program falls silent."""
+        return "bus_watchdog" in self.items
+
+    @property
+    def all_answered(self) -> int:
+        """Return the status return level at which every instruction is confirmed."""
+        return self["status_return_level"].upper or 0
+
+    def baud_code(self, baud: int) -> int:
+        """Return the value of the item ``baud_rate`` for a baud rate [bit/s].
+
+        Raises:
+            SetupError: if it does not have that rate.
+        """
+        for code, rate in self.bauds.items():
+            if rate == baud:
+                return code
+        listed = ", ".join(map(str, sorted(self.bauds.values())))
+        raise SetupError(f"{self.model}: baud rate is {baud} bit/s, expected {listed}")
+
+    def name_mode(self, mode: int) -> str:
+        """Return the name of an operating mode, or the number of an unknown one."""
+        if self.mode_names:
+            return self.mode_names.get(mode, str(mode))
+        try:
+            return OperatingMode(mode).describe()
+        except ValueError:
+            return str(mode)
+
+    def name_errors(self, bits: int) -> int:
+        """Convert its error bits, as it shows them, to those of `HardwareError`."""
+        if not self.error_bits:
+            return bits
+        return sum({known for i, known in enumerate(self.error_bits) if bits >> i & 1})
 
     @cached_property
     def _covering(self) -> tuple[Item | None, ...]:
@@ -204,14 +288,26 @@ def known_models() -> dict[str, int]:
     return {name: model["number"] for name, model in _read_file()["models"].items()}
 
 
-def table_for(number: int, firmware: int | None = None) -> ControlTable:
-    """Find the table of a model number, as a device reports it in a ping; see `table_named`.
+@cache
+def table_names() -> Mapping[str, str]:
+    """Return the model whose table each type of servo has, by the type's name."""
+    models = _read_file()["models"]
+    return {t: name for name, model in models.items() for t in (name, *model.get("types", ()))}
+
+
+def types_of(table: ControlTable) -> list[str]:
+    """Return the types of servo that have a table, and that its registers cannot tell apart."""
+    return [name for name, model in table_names().items() if model == table.model]
+
+
+def table_for(number: int, firmware: int | None = None, wire: Wire = WIRES["2.0"]) -> ControlTable:
+    """Find the table of a model number, as a device of a protocol reports it; see `table_named`.
 
     Raises:
         UnknownModelError: if there is no such model.
     """
     for name, known in known_models().items():
-        if known == number:
+        if known == number and _wire_of(name) is wire:
             return table_named(name, firmware)
     raise UnknownModelError(number)
 
@@ -221,18 +317,20 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
     """Find the table of a model's name.
 
     Args:
-        model: Name, such as "XM430-W350".
+        model: Name of a model, such as "XM430-W350", or of a type of servo that has its table.
         firmware: Firmware version of the device; None for the newest known.
 
     Raises:
         UnknownModelError: if there is no such model.
     """
-    if model not in known_models():
+    if model not in table_names():
         raise UnknownModelError(model)
+    if table_names()[model] != model:
+        return table_named(table_names()[model], firmware)
     source = _settings_of(model)
     indirect = _indirect_blocks(source, firmware)
     rows = [
-        _build_item(name, row, source["units"], eeprom=memory == "eeprom")
+        _build_item(name, row, source, eeprom=memory == "eeprom")
         for memory in ("eeprom", "ram")
         for name, row in source[memory].items()
         if firmware is None or firmware >= row.get("since", 0)
@@ -243,10 +341,18 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
         number=source["number"],
         items={item.name: item for item in items},
         indirect=indirect,
-        modes=tuple(source["modes"]),
+        modes=tuple(source.get("modes", ())),
         default_mode=source.get("default_mode"),
         fast_read_firmware=source.get("fast_read_firmware"),
         backup_firmware=source["ram"].get("backup_ready", {}).get("since"),
+        is_servo=source.get("is_servo", True),
+        wire=_wire_of(model),
+        extra_instructions=frozenset(Instruction[name] for name in source.get("knows", [])),
+        mode_names={int(mode): name for mode, name in source.get("mode_names", {}).items()},
+        error_bits=tuple(source.get("error_bits", ())),
+        prepared=source.get("prepared", {}),
+        keeps_by_lock=source.get("keeps_by_lock"),
+        **({"bauds": dict(source["bauds"])} if "bauds" in source else {}),
     )
 
 
@@ -255,15 +361,29 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
 
 @cache
 def _read_file() -> dict[str, Any]:
-    file = files("drivers.dynamixel").joinpath("control_tables.toml")
-    return tomllib.loads(file.read_text("utf-8"))
+    """Read the files of all protocols: units, series and models, by name."""
+    merged: dict[str, Any] = {"units": {}, "series": {}, "models": {}}
+    for name in FILES:
+        text = files("drivers.dynamixel").joinpath(name).read_text("utf-8")
+        for part, rows in tomllib.loads(text).items():
+            merged[part] |= rows
+    return merged
+
+
+def _series_of(model: str) -> dict[str, Any]:
+    """Return what a model has in common with others; the X series if it does not say."""
+    own = _read_file()["models"][model]
+    return _read_file()["series"][own.get("series", "X")]
+
+
+@cache
+def _wire_of(model: str) -> Wire:
+    return WIRES[_series_of(model).get("protocol", "2.0")]
 
 
 def _settings_of(model: str) -> dict[str, Any]:
     """Return all settings of a model, merged with those that it shares with others."""
-    own, shared = _read_file()["models"][model], _read_file()["servo"]
-    if not own.get("is_servo", True):
-        shared = {"eeprom": {}, "ram": {}}
+    own, shared = _read_file()["models"][model], _series_of(model)
     without = own.get("without", [])
     memories = {
         memory: {
@@ -274,14 +394,15 @@ def _settings_of(model: str) -> dict[str, Any]:
         for memory in ("eeprom", "ram")
     }
     memories["eeprom"]["model_number"]["default"] = own["number"]
-    units = _read_file()["units"] | own.get("units", {})
+    units = _read_file()["units"] | shared.get("units", {}) | own.get("units", {})
     settings = shared | own | memories | {"units": units}
     return {key: value for key, value in settings.items() if key not in without}
 
 
-def _build_item(name: str, row: dict[str, Any], units: dict[str, Any], *, eeprom: bool) -> Item:
+def _build_item(name: str, row: dict[str, Any], source: dict[str, Any], *, eeprom: bool) -> Item:
     lower, upper = row.get("range", (None, None))
-    unit = units[row.get("unit", "count")]
+    unit = source["units"][row.get("unit", "count")]
+    sign_bit = row.get("sign_bit")
     return Item(
         name=name,
         address=row["at"],
@@ -293,12 +414,14 @@ def _build_item(name: str, row: dict[str, Any], units: dict[str, Any], *, eeprom
         upper=upper,
         unit=unit["unit"],
         scale=unit["scale"],
-        signed=row.get("signed", False),
+        signed=row.get("signed", sign_bit is not None),
+        sign_bit=sign_bit,
+        big_endian=source.get("big_endian", False),
     )
 
 
 def _indirect_blocks(source: dict[str, Any], firmware: int | None) -> tuple[Indirect, ...]:
-    blocks, old = source["indirect"], source.get("old_indirect")
+    blocks, old = source.get("indirect", []), source.get("old_indirect")
     if old is not None and firmware is not None and firmware < old["before"]:
         blocks = old["blocks"]
     return tuple(Indirect(address=a, data=d, count=count) for a, d, count in blocks)
@@ -313,6 +436,6 @@ def _indirect_items(blocks: tuple[Indirect, ...]) -> Iterator[Item]:
             address, data = block.address + 2 * i, block.data + i
             where = {"at": address, "size": 2, "default": data, "range": (FIRST_MAPPED, last)}
             what = {"at": data, "default": 0, "range": (0, 255)}
-            units = _read_file()["units"]
-            yield _build_item(f"indirect_address_{number}", where, units, eeprom=False)
-            yield _build_item(f"indirect_data_{number}", what, units, eeprom=False)
+            source = {"units": _read_file()["units"]}
+            yield _build_item(f"indirect_address_{number}", where, source, eeprom=False)
+            yield _build_item(f"indirect_data_{number}", what, source, eeprom=False)

@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.protocol2 import ALERT, Span
+from drivers.dynamixel.group_layout import GroupLayout
+from drivers.dynamixel.protocol2 import ALERT, Instruction, Span
 from drivers.dynamixel.requests import Replies, Request
 
 MISSES = 3  # missing replies in a row after which a servo is left out
@@ -24,16 +24,13 @@ CACHED_REQUESTS = 1000  # there are few orders in which to read
 RETRY_MARGIN = 0.0005  # s beyond the bytes' own time that a retry needs
 
 
-GROUP_BYTES = 10
-"""Bytes that are read of each servo: current (or load), velocity, position."""
-
-
 class GroupKind(Enum):
     """Instruction by which a group is read."""
 
     FAST = "fast sync read"
     SYNC = "sync read"
     BULK = "bulk read"
+    SINGLE = "single reads"
 
 
 class CyclicRead:
@@ -49,12 +46,10 @@ class CyclicRead:
     def __init__(self, bus: DynamixelBus, servos: Sequence[ServoFacts]) -> None:
         """Prepare to read some servos of a bus, at least one."""
         self._bus = bus
-        self._spans = {servo.id: group_span(servo.table) for servo in servos}
+        self._spans = {servo.id: GroupLayout.of(servo.table).span for servo in servos}
         self._ids = list(self._spans)
-        self._best = GroupKind.BULK
-        if len(set(self._spans.values())) == 1:
-            can_fast = all(servo.supports_fast_read for servo in servos)
-            self._best = GroupKind.FAST if can_fast else GroupKind.SYNC
+        self._length = max(span.length for span in self._spans.values())
+        self._best = self._choose(servos)
         self.kind = self._best
         """How the group is read now."""
         self._misses = dict.fromkeys(self._ids, 0)
@@ -66,6 +61,14 @@ class CyclicRead:
         self._cycle = 0
         self._request: Request | None = None
         self._group = lru_cache(CACHED_REQUESTS)(self._make_group)
+
+    def _choose(self, servos: Sequence[ServoFacts]) -> GroupKind:
+        """Choose the fastest instruction that all servos know."""
+        known = frozenset.intersection(*(servo.table.instructions for servo in servos))
+        if len(set(self._spans.values())) == 1 and Instruction.SYNC_READ in known:
+            can_fast = all(servo.supports_fast_read for servo in servos)
+            return GroupKind.FAST if can_fast else GroupKind.SYNC
+        return GroupKind.BULK if Instruction.BULK_READ in known else GroupKind.SINGLE
 
     @property
     def left_out(self) -> list[int]:
@@ -94,7 +97,7 @@ class CyclicRead:
         """
         request = self._request
         if request is None:
-            return Replies.of([], GROUP_BYTES)
+            return Replies.of([], self._length)
         replies = self._bus.collect_group(request, limit)
         if len(replies.devices) < len(request.lengths):
             self._suspects.update(self._find_silent(request, replies))
@@ -133,11 +136,11 @@ class CyclicRead:
         if is_fast:
             is_ambiguous = order[-1] in self._suspects or len(order) < LENGTHS
             extra = extra + 1 if is_ambiguous else 0
-        return self._group(bytes(order), GROUP_BYTES + extra, is_fast)
+        return self._group(bytes(order), self._length + extra, is_fast)
 
     def _make_group(self, order: bytes, length: int, is_fast: bool) -> Request:
         spans = {device: Span(self._spans[device].address, length) for device in order}
-        return Request.group(spans, fast=is_fast)
+        return self._bus.group(spans, fast=is_fast)
 
     def _count_misses(self, request: Request, replies: Replies) -> None:
         """Count missing replies."""
@@ -173,11 +176,3 @@ class CyclicRead:
         if self._best is GroupKind.FAST:
             self.kind = GroupKind.SYNC
             self._fast_again = self._cycle + FAST_PAUSE
-
-
-def group_span(table: ControlTable) -> Span:
-    """Return the registers of current (or load), velocity and position."""
-    first = "present_current" if "present_current" in table else "present_load"
-    span = table.span(first, "present_position")
-    assert span.length == GROUP_BYTES
-    return span

@@ -14,6 +14,7 @@ from drivers.dynamixel.control_table import (
     Item,
     UnknownModelError,
     table_for,
+    types_of,
 )
 from drivers.dynamixel.protocol2 import Span, Status, read_identity
 from drivers.errors import DriverError
@@ -21,7 +22,6 @@ from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
 from robots import Joint, Robot
 from robots.bus_settings import BAUD_RATES
-from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
@@ -30,6 +30,10 @@ SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
 
 
+NO_WATCHDOG = (
+    "has no bus watchdog: if the program dies, it holds its last goal",
+    "have its power switch at hand: switched off, it is limp",
+)
 GARBLED = (
     "replies are garbled, as by two servos of one id",
     "unplug one at a time and give each its own id; else check the cable",
@@ -104,6 +108,17 @@ class ServoFacts:
     def angle(self) -> float:
         """Return the joint angle [rad]."""
         return self.joint.servo.to_rad(self.registers["present_position"])
+
+    @property
+    def errors(self) -> int:
+        """Return its hardware errors, as bits of `HardwareError`."""
+        return self.table.name_errors(self.registers["hardware_error_status"])
+
+    @property
+    def mode_name(self) -> str:
+        """Return the name of its operating mode; "-" if it has no register for that."""
+        mode = self.registers.get("operating_mode")
+        return "-" if mode is None else self.table.name_mode(mode)
 
     @property
     def voltage(self) -> float:
@@ -212,13 +227,13 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
     def warn(text: str, remedy: str) -> None:
         found.append(Finding(Severity.WARNING, servo.name, text, remedy))
 
-    if servo.firmware < MIN_FIRMWARE:
+    if servo.table.has_watchdog and servo.firmware < MIN_FIRMWARE:
         error(
             f"firmware {servo.firmware} has no bus watchdog, expected {MIN_FIRMWARE} or newer",
             "update it with DYNAMIXEL Wizard",
         )
     has_supply = model.accepts_supply(servo.voltage)
-    alert = HardwareError(registers["hardware_error_status"])
+    alert = HardwareError(servo.errors)
     if alert and (has_supply or alert != HardwareError.VOLTAGE):
         found.append(_describe_alert(servo, alert))
     if not has_supply:
@@ -227,25 +242,26 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             f"{model.max_voltage:.1f} V",
             "charge or change the battery",
         )
-    if registers["drive_mode"] & DriveMode.REVERSE:
+    if registers.get("drive_mode", 0) & DriveMode.REVERSE:
         error(
             f"drive mode is {registers['drive_mode']}, reversed: it would turn the wrong way",
             "set its drive mode to 0, then calibrate the joint",
         )
-    if registers["secondary_id"] < FIRST_FREE_ID:
+    if registers.get("secondary_id", FIRST_FREE_ID) < FIRST_FREE_ID:
         error(
             f"also responds to the secondary id {registers['secondary_id']}",
             "set its secondary id to 255",
         )
-    if registers["homing_offset"]:
+    if registers.get("homing_offset"):
         warn(
             f"homing offset is {registers['homing_offset']} ticks",
             "fine if the joint was calibrated with it, else set it to 0",
         )
-    if registers["pwm_limit"] < PWM_FULL_SCALE:
+    full = servo.table["pwm_limit"].upper or 0
+    if registers["pwm_limit"] < min(full, servo.table["pwm_limit"].default or full):
         warn(
-            f"PWM limit is {registers['pwm_limit']} of {PWM_FULL_SCALE}: it has less torque",
-            f"set it to {PWM_FULL_SCALE} unless that is intended",
+            f"PWM limit is {registers['pwm_limit']} of {full}: it has less torque",
+            f"set it to {full} unless that is intended",
         )
     stalled = model.stall_current / model.current_step if model.has_current_mode else 0.0
     if registers.get("current_limit", math.inf) < stalled:
@@ -257,11 +273,13 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
     if registers.get("startup_configuration", 0) & 1:
         warn("switches torque on by itself at power-up", "set its startup configuration to 0")
     expected = HardwareError.OVERHEATING | HardwareError.OVERLOAD
-    if registers["shutdown"] & expected != expected:
+    if servo.table.name_errors(registers["shutdown"]) & expected != expected:
         warn(
             f"shutdown is {registers['shutdown']}: overheating or overload would not stop it",
-            "set its shutdown to 52",
+            f"set its shutdown to {servo.table['shutdown'].default}",
         )
+    if not servo.table.has_watchdog:
+        warn(*NO_WATCHDOG)
     joint, angle = servo.joint, servo.angle
     if not joint.lower - OUTSIDE_RANGE <= angle <= joint.upper + OUTSIDE_RANGE:
         warn(
@@ -269,9 +287,9 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             "move it back by hand, or calibrate it",
         )
     ticks = tick_range(joint)
-    if not fits_one_turn(ticks):
+    if not fits_one_turn(ticks, model.last_tick):
         warn(
-            f"its range needs ticks {ticks[0]} to {ticks[1]}, expected 0 to {TICKS_PER_TURN - 1}",
+            f"its range needs ticks {ticks[0]} to {ticks[1]}, expected 0 to {model.last_tick}",
             "mount its horn so that the range is within one turn, and calibrate it",
         )
     return found
@@ -282,7 +300,7 @@ def _describe_alert(servo: ServoFacts, alert: HardwareError) -> Finding:
 
     The guard keeps torque off; to be rebooted, the servo must be connected first.
     """
-    is_off = bool(alert & servo.registers["shutdown"])
+    is_off = bool(alert & servo.table.name_errors(servo.registers["shutdown"]))
     text = f"{'has switched itself off' if is_off else 'reports an error'}: {alert.describe()}"
     is_warm = bool(alert & (HardwareError.OVERHEATING | HardwareError.OVERLOAD))
     remedy = "let it cool down and restart it" if is_warm else "restart it"
@@ -374,11 +392,11 @@ def _examine(
     number, firmware = read_identity(pong)
     name, remedy = name_of(joint), "change the servo or robot.toml"
     try:
-        table = table_for(number, firmware)
+        table = table_for(number, firmware, bus.wire)
     except UnknownModelError as unknown:
         findings.append(Finding.error(name, str(unknown), remedy))
         return None
-    if table.model != joint.servo.model.name:
+    if joint.servo.model.name not in types_of(table):
         text = f"is a {table.model}, expected {joint.servo.model.name}"
         findings.append(Finding.error(name, text, remedy))
         return None
@@ -390,6 +408,8 @@ def _examine(
         problem = GARBLED if since.damaged or since.stale else (text, "check its cable and power")
         findings.append(Finding.error(name, *problem))
         return None
+    if "hardware_error_status" not in table:  # each reply names them instead
+        registers["hardware_error_status"] = pong.alarms
     return ServoFacts(joint=joint, table=table, firmware=firmware, registers=registers)
 
 

@@ -98,6 +98,8 @@ class Status:
     error: int = 0
     """Error byte: an `ErrorNumber`, and `ALERT`."""
     data: bytes = b""
+    alarms: int = 0
+    """Bits of `HardwareError` that the reply itself names; 0 in Protocol 2.0, which has none."""
 
     @property
     def alert(self) -> bool:
@@ -166,63 +168,63 @@ class Span:
 # Instructions -------------------------------------------------------------------------------
 
 
-def ping(device: int = BROADCAST) -> bytes:
+def ping(device: int = BROADCAST) -> Packet:
     """Read the model and firmware of a device, or of all."""
-    return Packet(device, Instruction.PING).encode()
+    return Packet(device, Instruction.PING)
 
 
-def read(device: int, span: Span) -> bytes:
+def read(device: int, span: Span) -> Packet:
     """Read registers of a device."""
     params = struct.pack("<HH", span.address, span.length)
-    return Packet(device, Instruction.READ, params).encode()
+    return Packet(device, Instruction.READ, params)
 
 
-def write(device: int, address: int, data: bytes) -> bytes:
+def write(device: int, address: int, data: bytes) -> Packet:
     """Write registers of a device."""
-    return Packet(device, Instruction.WRITE, struct.pack("<H", address) + data).encode()
+    return Packet(device, Instruction.WRITE, struct.pack("<H", address) + data)
 
 
-def reboot(device: int) -> bytes:
+def reboot(device: int) -> Packet:
     """Restart a device; its RAM goes back to defaults."""
-    return Packet(device, Instruction.REBOOT).encode()
+    return Packet(device, Instruction.REBOOT)
 
 
-def factory_reset(device: int, kept: Reset) -> bytes:
+def factory_reset(device: int, kept: Reset) -> Packet:
     """Set a device's EEPROM to its defaults, but for some registers; it restarts."""
-    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,))).encode()
+    return Packet(device, Instruction.FACTORY_RESET, bytes((kept,)))
 
 
-def clear_turns(device: int) -> bytes:
+def clear_turns(device: int) -> Packet:
     """Bring a position of many turns back into one turn; for a servo without torque, at rest."""
-    return Packet(device, Instruction.CLEAR, bytes((0x01, *b"DXL\x22"))).encode()
+    return Packet(device, Instruction.CLEAR, bytes((0x01, *b"DXL\x22")))
 
 
-def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> bytes:
+def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> Packet:
     """Read the same registers of several devices."""
     kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
     params = struct.pack("<HH", span.address, span.length) + bytes(devices)
-    return Packet(BROADCAST, kind, params).encode()
+    return Packet(BROADCAST, kind, params)
 
 
-def sync_write(address: int, data: Mapping[int, bytes]) -> bytes:
+def sync_write(address: int, data: Mapping[int, bytes]) -> Packet:
     """Write the same registers of several devices: bytes of one length for each."""
     length = len(next(iter(data.values())))
     rows = b"".join(bytes((device,)) + row for device, row in data.items())
     params = struct.pack("<HH", address, length) + rows
-    return Packet(BROADCAST, Instruction.SYNC_WRITE, params).encode()
+    return Packet(BROADCAST, Instruction.SYNC_WRITE, params)
 
 
-def bulk_read(spans: Mapping[int, Span], *, fast: bool = False) -> bytes:
+def bulk_read(spans: Mapping[int, Span], *, fast: bool = False) -> Packet:
     """Read different registers of several devices."""
     kind = Instruction.FAST_BULK_READ if fast else Instruction.BULK_READ
     rows = (struct.pack("<BHH", device, s.address, s.length) for device, s in spans.items())
-    return Packet(BROADCAST, kind, b"".join(rows)).encode()
+    return Packet(BROADCAST, kind, b"".join(rows))
 
 
-def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> bytes:
+def bulk_write(data: Mapping[int, tuple[int, bytes]]) -> Packet:
     """Write different registers of several devices: address and bytes for each."""
     rows = (struct.pack("<BHH", i, address, len(row)) + row for i, (address, row) in data.items())
-    return Packet(BROADCAST, Instruction.BULK_WRITE, b"".join(rows)).encode()
+    return Packet(BROADCAST, Instruction.BULK_WRITE, b"".join(rows))
 
 
 # Fast replies -------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import HEADER, STUFFED, Instruction, Span, Status
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,16 @@ class Request:
     """Data bytes of each device's reply, in the order of the replies."""
     is_fast: bool = False
     """Whether all devices reply in one frame."""
+    overhead: int = PROTOCOL_2.overhead
+    """Bytes of a reply around its data."""
+    parts: tuple[Request, ...] = ()
+    """Requests to send one after the other instead, each when the one before is answered: what
+    reads a group where there is no instruction for it."""
+
+    @cached_property
+    def first(self) -> Request:
+        """Return what is sent at once: the request, or its first part."""
+        return self.parts[0] if self.parts else self
 
     @cached_property
     def reply_size(self) -> int:
@@ -31,7 +42,7 @@ class Request:
         data = sum(self.lengths.values())
         if self.is_fast:
             return protocol2.PREFIX + 1 + data + 4 * len(self.lengths)
-        return data + (protocol2.OVERHEAD + 1) * len(self.lengths)
+        return data + self.overhead * len(self.lengths)
 
     @cached_property
     def places(self) -> dict[int, int]:
@@ -43,17 +54,40 @@ class Request:
         """Return the decoder of a fast reply."""
         return FastFrame(self)
 
+    @cached_property
+    def size(self) -> int:
+        """Return the bytes of the instruction, or of all parts."""
+        return sum(len(part.frame) for part in self.parts) or len(self.frame)
+
     @classmethod
-    def group(cls, spans: Mapping[int, Span], *, fast: bool = False) -> Request:
-        """Read registers of several devices: by read, sync read or bulk read."""
+    def group(
+        cls,
+        spans: Mapping[int, Span],
+        *,
+        fast: bool = False,
+        wire: Wire = PROTOCOL_2,
+        instructions: Collection[int] | None = None,
+    ) -> Request:
+        """Read registers of several devices: by read, sync read or bulk read, or one by one.
+
+        ``instructions`` are those that the devices know; None for those of the protocol.
+        """
+        known = wire.instructions if instructions is None else instructions
         lengths = {device: span.length for device, span in spans.items()}
         different = set(spans.values())
-        if len(different) > 1:
-            return cls(protocol2.bulk_read(spans), lengths)
-        span = different.pop()
         if len(spans) == 1 and not fast:
-            return cls(protocol2.read(next(iter(spans)), span), lengths)
-        return cls(protocol2.sync_read(list(spans), span, fast=fast), lengths, fast)
+            packet = protocol2.read(*next(iter(spans.items())))
+        elif len(different) == 1 and Instruction.SYNC_READ in known:
+            packet = protocol2.sync_read(list(spans), different.pop(), fast=fast)
+        elif Instruction.BULK_READ in known:
+            packet = protocol2.bulk_read(spans)
+        else:
+            alone = [
+                cls(wire.encode(protocol2.read(i, span)), {i: span.length}, overhead=wire.overhead)
+                for i, span in spans.items()
+            ]
+            return cls(b"", lengths, overhead=wire.overhead, parts=tuple(alone))
+        return cls(wire.encode(packet), lengths, fast, wire.overhead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +186,14 @@ class FastFrame:
 class SyncWriter:
     """Builds sync writes of one item from arrays; rows are filled in place."""
 
-    def __init__(self, address: int, kind: str, devices: Sequence[int]) -> None:
+    def __init__(
+        self, address: int, kind: str, devices: Sequence[int], wire: Wire = PROTOCOL_2
+    ) -> None:
         """Prepare to write an item of a numpy type, such as "<i4", to devices in this order."""
-        self.address = address
+        self.address, self._wire = address, wire
         self._rows = np.zeros(len(devices), np.dtype([("id", "u1"), ("value", kind)]))
         self._rows["id"] = devices
-        empty = protocol2.sync_write(address, {0: bytes(np.dtype(kind).itemsize)})
+        empty = protocol2.sync_write(address, {0: bytes(np.dtype(kind).itemsize)}).encode()
         length = self._rows.nbytes + 7
         self._head = empty[:5] + length.to_bytes(2, "little") + empty[7:12]
 
@@ -166,10 +202,10 @@ class SyncWriter:
     ) -> bytes:
         """Build the frame that sets the values of all devices, or of some, by mask (n,)."""
         self._rows["value"] = values
-        if chosen is None:
+        if chosen is None and self._wire is PROTOCOL_2:
             body = self._rows.tobytes()
             if STUFFED not in body:
                 return protocol2.seal(self._head + body)
         rows = self._rows if chosen is None else self._rows[chosen]
         data = {int(row["id"]): row["value"].tobytes() for row in rows}
-        return protocol2.sync_write(self.address, data)
+        return self._wire.encode(protocol2.sync_write(self.address, data))

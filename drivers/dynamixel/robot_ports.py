@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.imu.build import build_imu_source
@@ -48,12 +49,18 @@ def build_ports(
     """
     settings, ports = find_bus(robot), list[RobotPort]()
     for name, joints in settings.ports.items():
-        wire = make_port(paths[name], settings.baud)
-        bus = DynamixelBus(wire, answer_margin=answer_margin, sleeps=sleeps)
+        here = tuple(joint for joint in robot.actuators if joint.name in joints)
+        tables = [table_named(joint.servo.model.name) for joint in here]
+        bus = DynamixelBus(
+            make_port(paths[name], settings.baud),
+            answer_margin=answer_margin,
+            sleeps=sleeps,
+            wire=tables[0].wire,
+            instructions=frozenset.intersection(*(table.instructions for table in tables)),
+        )
         board = None
         if settings.board and settings.board.port == name:
             board = Board(bus, settings.board, carries_imu=robot.imu_kind == "board")
-        here = tuple(joint for joint in robot.actuators if joint.name in joints)
         ports.append(RobotPort(name, bus, here, board))
     return ports
 

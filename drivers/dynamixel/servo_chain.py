@@ -9,13 +9,14 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 
 from drivers.dynamixel.background_read import BackgroundRead, has_time
-from drivers.dynamixel.command_writer import GOAL_RANGES, CommandWriter, RegisterCommands
+from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
+from drivers.dynamixel.goal_ranges import goal_range
 from drivers.dynamixel.protocol2 import ALERT
-from drivers.dynamixel.requests import Replies, Request
+from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.robot_ports import RobotPort
 from drivers.dynamixel.servo_states import TORQUE, ServoStates
 from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
@@ -88,9 +89,15 @@ class ServoChain:
         if ticks is None:
             return False
         self.writer.forget()
-        lowest, highest = GOAL_RANGES[self._limit_by]
+        lowest, highest = goal_range(servo.table, self._limit_by)
         goal = min(max(ticks, lowest), highest)
         return self.bus.write_item(servo.id, servo.table["goal_position"], goal)
+
+    def unmute(self) -> None:
+        """Make all servos confirm instructions, where that is not kept without power."""
+        item = table_named(self.joints[0].servo.model.name)["status_return_level"]
+        if not item.eeprom:
+            self.writer.write_all(item.name, item.upper or 0)
 
     # Reading ----------------------------------------------------------------------------------
 
@@ -170,7 +177,10 @@ class ServoChain:
         for _ in range(2):  # sync writes are not confirmed
             self.writer.write_all("bus_watchdog", 0)
         for joint in self.joints:
-            item = table_named(joint.servo.model.name)["bus_watchdog"]
+            table = table_named(joint.servo.model.name)
+            if not table.has_watchdog:
+                continue
+            item = table["bus_watchdog"]
             if self.bus.read_item(joint.servo.id, item, tries=1) != 0:
                 self.bus.write_item(joint.servo.id, item, 0, tries=2)
 
@@ -239,7 +249,7 @@ class ServoChain:
         if not spans:
             return
         fast = self.cyclic.kind is GroupKind.FAST and len(spans) > 1
-        request = Request.group(spans, fast=fast)
+        request = self.bus.group(spans, fast=fast)
         if not has_time(self.bus, request, limit):
             return
         self.bus.begin(request)
@@ -255,7 +265,7 @@ class ServoChain:
         device = self.cyclic.due_poll() if until <= limit else None
         if device is None:
             return
-        request = Request.group({device: self._torque.span})
+        request = self.bus.group({device: self._torque.span})
         self.bus.begin(request)
         if self.bus.collect(request, min(limit, until + self.bus.answer_margin)):
             self.cyclic.restore(device)

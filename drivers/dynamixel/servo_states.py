@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import ServoFacts
+from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies
 from robots import Robot
-from robots.servo import RAD_PER_TICK
 
-# Offsets in the cyclic read: current (or load), velocity, position.
-CURRENT, VELOCITY, POSITION = 0, 2, 6
 TORQUE, WATCHDOG, SUPPLY = "torque_enable", "bus_watchdog", "present_input_voltage"
 ERROR = "hardware_error_status"
 """Items of the background read; that of the supply ends with the temperature."""
@@ -36,6 +34,7 @@ class ServoStates:
         n = robot.n
         self._period = period
         self._tables = [table_named(joint.servo.model.name) for joint in robot.joints]
+        self._layouts = [GroupLayout.of(table) for table in self._tables]
         self._row = np.full(256, -1)
         self._row[[joint.servo.id for joint in robot.joints]] = np.arange(n)
         sign = np.array([float(joint.servo.sign) for joint in robot.joints])
@@ -43,7 +42,8 @@ class ServoStates:
         self._velocity_scale = sign * robot.transmission.motion_at_actuator(np.array(velocity))
         self._current_scale = sign * _current_scales(robot)
         speed = [4.0 * joint.servo.model.no_load_speed for joint in robot.joints]
-        self._fastest = np.maximum(FASTEST, speed) / RAD_PER_TICK  # ticks/s, (n,)
+        tick = np.array([joint.servo.model.rad_per_tick for joint in robot.joints])
+        self._fastest = np.maximum(FASTEST, speed) / tick  # ticks/s, (n,)
         self.ticks = np.zeros(n, dtype=int)
         """Present positions [ticks]; not measured before ``stamp`` is finite."""
         self._doubtful_ticks = np.zeros(n, dtype=int)
@@ -91,7 +91,9 @@ class ServoStates:
         A position further away than any joint can have moved is accepted only once the next
         read confirms it: a 16-bit CRC lets one damaged reply in 65536 through.
         """
-        rows, ticks = self._row[replies.devices], replies.column(POSITION, "<i4")
+        rows = self._row[replies.devices]
+        layout = self._layouts[rows[0]]  # that of all servos on its port
+        ticks = layout.decode(layout.position, replies)
         leaps = np.abs(ticks - self.ticks[rows]) > LEAP + self._fastest[rows] * (
             now - self.stamp[rows]
         )
@@ -102,8 +104,9 @@ class ServoStates:
             accepted = ~leaps | is_confirmed
             replies, rows, ticks = replies.select(accepted), rows[accepted], ticks[accepted]
         self.is_unsure[rows] |= self.is_on[rows] & (now - self.stamp[rows] > MISSED * self._period)
-        self.current[rows] = self._current_scale[rows] * replies.column(CURRENT, "<i2")
-        self.velocity[rows] = self._velocity_scale[rows] * replies.column(VELOCITY, "<i4")
+        load, velocity = (layout.decode(i, replies) for i in (layout.load, layout.velocity))
+        self.current[rows] = self._current_scale[rows] * load
+        self.velocity[rows] = self._velocity_scale[rows] * velocity
         self.ticks[rows] = ticks
         self.stamp[rows] = now
         alerted = (replies.errors & ALERT).astype(int)
@@ -118,10 +121,15 @@ class ServoStates:
         elif item == WATCHDOG:
             self.must_seed[row] |= data[0] == TRIPPED and bool(self.is_on[row])
         elif item == ERROR:
-            self.alert[row] = data[0] or ALERT
+            self.note_errors(row, self._tables[row].name_errors(data[0]))
         else:
-            self.voltage[row] = self._tables[row][SUPPLY].to_si(int.from_bytes(data[:2], "little"))
-            self.temperature[row] = data[2]
+            voltage = self._tables[row][SUPPLY]
+            self.voltage[row] = voltage.to_si(voltage.decode(data[: voltage.size]))
+            self.temperature[row] = data[voltage.size]
+
+    def note_errors(self, row: int, bits: int) -> None:
+        """Note the hardware errors of a servo that reports an alert."""
+        self.alert[row] = bits or ALERT
 
     def update_torque(self, replies: Replies, *, is_final: bool) -> bool:
         """Compare torque registers with what was written; return whether all agree.
@@ -204,8 +212,9 @@ def _current_scales(robot: Robot) -> NDArray[np.float64]:
     scales = []
     for joint in robot.joints:
         table = table_named(joint.servo.model.name)
-        if "present_current" in table:
-            scales.append(table["present_current"].scale)
+        load = GroupLayout.of(table).load
+        if load.name == "present_current":
+            scales.append(load.scale)
         else:  # a servo without a current sensor reports its load as a share of the stall current
-            scales.append(table["present_load"].scale * joint.servo.model.stall_current)
+            scales.append(load.scale * joint.servo.model.stall_current)
     return np.array(scales)

@@ -10,7 +10,6 @@ import numpy as np
 
 from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.diagnostics import (
     Diagnostics,
     DiagnosticsError,
@@ -130,7 +129,7 @@ def diagnose_robot(
     await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
     for chain in chains:
-        chain.writer.write_all("status_return_level", ALL_ANSWERED)
+        chain.unmute()
         chain.writer.write_all("torque_enable", 0)
         diagnostics = diagnose(chain.bus, chain.joints)
         servos += diagnostics.servos

@@ -10,7 +10,6 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.dynamixel.bus import Request
 from drivers.dynamixel.control_table import DriveMode, table_named
 from drivers.dynamixel.diagnostics import DiagnosticsError, name_all, name_of
 from drivers.dynamixel.protocol2 import is_confirmed
@@ -141,8 +140,16 @@ class Calibrator:
         Raises:
             DiagnosticsError: listing all that cannot.
         """
+        for joint in (measured.joint for measured in self.measured):
+            if joint.servo.model.ticks_per_turn != TICKS_PER_TURN:
+                raise SetupError(
+                    f"{name_of(joint)} is a {joint.servo.model.name}, expected a servo of "
+                    f"{TICKS_PER_TURN} counts a turn: write zero_ticks and sign into robot.toml"
+                )
         found = self._bus.diagnose(tuple(m.joint for m in self.measured))
-        usable = {s.name for s in found.servos if not s.registers["drive_mode"] & DriveMode.REVERSE}
+        usable = {
+            s.name for s in found.servos if not s.registers.get("drive_mode", 0) & DriveMode.REVERSE
+        }
         blocking = [
             finding
             for finding in found.errors
@@ -240,7 +247,7 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
             items = {
                 i: table_named(j.servo.model.name)["present_position"] for i, j in missing.items()
             }
-            replies = port.bus.request(Request.group({i: item.span for i, item in items.items()}))
+            replies = port.bus.request(port.bus.group({i: item.span for i, item in items.items()}))
             for device, status in replies.items():
                 if is_confirmed(status):
                     ticks[missing[device].name] = items[device].decode(status.data)

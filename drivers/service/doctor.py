@@ -14,7 +14,7 @@ from drivers.dynamixel import protocol2
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import list_eeprom_settings
-from drivers.dynamixel.cyclic_read import CyclicRead, group_span
+from drivers.dynamixel.cyclic_read import CyclicRead
 from drivers.dynamixel.diagnostics import (
     Finding,
     ServoFacts,
@@ -23,6 +23,7 @@ from drivers.dynamixel.diagnostics import (
     merge_findings,
     name_all,
 )
+from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import RobotPort
 from drivers.imu.sample import ImuSample
@@ -158,8 +159,8 @@ def _examine_port(
         is_here = board is not None and board.carries_imu and board.bus is port.bus
         imu = {board.id: board.span(0)} if board and is_here else {}
         supply = here[0].table.span("present_input_voltage", "present_temperature")
-        background = Request.group(imu | {here[0].id: supply})
-        size = _count_cycle_bytes(here, background)
+        background = port.bus.group(imu | {here[0].id: supply})
+        size = _count_cycle_bytes(port.bus, here, background)
         latency = measure_latency(port.bus, here, background, rounds)
     return PortReport(
         name=port.name,
@@ -202,13 +203,15 @@ def measure_latency(
     )
 
 
-def _count_cycle_bytes(servos: Sequence[ServoFacts], background: Request) -> int:
+def _count_cycle_bytes(bus: DynamixelBus, servos: Sequence[ServoFacts], background: Request) -> int:
     """Count the bytes of a cycle on the wire, both ways: cyclic and background read, goals."""
     fast = all(servo.supports_fast_read for servo in servos)
-    group = Request.group({servo.id: group_span(servo.table) for servo in servos}, fast=fast)
+    spans = {servo.id: GroupLayout.of(servo.table).span for servo in servos}
+    group = bus.group(spans, fast=fast)
     goal = servos[0].table["goal_position"]
     goals = protocol2.sync_write(goal.address, {servo.id: bytes(goal.size) for servo in servos})
-    return sum(len(r.frame) + r.reply_size for r in (group, background)) + len(goals)
+    both = sum(request.size + request.reply_size for request in (group, background))
+    return both + len(bus.wire.encode(goals))
 
 
 # Findings -----------------------------------------------------------------------------------

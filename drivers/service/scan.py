@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 from serial.tools import list_ports
 
-from drivers.dynamixel.bus import PING_DATA, BusStatistics, DynamixelBus
+from drivers.dynamixel.bus import PING_DATA, TRIES, BusStatistics, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
+from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.errors import DriverError
 from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
+from drivers.service.sweep import ALIKE, sweep
 from robots.bus_settings import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
@@ -62,6 +64,8 @@ class FoundDevice:
     """[°C]"""
     is_board: bool = False
     """Whether it is known not to be a servo."""
+    protocol: str = PROTOCOL_2.name
+    """What it speaks."""
     doubled: bool = False
     """Whether its replies are garbled, as by two devices of one id."""
 
@@ -140,12 +144,22 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
 def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
     """List the devices on a bus at its present baud rate, by id."""
     before = replace(bus.statistics)
+    bus.wire = PROTOCOL_2
     statuses = bus.ping_all()
     is_garbled = _count_garbled_bytes(bus, before) > len(statuses) * PONG
     found = [_examine(bus, status) for status in statuses.values()]
     if is_garbled:
         found += _ping_others(bus, statuses.keys())
+    if not found and not statuses:
+        found = [_examine_at(bus, device) for device in sweep(bus, ALIKE)]
     return sorted(found, key=lambda device: device.id)
+
+
+def _examine_at(bus: DynamixelBus, device: int) -> FoundDevice:
+    status = bus.ping(device, TRIES)
+    if status is None:
+        return FoundDevice(id=device, baud=bus.port.baud, doubled=True)
+    return _examine(bus, status)
 
 
 def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevice]:
@@ -175,9 +189,11 @@ def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
     number, firmware = read_identity(status)
     baud = bus.port.baud
     try:
-        table = table_for(number, firmware)
+        table = table_for(number, firmware, bus.wire)
     except UnknownModelError:
-        return FoundDevice(id=status.id, baud=baud, number=number, firmware=firmware)
+        return FoundDevice(
+            id=status.id, baud=baud, number=number, firmware=firmware, protocol=bus.wire.name
+        )
     before = replace(bus.statistics)
     values = read_items(bus, status.id, table, TELLTALES)
     is_doubled = values is None and _count_garbled_bytes(bus, before) > 0
@@ -194,6 +210,7 @@ def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
         firmware=firmware,
         voltage=scaled("present_input_voltage"),
         temperature=scaled("present_temperature"),
-        is_board=not table.modes,
+        is_board=not table.is_servo,
+        protocol=table.wire.name,
         doubled=is_doubled,
     )

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 
 from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.configuration import ALL_ANSWERED
 from drivers.dynamixel.control_table import Item, table_named
 from drivers.dynamixel.diagnostics import (
     Diagnostics,
@@ -123,8 +122,11 @@ class RobotBus:
             return
         if bus.statistics.damaged > damaged:
             return  # two of one id, which `diagnose` reports
-        bus.write_item(device, item, ALL_ANSWERED)
-        self.written.append(f"{name_of(joint)} ignored reads: its status return level is 2 now")
+        level = item.upper or 0
+        bus.write_item(device, item, level)
+        self.written.append(
+            f"{name_of(joint)} ignored reads: its status return level is {level} now"
+        )
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured
-from drivers.virtual_bus.devices.servo import MotorCommand
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.build import AnyVirtualImu, build_virtual_imu
 from drivers.virtual_bus.serving.interfaces import Physics
-from robots import Robot
+from robots import Joint, Robot
 
 FIRMWARE = 46
+
+
+def _servo_class(joint: Joint) -> type[VirtualServo | PlainServo]:
+    """Return the class of a joint's servo: with operating modes, profiles and a watchdog or not."""
+    has_all = table_named(joint.servo.model.name).has_watchdog
+    return VirtualServo if has_all else PlainServo
 
 
 class VirtualDevices:
@@ -45,7 +53,7 @@ class VirtualDevices:
         self.quirks = quirks = quirks or Quirks()
         self.bus = find_bus(robot)
         self.servos = [
-            VirtualServo(
+            _servo_class(joint)(
                 joint.servo.id,
                 joint.servo.model.name,
                 firmware=firmware,
@@ -88,7 +96,7 @@ class VirtualDevices:
 
     def _build_chain(self, port: str) -> Chain:
         names = self.robot.joint_names
-        devices: list[VirtualServo | VirtualBoard] = [
+        devices: list[VirtualServo | PlainServo | VirtualBoard] = [
             self.servos[names.index(joint)] for joint in self.bus.ports[port]
         ]
         if self.board and self.bus.board and self.bus.board.port == port:

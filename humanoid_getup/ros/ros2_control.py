@@ -13,9 +13,11 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from drivers.dynamixel.configuration import OPERATING_MODES
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.robot_bus import find_bus
+from drivers.errors import SetupError
 from drivers.state import Integers
-from robots import Robot, TorqueLimit
+from robots import Joint, Robot, TorqueLimit
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN, count_pwm
 from robots.storage.encoding import to_json
@@ -74,6 +76,11 @@ class RobotControl:
 
 def _find_notes(robot: Robot, limit: TorqueLimit) -> Iterator[str]:
     bus = find_bus(robot)
+    if plain := {j.servo.model.name for j in robot.joints if not has_watchdog(j)}:
+        raise SetupError(
+            f"robot '{robot.name}' has servos {', '.join(sorted(plain))}, expected those of the X "
+            "and MX(2.0) series: the plugin's settings are theirs"
+        )
     yield (
         "there is no guard: ros2_control keeps joints in their ranges if it enforces command "
         "limits, and nothing checks a measurement"
@@ -100,6 +107,11 @@ def _find_notes(robot: Robot, limit: TorqueLimit) -> Iterator[str]:
         yield "the IMU is not in it: the plugin does not know it"
     if robot.passive_joints:
         yield f"joints without servo are not in it: {', '.join(robot.passive_joints)}"
+
+
+def has_watchdog(joint: Joint) -> bool:
+    """Return whether a joint's servo has the registers of the X series."""
+    return table_named(joint.servo.model.name).has_watchdog
 
 
 def _write_xacro(robot: Robot, limit: TorqueLimit, notes: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from robots.bench import HIGHEST, IMU_SITE, LOWEST, MIDDLE, Load, ServoBench, make_bench
+from robots.bench import IMU_SITE, Load, ServoBench, make_bench
 from robots.bus_settings import BusSettings
 from robots.description.schema import (
     MAX_CONTROL_PERIOD,
@@ -40,17 +40,18 @@ MAX_MASS, MAX_ARM = 20.0, 2.0  # kg, m
 class BenchRow:
     """One servo on the bench."""
 
-    id: Annotated[int, whole(0, 252)]
+    id: Annotated[int, whole(0, 253)]
     servo: str
     """Name of the servo model."""
     name: str = ""
     """servo_ID if left out."""
     sign: Sign = 1
-    zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)] = MIDDLE
-    lower: Annotated[float, within(-100.0, 100.0, "rad")] = LOWEST
-    """[rad]"""
-    upper: Annotated[float, within(-100.0, 100.0, "rad")] = HIGHEST
-    """[rad]"""
+    zero_ticks: Annotated[int, whole(-MAX_TICKS, MAX_TICKS)] | None = None
+    """The middle of the servo's positions if left out."""
+    lower: Annotated[float, within(-100.0, 100.0, "rad")] | None = None
+    """[rad]; the end of the servo's positions if left out."""
+    upper: Annotated[float, within(-100.0, 100.0, "rad")] | None = None
+    """[rad]; the other end if left out."""
     p_gain: PGain | None = None
     """Position P gain; that of the servo type if left out."""
     load_mass: Annotated[float, within(0.0, MAX_MASS, "kg")] = 0.0
@@ -115,10 +116,19 @@ def _make_joint(row: BenchRow, model: ServoModel) -> Joint:
         id=row.id,
         model=model,
         sign=row.sign,
-        zero_ticks=row.zero_ticks,
+        zero_ticks=model.middle_tick if row.zero_ticks is None else row.zero_ticks,
         own_p_gain=row.p_gain,
     )
-    return Joint(name=row.name, lower=row.lower, upper=row.upper, servo=servo, segment="other")
+    lower, upper = _range_of(row, model)
+    return Joint(name=row.name, lower=lower, upper=upper, servo=servo, segment="other")
+
+
+def _range_of(row: BenchRow, model: ServoModel) -> tuple[float, float]:
+    lowest, highest = model.ends
+    return (
+        lowest if row.lower is None else row.lower,
+        highest if row.upper is None else row.upper,
+    )
 
 
 def _find_problems(
@@ -129,12 +139,19 @@ def _find_problems(
         for row in rows
         if row.servo and row.servo not in servos
     ]
-    problems += [
-        f"servo {shown(row.name)}: lower is {row.lower:g} rad, expected below upper, "
-        f"{row.upper:g} rad"
-        for row in rows
-        if row.lower >= row.upper
-    ]
+    for row in rows:
+        if row.servo not in servos:
+            continue
+        lower, upper = _range_of(row, servos[row.servo])
+        if lower >= upper:
+            problems.append(
+                f"servo {shown(row.name)}: lower is {lower:g} rad, expected below upper, "
+                f"{upper:g} rad"
+            )
+        if row.id > servos[row.servo].max_id:
+            problems.append(
+                f"servo {shown(row.name)}: id is {row.id}, expected 0 to {servos[row.servo].max_id}"
+            )
     for key in ("id", "name"):
         counts = Counter(getattr(row, key) for row in rows)
         problems += [

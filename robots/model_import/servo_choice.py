@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.description.servo_catalog import servo_models
 from robots.model_import.source import ActuatorFigures, ModelImportError
-from robots.servo import ServoModel
+from robots.servo import TICKS_PER_TURN, ServoModel
 from robots.storage.validation import shown
 
 SUPPLIES = (12.0, 14.8, 11.1)  # V, of batteries with three and four cells
@@ -46,8 +46,12 @@ class ServoChoice:
 
 
 def list_guessed() -> dict[str, ServoModel]:
-    """List the types that are guessed, by name: those that the driver speaks to."""
-    return {name: m for name, m in servo_models().items() if m.protocol == "dynamixel"}
+    """List the types that are guessed, by name: those of the X and MX(2.0) series."""
+    return {
+        name: model
+        for name, model in servo_models().items()
+        if model.protocol == "dynamixel" and model.ticks_per_turn == TICKS_PER_TURN
+    }
 
 
 def choose_servos(

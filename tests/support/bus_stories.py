@@ -50,6 +50,15 @@ class Served:
         servo = self.virtual.servos[self.robot.joint_names.index(joint)]
         self._ports.main.call(lambda: servo.poke(item, value))
 
+    def restart(self) -> None:
+        """Switch the power of all servos off and on."""
+        for on in (False, True):
+            self._ports.main.call(lambda on=on: self._power(on))
+
+    def _power(self, on: bool) -> None:
+        for servo in self.virtual.servos:
+            servo.powered = on
+
     def peek(self, item: str) -> list[int]:
         servos = self.virtual.servos
         return self._ports.main.call(lambda: [servo.peek(item) for servo in servos])

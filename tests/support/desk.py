@@ -30,7 +30,7 @@ def serving_desk(*servos: tuple[int, str], baud: int = BAUD) -> Iterator[Served]
 
 
 @contextmanager
-def opening(served: Served) -> Iterator[DynamixelBus]:
-    """Open the port of served servos."""
-    with open_bus(served.path, BAUD) as bus:
+def opening(served: Served, protocol: str | None = None) -> Iterator[DynamixelBus]:
+    """Open the port of served servos, to look for those of a protocol, or of any."""
+    with open_bus(served.path, BAUD, protocol) as bus:
         yield bus

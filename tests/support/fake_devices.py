@@ -15,6 +15,8 @@ from drivers.dynamixel.protocol2 import (
     Packet,
     Status,
 )
+from drivers.dynamixel.wire import PROTOCOL_2
+from drivers.virtual_bus.devices.cycle_end import X_SERIES
 from drivers.virtual_bus.reply import Reply
 
 
@@ -36,6 +38,7 @@ class FakeDevice:
 
 class FakeDevices:
     def __init__(self, ids: Sequence[int], *, delay: float = 0.0, baud: int = 1_000_000) -> None:
+        self.wire, self.cycle_end = PROTOCOL_2, X_SERIES
         self.devices = [FakeDevice(i, baud) for i in ids]
         self._by_id = {device.id: device for device in self.devices}
         self.delay = delay

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.dynamixel.protocol2 import FrameParser, Packet
+from drivers.dynamixel.protocol2 import Packet
+from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.serial_port import PortError, PortLostError
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.serving.exchange import expects_reply
 from drivers.virtual_bus.serving.interfaces import Physics
-from drivers.virtual_bus.serving.lock_step import QUIET, ends_cycle, expects_reply
+from drivers.virtual_bus.serving.lock_step import QUIET
 
 
 class MemoryPort:
@@ -21,7 +23,7 @@ class MemoryPort:
         """Plug a port into a chain.
 
         Args:
-            chain: Devices on the port.
+            chain: Devices on the port; None for a port that is never written to.
             baud: Baud rate [bit/s].
             physics: Physics behind them, advanced by one period per sync write of goals.
         """
@@ -36,7 +38,8 @@ class MemoryPort:
         """Modifies the replies to an instruction."""
         self.late: list[bytes] = []
         """Delivered before the next instruction's replies."""
-        self._parser, self._came, self._time = FrameParser(), b"", 0.0
+        wire = PROTOCOL_2 if chain is None else chain.wire
+        self._parser, self._came, self._time = wire.parse_instructions(), b"", 0.0
 
     def open(self) -> None:
         """Open the port."""
@@ -64,7 +67,7 @@ class MemoryPort:
             answers = self.spoil(packet, answers)
             self._came += b"".join([*self.late, *answers])
             self.late = []
-            if self.physics is not None and ends_cycle(packet):
+            if self.physics is not None and self.chain.cycle_end.is_ended_by(packet):
                 self.physics.pass_period()
             elif expects_reply(packet) and not answers:
                 self._pass(QUIET)

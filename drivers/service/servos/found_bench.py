@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import list_eeprom_settings
+from drivers.dynamixel.control_table import ControlTable, types_of
 from drivers.dynamixel.diagnostics import DIAGNOSED, ServoFacts, read_items
+from drivers.dynamixel.protocol2 import Instruction
 from drivers.errors import SetupError
 from drivers.serial_port import read_latency_timer
 from drivers.service.scan import COMMON_RATES
@@ -20,9 +22,9 @@ from drivers.service.servos.loose_servo import (
     open_bus,
 )
 from robots import Joint
-from robots.bench import MIDDLE, ServoBench, choose_period, make_bench, make_bench_joint
+from robots.bench import ServoBench, choose_period, make_bench, make_bench_joint
 from robots.description.servo_catalog import servo_models
-from robots.servo import RAD_PER_TICK
+from robots.servo import ServoModel
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,9 @@ class FoundBench:
         ]
 
 
-def find_bench(path: str, ids: Sequence[int] = (), baud: int | None = None) -> FoundBench:
+def find_bench(
+    path: str, ids: Sequence[int] = (), baud: int | None = None, protocol: str | None = None
+) -> FoundBench:
     """Find servos on a port; nothing is written, and the port is closed afterwards.
 
     Each keeps the position limits that are stored in it: they are its range.
@@ -51,15 +55,17 @@ def find_bench(path: str, ids: Sequence[int] = (), baud: int | None = None) -> F
         path: Serial port.
         ids: Ids of the servos; none for all that reply.
         baud: Their baud rate [bit/s]; None for the first of `COMMON_RATES` at which one replies.
+        protocol: What they speak; None for that in which they reply.
 
     Raises:
         SetupError: if the port cannot be used, or a servo does not reply, or has no range.
         ServoError: if its registers cannot be read.
     """
-    with open_bus(path, COMMON_RATES[0] if baud is None else baud) as bus:
+    with open_bus(path, COMMON_RATES[0] if baud is None else baud, protocol) as bus:
         servos = find_all(bus, ids, COMMON_RATES if baud is None else (baud,))
         found = [_examine(servo) for servo in servos]
-        period = choose_period(len(found), bus.port.baud, read_latency(path))
+        reads = _count_reads([facts.table for facts in found])
+        period = choose_period(len(found), bus.port.baud, read_latency(path), reads)
         joints = [facts.joint for facts in found]
         bench = make_bench(joints, baud=bus.port.baud, control_period=period)
     changes = {f.joint.name: list_eeprom_settings(f, bench.limit_by) for f in found}
@@ -90,27 +96,40 @@ def find_all(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> lis
     return found
 
 
+def _count_reads(tables: Sequence[ControlTable]) -> int:
+    """Count the reads of a cycle: one of all servos or one of each, and one in the background."""
+    known = frozenset.intersection(*(table.instructions for table in tables))
+    has_group = Instruction.SYNC_READ in known or Instruction.BULK_READ in known
+    return 1 + (1 if has_group else len(tables))
+
+
 def _examine(servo: LooseServo) -> ServoFacts:
     """Read a servo's registers, and make a joint of it."""
-    if servo.table.model not in servo_models():
+    known = [servo_models()[name] for name in types_of(servo.table) if name in servo_models()]
+    if not known:
         raise SetupError(f"{servo.name} has no figures in servos.toml: its torque is unknown")
     registers = read_items(servo.bus, servo.id, servo.table, DIAGNOSED)
     if registers is None:
         raise ServoError(f"{servo.name}: its registers cannot be read")
-    joint = _make_joint(servo, registers["min_position_limit"], registers["max_position_limit"])
+    if "hardware_error_status" not in registers:
+        registers["hardware_error_status"] = 0  # each reply names errors instead
+    supply = servo.table["present_input_voltage"].to_si(registers["present_input_voltage"])
+    model = next((model for model in known if model.accepts_supply(supply)), known[0])
+    ends = registers["min_position_limit"], registers["max_position_limit"]
+    joint = _make_joint(servo, model, *ends)
     return ServoFacts(joint=joint, table=servo.table, firmware=servo.firmware, registers=registers)
 
 
-def _make_joint(servo: LooseServo, first: int, last: int) -> Joint:
+def _make_joint(servo: LooseServo, model: ServoModel, first: int, last: int) -> Joint:
     if first >= last:
         raise SetupError(
             f"{servo.name}: min_position_limit is {first} and max_position_limit {last}, expected "
             "a range: getup servo write"
         )
     return make_bench_joint(
-        servo_models()[servo.table.model],
+        model,
         servo.id,
-        lower=(first - MIDDLE) * RAD_PER_TICK,
-        upper=(last - MIDDLE) * RAD_PER_TICK,
+        lower=(first - model.middle_tick) * model.rad_per_tick,
+        upper=(last - model.middle_tick) * model.rad_per_tick,
         keeps_limits=True,
     )

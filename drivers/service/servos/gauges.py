@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.diagnostics import read_items
 from drivers.service.servos.loose_servo import LooseServo
-from robots.bench import MIDDLE
 
 SHOWN = 120  # newest positions that are kept for a plot
 PRESENT = (
@@ -40,6 +39,11 @@ class Gauge:
     positions: deque[int] = field(default_factory=lambda: deque(maxlen=SHOWN))
     """Newest positions [ticks]."""
 
+    @property
+    def errors(self) -> int:
+        """Return its hardware errors, as bits of `HardwareError`."""
+        return self.servo.table.name_errors(self.values.get("hardware_error_status", 0))
+
     def to_si(self, register: str) -> float | None:
         """Return a register's newest value in its unit; None if it has none."""
         if register not in self.values:
@@ -59,7 +63,13 @@ class Gauge:
         """Return its angle from the middle of its turn [rad]; None before the first reply."""
         if not self.positions:
             return None
-        return self.servo.table["present_position"].to_si(self.positions[-1] - MIDDLE)
+        return self.to_angle(self.positions[-1])
+
+    def to_angle(self, ticks: int) -> float:
+        """Convert a position to the angle from the middle of its turn [rad]."""
+        table = self.servo.table
+        middle = ((table["max_position_limit"].upper or 0) + 1) // 2
+        return table["present_position"].to_si(ticks - middle)
 
 
 class Gauges:

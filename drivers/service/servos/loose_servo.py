@@ -11,12 +11,14 @@ from difflib import get_close_matches
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, Item, table_for
 from drivers.dynamixel.diagnostics import GARBLED, read_items
-from drivers.dynamixel.protocol2 import ErrorNumber, Status, read_identity
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status, read_identity
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.startup import BOOT_MARGIN, BOOT_TIME, SETUP_MARGIN
+from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.errors import DriverError, SetupError
 from drivers.serial_port import PortError, SerialPort
 from drivers.service.scan import COMMON_RATES, check_rate
+from drivers.service.sweep import choose_wires, sweep
 
 # Under torque, a servo obeys these alone: everything else waits until it is released.
 HARMLESS = ("led", "torque_enable")
@@ -26,7 +28,7 @@ MOTION = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
 ADDRESS = {
     "id": "after it the servo replies elsewhere: getup servo id does that",
     "baud_rate": "after it the servo replies elsewhere: getup servo baud does that",
-    "protocol_type": "after it the servo would not reply: Protocol 2.0 alone is spoken here",
+    "protocol_type": "after it the servo has another table: DYNAMIXEL Wizard does that",
 }
 """Registers that change how a servo is reached, and why they are not written as others are."""
 
@@ -127,17 +129,50 @@ class LooseServo:
                 f"{self.name} has torque, expected none: "
                 f"getup servo write torque_enable=0 --id {self.id}"
             )
-        status = self.bus.write(self.id, item.address, item.encode(value), TRIES)
-        _check_status(self, f"{register} = {value}", status)
+        with self.unlocked(item):
+            status = self.bus.write(self.id, item.address, item.encode(value), TRIES)
+            _check_status(self, f"{register} = {value}", status)
         if (found := self.read(register)) != value:
             raise ServoError(f"{self.name}: {register} reads {found} after {value} was written")
+
+    @contextmanager
+    def unlocked(self, item: Item) -> Iterator[None]:
+        """Make what is written to an item last without power, inside the block.
+
+        Raises:
+            ServoError: if it does not confirm that.
+        """
+        lock = self.table.keeps_by_lock
+        if lock is None or not item.eeprom:
+            yield
+            return
+        self._lock(lock, 0)
+        try:
+            yield
+        finally:
+            self.bus.write_item(self.id, self.table[lock], 1)
+
+    def _lock(self, register: str, value: int) -> None:
+        if not self.bus.write_item(self.id, self.table[register], value):
+            raise ServoError(f"{self.name}: {register} = {value} is not confirmed: silent")
+
+    def check_instruction(self, instruction: Instruction, what: str, instead: str) -> None:
+        """Check that it knows an instruction.
+
+        Raises:
+            SetupError: if not, with what to do instead.
+        """
+        if instruction not in self.table.instructions:
+            raise SetupError(f"{self.name} knows no {what} over its bus: {instead}")
 
     def reboot(self) -> LooseServo:
         """Restart it, and wait until it replies again.
 
         Raises:
-            ServoError: if it does not.
+            SetupError: if it knows no restart.
+            ServoError: if it does not reply.
         """
+        self.check_instruction(Instruction.REBOOT, "restart", "switch its power off and on")
         _check_status(self, "reboot", self.bus.reboot(self.id, TRIES))
         return self.await_reply(self.id)
 
@@ -156,24 +191,27 @@ class LooseServo:
 
 
 @contextmanager
-def open_servo(path: str, servo_id: int | None, baud: int | None) -> Iterator[LooseServo]:
+def open_servo(
+    path: str, servo_id: int | None, baud: int | None, protocol: str | None = None
+) -> Iterator[LooseServo]:
     """Open a port and find a servo on it; torque stays as it is.
 
     Args:
         path: Serial port.
         servo_id: Id of the servo; None for the only one on the port.
         baud: Baud rate [bit/s]; None for the first of `COMMON_RATES` at which it replies.
+        protocol: What it speaks; None for that in which it replies.
 
     Raises:
-        SetupError: if port, baud rate or id cannot be used.
+        SetupError: if port, baud rate, id or protocol cannot be used.
     """
-    with open_bus(path, COMMON_RATES[0] if baud is None else baud) as bus:
+    with open_bus(path, COMMON_RATES[0] if baud is None else baud, protocol) as bus:
         yield find_servo(bus, servo_id, COMMON_RATES if baud is None else (baud,))
 
 
 @contextmanager
-def open_bus(path: str, baud: int) -> Iterator[DynamixelBus]:
-    """Open a port at a baud rate [bit/s].
+def open_bus(path: str, baud: int, protocol: str | None = None) -> Iterator[DynamixelBus]:
+    """Open a port at a baud rate [bit/s], to look for servos of a protocol, or of any.
 
     Raises:
         SetupError: if no servo has that baud rate, or the port does not open.
@@ -182,10 +220,11 @@ def open_bus(path: str, baud: int) -> Iterator[DynamixelBus]:
         check_rate(baud)
     except ValueError as error:
         raise SetupError(str(error)) from error
+    wires = choose_wires(protocol)
     port = SerialPort(path, baud)
     port.open()
     try:
-        yield DynamixelBus(port, answer_margin=SETUP_MARGIN)
+        yield DynamixelBus(port, answer_margin=SETUP_MARGIN, wire=wires[0], searched=wires)
     finally:
         port.close()
 
@@ -220,7 +259,7 @@ def find_any(
             bus.port.set_baud(rate)
         except PortError:
             continue  # the adapter does not have it
-        if found := find_servos(bus) if servo_id is None else list_present(bus, (servo_id,)):
+        if found := find_servos(bus) if servo_id is None else _find_one(bus, servo_id):
             return found
     raise _no_servo(bus, servo_id, rates)
 
@@ -231,11 +270,23 @@ def find_servos(bus: DynamixelBus) -> list[LooseServo]:
     Raises:
         NoServoError: if replies are garbled.
     """
-    damaged = bus.statistics.damaged
-    found = list_present(bus, sorted(bus.ping_all()))
-    if not found and bus.statistics.damaged > damaged:
-        raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
-    return found
+    if PROTOCOL_2 in bus.searched:
+        bus.wire, damaged = PROTOCOL_2, bus.statistics.damaged
+        found = list_present(bus, sorted(bus.ping_all()))
+        if not found and bus.statistics.damaged > damaged:
+            raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
+        if found:
+            return found
+    return list_present(bus, sweep(bus, bus.searched))
+
+
+def _find_one(bus: DynamixelBus, servo_id: int) -> list[LooseServo]:
+    """Find the servo of an id at the present baud rate, in any of the protocols."""
+    if PROTOCOL_2 in bus.searched and servo_id <= PROTOCOL_2.max_id:
+        bus.wire = PROTOCOL_2
+        if found := list_present(bus, (servo_id,)):
+            return found
+    return list_present(bus, sweep(bus, bus.searched, (servo_id,)))
 
 
 def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
@@ -248,8 +299,8 @@ def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
     for servo_id in ids:
         if (pong := bus.ping(servo_id, TRIES)) is not None:
             number, firmware = read_identity(pong)
-            table = table_for(number, firmware)
-            if table.modes:
+            table = table_for(number, firmware, bus.wire)
+            if table.is_servo:
                 found.append(LooseServo(bus, servo_id, table, firmware))
     return found
 

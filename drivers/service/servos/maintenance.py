@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from drivers.dynamixel.bus import TRIES
 from drivers.dynamixel.diagnostics import GARBLED, read_items
-from drivers.dynamixel.protocol2 import MAX_ID, Reset, is_confirmed
+from drivers.dynamixel.protocol1 import PROTOCOL_1
+from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
 from drivers.errors import SetupError
 from drivers.serial_port import PortError
 from drivers.service.scan import TELLTALES
 from drivers.service.servos.loose_servo import LooseServo, ServoError
-from robots.bus_settings import BAUD_RATES, FACTORY_BAUD
 
 FACTORY_ID = 1  # as shipped (e-manual)
 READS = 3  # of registers that differ between two servos
@@ -24,8 +24,8 @@ def check_new_id(servo: LooseServo, new: int) -> None:
     Raises:
         SetupError: if there is no such id, or another device has it.
     """
-    if not 0 <= new <= MAX_ID:
-        raise SetupError(f"id is {new}, expected 0 to {MAX_ID}")
+    if not 0 <= new <= servo.bus.wire.max_id:
+        raise SetupError(f"{servo.name}: id is {new}, expected 0 to {servo.bus.wire.max_id}")
     if new != servo.id and any(servo.bus.ping(new) is not None for _ in range(MISSED)):
         raise SetupError(
             f"port {servo.bus.port.path}: a device has the id {new}, expected a free id"
@@ -61,7 +61,7 @@ def change_id(servo: LooseServo, new: int) -> LooseServo:
     _write_unconfirmed(servo, "id", new)
     if servo.bus.ping(new, TRIES) is None:
         raise ServoError(f"{servo.name}: silent at its new id {new}; look for it: getup scan")
-    return replace(servo, id=new)
+    return _lock(replace(servo, id=new))
 
 
 def check_new_baud(servo: LooseServo, new: int) -> int:
@@ -71,9 +71,9 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
         SetupError: if one of them does not.
     """
     item = servo.table["baud_rate"]
-    rates = [rate for code, rate in enumerate(BAUD_RATES) if item.accepts(code)]
+    rates = {rate: code for code, rate in servo.table.bauds.items() if item.accepts(code)}
     if new not in rates:
-        listed = ", ".join(map(str, rates))
+        listed = ", ".join(map(str, sorted(rates)))
         raise SetupError(f"{servo.name}: baud rate is {new} bit/s, expected {listed}")
     port = servo.bus.port
     before = port.baud
@@ -83,7 +83,7 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
         raise SetupError(f"{error}; nothing is written") from error
     finally:
         port.set_baud(before)
-    return BAUD_RATES.index(new)
+    return rates[new]
 
 
 def change_baud(servo: LooseServo, new: int) -> LooseServo:
@@ -102,7 +102,7 @@ def change_baud(servo: LooseServo, new: int) -> LooseServo:
         raise ServoError(
             f"{servo.name}: silent at {new} bit/s; look for it: getup scan --all-bauds"
         )
-    return servo
+    return _lock(servo)
 
 
 def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
@@ -112,9 +112,14 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
         SetupError: if it has torque, or if another device would have its id.
         ServoError: if it does not confirm, or does not reply afterwards.
     """
+    instead = "write its registers one by one"
+    servo.check_instruction(Instruction.FACTORY_RESET, "reset that is known here", instead)
+    if kept is not Reset.ALL and servo.bus.wire is PROTOCOL_1:
+        raise SetupError(f"{servo.name}: a reset sets its id and baud rate too: --keep nothing")
     _check_released(servo)
     new_id = FACTORY_ID if kept is Reset.ALL else servo.id
-    new_baud = servo.bus.port.baud if kept is Reset.ALL_BUT_ID_AND_BAUD else FACTORY_BAUD
+    shipped = servo.table.bauds[servo.table["baud_rate"].default or 0]
+    new_baud = servo.bus.port.baud if kept is Reset.ALL_BUT_ID_AND_BAUD else shipped
     check_new_id(servo, new_id)
     if not is_confirmed(servo.bus.factory_reset(servo.id, kept)):
         raise ServoError(f"{servo.name}: the reset is not confirmed")
@@ -125,8 +130,18 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
 def _write_unconfirmed(servo: LooseServo, register: str, value: int) -> None:
     """Write a register after which a servo may reply at its old or at its new address."""
     _check_released(servo)
-    item = servo.table[register]
+    item, lock = servo.table[register], servo.table.keeps_by_lock
+    if lock is not None:
+        servo.bus.write_item(servo.id, servo.table[lock], 0)
     servo.bus.write(servo.id, item.address, item.encode(value))
+
+
+def _lock(servo: LooseServo) -> LooseServo:
+    """Lock what a servo keeps without power again, where it has a lock."""
+    lock = servo.table.keeps_by_lock
+    if lock is not None:
+        servo.bus.write_item(servo.id, servo.table[lock], 1)
+    return servo
 
 
 def _check_released(servo: LooseServo) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import table_named, types_of
 from drivers.dynamixel.diagnostics import name_of
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
@@ -13,7 +14,7 @@ from drivers.service.servos.guarded_motion import find_joints
 from drivers.service.servos.loose_servo import LooseServo, NoServoError, find_any
 from drivers.service.servos.maintenance import change_baud, change_id
 from robots import Joint, Robot
-from robots.bus_settings import BAUD_RATES, FACTORY_BAUD
+from robots.bus_settings import BAUD_RATES
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def set_up_servo(bus: DynamixelBus, robot: Robot, joint: Joint) -> SetUpServo:
         ServoError: if it does not reply afterwards.
     """
     servo = _find_alone(bus, robot)
-    if servo.table.model != joint.servo.model.name:
+    if joint.servo.model.name not in types_of(servo.table):
         raise SetupError(
             f"{servo.name} is on the bus, expected a {joint.servo.model.name} for {name_of(joint)}"
         )
@@ -58,7 +59,10 @@ def set_up_servo(bus: DynamixelBus, robot: Robot, joint: Joint) -> SetUpServo:
 
 def _find_alone(bus: DynamixelBus, robot: Robot) -> LooseServo:
     """Find the only servo, at any baud rate: the robot's first, then that as shipped."""
-    found = find_any(bus, list(dict.fromkeys([find_bus(robot).baud, FACTORY_BAUD, *BAUD_RATES])))
+    table = table_named(robot.joints[0].servo.model.name)
+    bus.searched = (table.wire,)
+    shipped = table.bauds[table["baud_rate"].default or 0]
+    found = find_any(bus, list(dict.fromkeys([find_bus(robot).baud, shipped, *BAUD_RATES])))
     if len(found) > 1:
         listed = ", ".join(str(servo.id) for servo in found)
         raise NoServoError(

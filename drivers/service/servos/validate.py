@@ -14,6 +14,8 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.diagnostics import NO_WATCHDOG
+from drivers.dynamixel.goal_ranges import full_scale
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.dynamixel.servo_states import TRIPPED
 from drivers.safety_guard import SafetyGuard
@@ -30,7 +32,6 @@ from drivers.service.servos.validation_moves import (
     plan_moves,
 )
 from robots import Joint
-from robots.servo import PWM_FULL_SCALE
 
 SILENCE = 1.5  # times of the watchdog, after which a servo must have stopped
 TIMEOUT_SHARE = 3.0  # of the moves' time
@@ -143,6 +144,8 @@ class ServoValidator:
                 _miss(Check.WATCHDOG, longest, "s", report.reason),
             ]
         torque = self._read_torque(backend, bus, joint)
+        if not table_named(device.servo.model.name).has_watchdog:
+            return [torque, _miss(Check.WATCHDOG, longest, "s", NO_WATCHDOG[0])]
         self._pause(longest)
         state = _read(bus, device, "bus_watchdog")
         stopped = state is not None and state & 0xFF == TRIPPED
@@ -166,7 +169,8 @@ class ServoValidator:
         counts = _read(bus, robot.joints[joint], register)
         if counts is None:
             return _miss(Check.TORQUE_LIMIT, limit, "N·m", SILENT)
-        torque = counts / PWM_FULL_SCALE * robot.max_torque[joint]
+        table = table_named(robot.joints[joint].servo.model.name)
+        torque = counts / full_scale(table) * robot.max_torque[joint]
         if by_current:
             torque = counts * robot.current_step[joint] * robot.torque_per_ampere[joint]
         return Validation(
@@ -181,7 +185,8 @@ class ServoValidator:
         """Check a servo that was let go."""
         device, settings = self._robot.joints[joint], find_bus(self._robot)
         name = next(port for port, names in settings.ports.items() if device.name in names)
-        with open_bus(self._servos.ports[name], settings.baud) as bus:
+        wire = table_named(device.servo.model.name).wire
+        with open_bus(self._servos.ports[name], settings.baud, wire.name) as bus:
             torque = _read(bus, device, "torque_enable")
             return [
                 Validation(

@@ -12,7 +12,6 @@ from drivers.dynamixel.protocol2 import (
     BROADCAST,
     HEADER,
     MAX_LENGTH,
-    OVERHEAD,
     Damaged,
     ErrorNumber,
     Instruction,
@@ -20,6 +19,8 @@ from drivers.dynamixel.protocol2 import (
     Status,
     crc16,
 )
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
+from drivers.virtual_bus.devices.cycle_end import CycleEnd
 from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
 from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
 from drivers.virtual_bus.reply import Reply
@@ -42,9 +43,17 @@ class Chain:
     def __init__(self, devices: Sequence[VirtualDevice], quirks: Quirks | None = None) -> None:
         self.devices = list(devices)
         self.quirks = quirks or Quirks()
+        self.cycle_end = CycleEnd.of([device.table for device in self.devices])
+        """What ends a control period in lock-step."""
+        self.wire: Wire = self.devices[0].table.wire if self.devices else PROTOCOL_2
+        """Protocol that all of them speak."""
         self._groups: dict[int, Callable[[bytes], list[Reply]]] = {
-            Instruction.SYNC_READ: lambda params: self._reply_to_reads(_sync_requests(params)),
-            Instruction.BULK_READ: lambda params: self._reply_to_reads(_bulk_requests(params)),
+            Instruction.SYNC_READ: lambda params: self._reply_to_reads(
+                Instruction.SYNC_READ, _sync_requests(params)
+            ),
+            Instruction.BULK_READ: lambda params: self._reply_to_reads(
+                Instruction.BULK_READ, _bulk_requests(params)
+            ),
             Instruction.FAST_SYNC_READ: lambda params: self._reply_to_fast(_sync_requests(params)),
             Instruction.FAST_BULK_READ: lambda params: self._reply_to_fast(_bulk_requests(params)),
             Instruction.SYNC_WRITE: lambda params: self._write(_sync_rows(params)),
@@ -102,11 +111,15 @@ class Chain:
         if self.quirks.bad_crc is BadCrc.SILENT:
             return []
         devices = self._members.get(item.id, [])
-        return _collect(devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert))
+        return self._collect(
+            devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert)
+        )
 
     def _address(self, packet: Packet) -> list[Reply]:
         devices = self._members.get(packet.id, [])
-        replies = _collect(devices, lambda device: device.handle(packet.instruction, packet.params))
+        replies = self._collect(
+            devices, lambda device: device.handle(packet.instruction, packet.params)
+        )
         for device in self._seconds.get(packet.id, []):
             device.handle(packet.instruction, packet.params, addressing=Addressing.SECONDARY)
         return replies
@@ -124,7 +137,7 @@ class Chain:
         replies: list[Reply] = []
         now = 0.0  # s since the instruction
         for device_id, devices in sorted(self._members.items()):
-            (reply,) = _collect(devices, lambda device: device.handle(Instruction.PING))
+            (reply,) = self._collect(devices, lambda device: device.handle(Instruction.PING))
             slot = device_id * self.quirks.ping_slot
             delay = max(reply.delay, slot - now)
             replies.append(Reply(device_id, delay, reply.data))
@@ -147,17 +160,18 @@ class Chain:
 
     # Group reads -----------------------------------------------------------------------------
 
-    def _reply_to_reads(self, requests: Iterable[MemberRead]) -> list[Reply]:
+    def _reply_to_reads(self, kind: int, requests: Iterable[MemberRead]) -> list[Reply]:
         replies: list[Reply] = []
         waited = 0.0
         for request in requests:
-            devices = [d for d in self._members.get(request.id, ()) if d.answers_reads]
+            members = self._members.get(request.id, ())
+            devices = [d for d in members if d.answers_reads and kind in d.table.instructions]
             if not devices:
                 if self.quirks.sync_gap is ReadGap.CHAIN_BREAKS:
                     break
-                waited += self._slot(request.length + OVERHEAD + 1)
+                waited += self._slot(request.length + self.wire.overhead)
                 continue
-            (reply,) = _collect(devices, partial(_read, request))
+            (reply,) = self._collect(devices, partial(_read, request))
             replies.append(Reply(reply.device, waited + reply.delay, reply.data))
             waited = 0.0
         return replies
@@ -195,6 +209,17 @@ class Chain:
             waited, start = 0.0, b""
         return replies
 
+    def _collect(
+        self, devices: Sequence[VirtualDevice], handle: Callable[[VirtualDevice], Status | None]
+    ) -> list[Reply]:
+        """Collect the simultaneous replies of devices of one id."""
+        if not devices:
+            return []
+        device_id, delay = devices[0].id, devices[0].return_delay  # the instruction may change them
+        statuses = [handle(device) for device in devices]
+        frames = [self.wire.encode_status(status) for status in statuses if status is not None]
+        return [Reply(device_id, delay, _garble(frames))] if frames else []
+
     def _slot(self, length: int) -> float:
         """Return how long the bytes of a silent device would have taken [s]."""
         devices = next(iter(self._members.values()), None)
@@ -207,19 +232,7 @@ def _duration(length: int, baud: int) -> float:
 
 def _read(request: MemberRead, device: VirtualDevice) -> Status:
     error, data = device.read(request.address, request.length)
-    return Status(request.id, error | device.alert, data)
-
-
-def _collect(
-    devices: Sequence[VirtualDevice], handle: Callable[[VirtualDevice], Status | None]
-) -> list[Reply]:
-    """Collect the simultaneous replies of devices of one id."""
-    if not devices:
-        return []
-    device_id, delay = devices[0].id, devices[0].return_delay  # the instruction may change them
-    statuses = [handle(device) for device in devices]
-    frames = [status.encode() for status in statuses if status is not None]
-    return [Reply(device_id, delay, _garble(frames))] if frames else []
+    return Status(request.id, error | device.alert, data, device.alarms)
 
 
 def _garble(frames: Sequence[bytes]) -> bytes:

@@ -8,11 +8,12 @@ from enum import Enum
 
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
+from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
-from robots.bus_settings import BAUD_RATES
 
-READ_LEVEL = 1  # status return level from which reads are answered; from 2 on, everything
+# Status return level from which reads are answered, and from which everything is.
+READ_LEVEL, ALL_LEVEL = 1, 2
 Handler = Callable[[bytes, "Addressing"], int]
 
 
@@ -48,6 +49,7 @@ class VirtualDevice:
         self._at_baud = table["baud_rate"].address
         self._at_level = table["status_return_level"].address
         self._at_delay = table["return_delay_time"].address
+        self._least_level = ALL_LEVEL - table.all_answered
         self._handlers: dict[int, Handler] = {
             Instruction.WRITE: self._handle_write,
             Instruction.REG_WRITE: self._handle_reg_write,
@@ -58,7 +60,7 @@ class VirtualDevice:
         self.has_fast_read = table.supports_fast_read(firmware)
         registers = self.registers
         registers["id"], registers["firmware_version"] = device_id, firmware
-        registers["baud_rate"] = BAUD_RATES.index(baud)
+        registers["baud_rate"] = table.baud_code(baud)
 
     @property
     def id(self) -> int:
@@ -73,7 +75,7 @@ class VirtualDevice:
     @property
     def baud(self) -> int:
         """Return its baud rate [bit/s]."""
-        return BAUD_RATES[self.registers.memory[self._at_baud]]
+        return self.table.bauds.get(self.registers.memory[self._at_baud], 0)
 
     @property
     def return_delay(self) -> float:
@@ -88,11 +90,21 @@ class VirtualDevice:
     @property
     def answers_reads(self) -> bool:
         """Return whether its status return level makes it reply to reads."""
-        return self.registers.memory[self._at_level] >= READ_LEVEL
+        return self._return_level >= READ_LEVEL
+
+    @property
+    def _return_level(self) -> int:
+        """Return its status return level; of a servo that always answers reads, from 1 on."""
+        return self.registers.memory[self._at_level] + self._least_level
 
     @property
     def alert(self) -> int:
         """Return the alert bit of its replies."""
+        return 0
+
+    @property
+    def alarms(self) -> int:
+        """Return the hardware errors that a reply names itself, as bits of `HardwareError`."""
         return 0
 
     @property
@@ -131,20 +143,21 @@ class VirtualDevice:
         """Execute an instruction; return the reply, None for none."""
         self.note_traffic()
         # The instruction may change these values: the reply uses the old ones.
-        device_id, alert, level = self.id, self.alert, self.registers.memory[self._at_level]
+        device_id, alert, level = self.id, self.alert, self._return_level
+        alarms = self.alarms
         if instruction == Instruction.PING:
             data = self._identity()
-            return Status(device_id, alert, data) if addressing is Addressing.OWN else None
+            return Status(device_id, alert, data, alarms) if addressing is Addressing.OWN else None
         if instruction == Instruction.READ:
             if addressing is not Addressing.OWN or level < READ_LEVEL:
                 return None
             error, data = self._handle_read(params)
-            return Status(device_id, error | alert, data)
+            return Status(device_id, error | alert, data, alarms)
         handler = self._handlers.get(instruction)
         error = handler(params, addressing) if handler else ErrorNumber.INSTRUCTION
         if addressing is not Addressing.OWN or level <= READ_LEVEL:
             return None
-        return Status(device_id, error | alert)
+        return Status(device_id, error | alert, alarms=alarms)
 
     def read(self, address: int, length: int) -> tuple[int, bytes]:
         """Return an `ErrorNumber` and the bytes of a span."""
@@ -190,7 +203,9 @@ class VirtualDevice:
     # Instructions --------------------------------------------------------------------------
 
     def _identity(self) -> bytes:
-        """Return model number and firmware version."""
+        """Return model number and firmware version, as a ping names them in Protocol 2.0 alone."""
+        if self.table.wire is not PROTOCOL_2:
+            return b""
         firmware = self.registers["firmware_version"]
         return struct.pack("<HB", self.registers["model_number"], firmware)
 

@@ -73,6 +73,9 @@ class Quirks:
     locked_torque_error: ErrorNumber = ErrorNumber.NONE
     """Error for torque on after a shutdown: the manual says that only a reboot helps, not how the
     write is answered. With NONE the register stays 0 without an error."""
+    goal_switches_torque_on: bool = True
+    """Whether a servo without drive modes (AX, MX(1.0), XL-320, Feetech) switches torque on when
+    a goal is written; users report that of AX and Feetech's, and no manual says it."""
     voltage_error_clears: bool = True
     """Whether the voltage bit is cleared when the voltage is back in range. The manual mentions
     no other way to clear error bits than a reboot."""

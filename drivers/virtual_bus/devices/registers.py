@@ -23,7 +23,7 @@ class Field:
     offset: int
     """Position of its first byte in the data."""
     address: int
-    codec: struct.Struct
+    codec: Codec
     lower: int
     upper: int
 
@@ -143,13 +143,34 @@ def clamp(value: int, limit: int) -> int:
     return max(-limit, min(limit, value))
 
 
-def codec_of(item: Item) -> struct.Struct:
-    """Return the little-endian codec of an item."""
+class SignCodec:
+    """Codec of an item whose sign is a bit of its own."""
+
+    def __init__(self, item: Item) -> None:
+        self._item = item
+
+    def pack_into(self, memory: bytearray, address: int, value: int) -> None:
+        """Store a value."""
+        memory[address : address + self._item.size] = self._item.encode(value)
+
+    def unpack_from(self, memory: bytes | bytearray, address: int) -> tuple[int]:
+        """Load a value."""
+        return (self._item.decode(bytes(memory[address : address + self._item.size])),)
+
+
+Codec = struct.Struct | SignCodec
+
+
+def codec_of(item: Item) -> Codec:
+    """Return the codec of an item."""
+    if item.sign_bit is not None:
+        return SignCodec(item)
     letter = {1: "b", 2: "h", 4: "i"}[item.size]
-    return struct.Struct("<" + (letter if item.signed else letter.upper()))
+    order = ">" if item.big_endian else "<"
+    return struct.Struct(order + (letter if item.signed else letter.upper()))
 
 
-def _field_of(item: Item, offset: int, codec: struct.Struct) -> Field:
+def _field_of(item: Item, offset: int, codec: Codec) -> Field:
     bits = 8 * item.size
     least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if item.signed else (0, (1 << bits) - 1)
     lower = least if item.lower is None else item.lower

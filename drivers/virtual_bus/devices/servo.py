@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
@@ -18,6 +17,7 @@ from drivers.virtual_bus.devices.maintenance import (
     reset,
     reset_ram,
 )
+from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -29,32 +29,6 @@ from robots.servo import PWM_FULL_SCALE
 
 TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotorCommand:
-    """Command to the motor, in the horn's own direction."""
-
-    torque_on: bool
-    mode: OperatingMode
-    target_ticks: float
-    """Target of the position loop, turns included, without homing offset."""
-    p_gain: int
-    """Register value of the position loop's gain, as is the next."""
-    d_gain: int
-    velocity_p_gain: int
-    """Register value of the velocity loop's gain, as is the next."""
-    velocity_i_gain: int
-    pwm_limit: float
-    """Largest share of the supply, 0 to 1."""
-    current_limit: float
-    """[A]; infinite for a model without current limit."""
-    goal_current: float
-    """For current mode [A]."""
-    goal_velocity: float
-    """For velocity mode, after its ramp [rad/s]."""
-    goal_pwm: float
-    """For PWM mode, share of the supply, -1 to 1."""
 
 
 class VirtualServo(VirtualDevice):

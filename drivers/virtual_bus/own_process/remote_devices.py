@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.dynamixel.control_table import OperatingMode
+from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.sensors import Measured
-from drivers.virtual_bus.devices.servo import MotorCommand
 from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.own_process.row_formats import (
     BodyReading,

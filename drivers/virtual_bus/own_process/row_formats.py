@@ -8,8 +8,8 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from drivers.dynamixel.control_table import OperatingMode
+from drivers.virtual_bus.devices.motor_command import MotorCommand
 from drivers.virtual_bus.devices.sensors import Measured
-from drivers.virtual_bus.devices.servo import MotorCommand
 from drivers.virtual_bus.imu.reading import ImuReading
 from robots.quaternion import Array
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
+from drivers.dynamixel.wire import encode_item
 from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
@@ -38,6 +39,10 @@ class Exchange:
         self._scheduled = deque(schedule.plan_actions() if schedule else ())
         self._strict_stuffing, self._advances_time = strict_stuffing, advances_time
         self.statistics = WireStatistics()
+        self.wire = devices.wire
+        """Protocol of the bus."""
+        self.cycle_end = devices.cycle_end
+        """What ends a control period in lock-step."""
 
     @property
     def time(self) -> float:
@@ -65,7 +70,11 @@ class Exchange:
     def run(self, request: ReceivedInstruction) -> list[Reply]:
         """Execute an instruction; return the replies to the client, in their order on the wire."""
         line, statistics = self._faults.line, self.statistics
-        echo = [Reply(BROADCAST, 0.0, request.item.encode())] if line.strikes_echo() else []
+        echo = (
+            [Reply(BROADCAST, 0.0, encode_item(self.wire, request.item))]
+            if line.strikes_echo()
+            else []
+        )
         received = self._pass_on(request)
         replies = [r for item in received for r in self._devices.handle(item, baud=request.baud)]
         statistics.answers += len(replies)

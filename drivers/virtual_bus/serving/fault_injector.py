@@ -27,7 +27,7 @@ class FaultInjector:
 
     def __init__(self, bus: Faulty, rng: np.random.Generator) -> None:
         """Inject faults into a bus; ``rng`` draws the random ones."""
-        self.line = LineFaults(rng)
+        self.line = LineFaults(rng, bus.devices.wire)
         self.silent = False
         self._bus = bus
         self._counts: Counter[str] = Counter()

@@ -6,12 +6,12 @@ import re
 from dataclasses import dataclass
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
-from drivers.dynamixel.protocol2 import HEADER, Damaged, FrameParser, Packet
+from drivers.dynamixel.protocol2 import Damaged, Packet
+from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.virtual_bus.serving.interfaces import WireStatistics
 
 LONGEST_GAP = 0.0015  # s between two bytes of an instruction (e-manual)
 
-_NEXT_FRAME = re.compile(b"(?=" + re.escape(HEADER) + b")")
 _HEADER_RUN = b"\xff\xff\xfd"
 
 
@@ -33,13 +33,14 @@ class ReceivedInstruction:
 class InstructionReader:
     """Finds instructions in a byte stream and counts the mistakes of clients."""
 
-    def __init__(self, statistics: WireStatistics, *, timed: bool) -> None:
+    def __init__(self, statistics: WireStatistics, *, timed: bool, wire: Wire = PROTOCOL_2) -> None:
         """Start with an empty buffer.
 
         If ``timed``, a gap inside an instruction drops it, else the beginning of the next one.
         """
-        self._statistics, self._timed = statistics, timed
-        self._parser = FrameParser()
+        self._statistics, self._timed, self._wire = statistics, timed, wire
+        self._parser = wire.parse_instructions()
+        self._next_frame = re.compile(b"(?=" + re.escape(wire.header) + b")")
         self._last_byte = 0.0
         self._unclaimed = 0
 
@@ -53,7 +54,7 @@ class InstructionReader:
         self._last_byte = max(self._last_byte, at) + len(data) * byte_time(baud)
         found: list[ReceivedInstruction] = []
         # A piece from one header to the next ends where its instruction does.
-        for piece in _NEXT_FRAME.split(data):
+        for piece in self._next_frame.split(data):
             noise, begun = parser.noise, parser.pending + len(piece)
             items = parser.feed(piece)
             self._unclaimed += len(piece)
@@ -69,7 +70,7 @@ class InstructionReader:
     def _breaks_off(self, data: bytes, at: float) -> bool:
         if self._timed:
             return at - self._last_byte > LONGEST_GAP
-        return data.startswith(HEADER)
+        return data.startswith(self._wire.header)
 
     def _count(self, item: Packet | Damaged, size: int) -> bool:
         """Count an instruction; return whether it lacks byte stuffing."""
@@ -78,7 +79,7 @@ class InstructionReader:
             statistics.damaged += 1
             return False
         statistics.packets += 1
-        unstuffed = _HEADER_RUN in item.params and size < len(item.encode())
+        unstuffed = _HEADER_RUN in item.params and size < len(encode_item(self._wire, item))
         statistics.unstuffed += unstuffed
         return unstuffed
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from drivers.dynamixel.protocol2 import Damaged, Packet
+from drivers.dynamixel.wire import Wire
+from drivers.virtual_bus.devices.cycle_end import CycleEnd
 from drivers.virtual_bus.reply import Reply
 
 T = TypeVar("T")
@@ -31,6 +33,11 @@ class Device(Protocol):
 
 class Devices(Protocol):
     """All devices of one bus."""
+
+    wire: Wire
+    """Protocol that they speak."""
+    cycle_end: CycleEnd
+    """What ends a control period in lock-step."""
 
     @property
     def devices(self) -> Sequence[Device]:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet
 from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
 from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
-GOAL_POSITION = table_named("XM430-W350")["goal_position"]  # as in every X and MX(2.0) servo
 QUIET = 0.01  # s that a client waits before it gives up a reply
 IDLE = 0.1  # s without traffic after which an abandoned port is cleaned up
 
@@ -31,7 +28,7 @@ class LockStep:
     def __init__(self, wire: PseudoTerminal, exchange: Exchange, wait: Wait) -> None:
         """Connect a port to its devices."""
         self._wire, self._exchange, self._wait = wire, exchange, wait
-        self._reader = InstructionReader(exchange.statistics, timed=False)
+        self._reader = InstructionReader(exchange.statistics, timed=False, wire=exchange.wire)
         self._held: deque[tuple[float, bytes, int]] = deque()
 
     def serve(self) -> None:
@@ -54,7 +51,7 @@ class LockStep:
         else:
             data = b"".join([s.data for s in replies])
             self._exchange.deliver(self._wire, data, request.baud)
-        if ends_cycle(request.item):
+        if self._exchange.cycle_end.is_ended_by(request.item):
             self._exchange.pass_period()
         elif expects_reply(request.item) and (self._held or not replies):
             self._exchange.pass_until(self._exchange.time + QUIET)
@@ -75,14 +72,3 @@ class LockStep:
         while self._held and self._held[0][0] <= self._exchange.time:
             _, data, baud = self._held.popleft()
             self._exchange.deliver(self._wire, data, baud)
-
-
-def ends_cycle(item: Packet | Damaged) -> bool:
-    """Return whether an instruction sync-writes goal positions, the last of a control period."""
-    if isinstance(item, Damaged) or item.instruction != Instruction.SYNC_WRITE:
-        return False
-    if len(item.params) < 4:
-        return False
-    address = int.from_bytes(item.params[:2], "little")
-    length = int.from_bytes(item.params[2:4], "little")
-    return address <= GOAL_POSITION.address and address + length >= GOAL_POSITION.end

@@ -58,7 +58,7 @@ class RealTime:
         self._wire, self._exchange, self._wait = wire, exchange, wait
         self._adapter_latency = adapter_latency
         self._statistics = exchange.statistics
-        self._reader = InstructionReader(exchange.statistics, timed=True)
+        self._reader = InstructionReader(exchange.statistics, timed=True, wire=exchange.wire)
         self._requests: deque[ReceivedInstruction] = deque()
         self._complete_at = math.inf
         self._is_ping_window = False

@@ -8,7 +8,8 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.dynamixel.protocol2 import MAX_ID, Damaged, FrameParser, Packet, Status
+from drivers.dynamixel.protocol2 import MAX_ID, Damaged, Packet
+from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.virtual_bus.reply import Reply
 
 LONGEST_NOISE = 8  # bytes
@@ -62,10 +63,10 @@ class LineFaults:
     split_pause = 0.003
     """How long the second part of a split reply is held back [s]."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, wire: Wire = PROTOCOL_2) -> None:
         """Start without faults; ``rng`` draws them."""
         self.counts: Counter[str] = Counter()
-        self._rng = rng
+        self._rng, self._wire = rng, wire
         self._rates: dict[LineFault, float] = {}
         self._pending: list[_Pending] = []
 
@@ -92,9 +93,9 @@ class LineFaults:
             return [item]
         if self._strikes(LineFault.LOSE_REQUEST):
             return []
-        frame = item.encode()
+        frame = encode_item(self._wire, item)
         flipped = self._flip(LineFault.FLIP_REQUEST, frame)
-        return [item] if flipped == frame else FrameParser().feed(flipped)
+        return [item] if flipped == frame else self._wire.parse_instructions().feed(flipped)
 
     def strikes_echo(self) -> bool:
         """Return whether the adapter returns this request."""
@@ -108,7 +109,7 @@ class LineFaults:
         if self._strikes(LineFault.LOSE, device):
             return []
         if self._strikes(LineFault.WRONG_ID, device):
-            data = _rename(data, device)
+            data = _rename(self._wire, data, device)
         data = self._flip(LineFault.FLIP, data, device)
         if self._strikes(LineFault.CUT, device):
             data = data[: self._rng.integers(len(data))]
@@ -154,11 +155,11 @@ class LineFaults:
         return False
 
 
-def _rename(data: bytes, device: int) -> bytes:
+def _rename(wire: Wire, data: bytes, device: int) -> bytes:
     """Replace the id of a status and update its CRC; of a fast part, only the id."""
     other = (device + 1) % (MAX_ID + 1)
-    items = FrameParser().feed(data)
+    items = wire.parse_replies().feed(data)
     if len(items) == 1 and isinstance(items[0], Packet) and items[0].id == device:
-        return replace(Status.from_packet(items[0]), id=other).encode()
+        return wire.encode_status(replace(wire.decode_status(items[0]), id=other))
     at = data.find(bytes((device,)), 1)
     return data if at < 0 else data[:at] + bytes((other,)) + data[at + 1 :]

@@ -14,7 +14,8 @@ from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.values import Items, Range, between
 
-ID = Range(0, 252)
+ID = Range(0, 253)
+Protocol = Literal["2.0", "1.0", "feetech"]
 NO_PORT = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
 
 
@@ -26,6 +27,8 @@ class ServoOptions(JsonOption):
     """Serial port."""
     baud: Annotated[int | None, arg(metavar="BIT/S")] = None
     """Baud rate [bit/s]; default: 57600, 1, 2, 3 and 4 Mbit/s are tried until a servo replies."""
+    protocol: Protocol | None = None
+    """What the servos speak; default: that in which they reply."""
 
     def find_problems(self) -> list[str]:
         """Report a missing port as well."""
@@ -136,6 +139,8 @@ class MovedOptions(JsonOption):
     """Serial port; of a robot with several, NAME=PATH of each."""
     baud: Annotated[int | None, arg(metavar="BIT/S")] = None
     """Baud rate of servos without a robot [bit/s]; default: common ones are tried."""
+    protocol: Protocol | None = None
+    """What servos without a robot speak; default: that in which they reply."""
     id: Annotated[tuple[int, ...], ID, arg(metavar="ID,...")] = ()
     """Ids of the servos; default: all that reply."""
     robot: Annotated[str | None, ROBOT, arg(metavar="ROBOT")] = None

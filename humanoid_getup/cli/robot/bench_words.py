@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from drivers.dynamixel.protocol2 import MAX_ID
+from drivers.dynamixel.control_table import table_named, table_names, types_of
 from humanoid_getup.jobs.errors import refusing
 from robots import Joint
 from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
-from robots.bus_settings import FACTORY_BAUD
 from robots.description.bench_table import MAX_ARM, MAX_MASS
 from robots.description.servo_catalog import servo_models
 
@@ -23,7 +22,9 @@ def build_bench(words: Sequence[str], load: str | None) -> ServoBench:
     with refusing():
         servos = list_bench_servos(words)
         hanging = BARE if load is None else parse_load(load)
-        return make_bench(servos, baud=FACTORY_BAUD, loads=[hanging] * len(servos))
+        table = table_named(servos[0].servo.model.name)
+        shipped = table.bauds[table["baud_rate"].default or 0]
+        return make_bench(servos, baud=shipped, loads=[hanging] * len(servos))
 
 
 def list_bench_servos(words: Sequence[str]) -> list[Joint]:
@@ -36,17 +37,26 @@ def list_bench_servos(words: Sequence[str]) -> list[Joint]:
     model = ""
     for word in words:
         before, colon, number = word.rpartition(":")
-        model = before if colon else model
+        model = _find_type(before) if colon else model
         if model not in servo_models():
             known = ", ".join(servo_models())
             raise ValueError(f"--servos has '{word}', expected MODEL:ID with a model of {known}")
-        if not number.isdecimal() or int(number) > MAX_ID:
-            raise ValueError(f"--servos has '{word}', expected an id from 0 to {MAX_ID}")
-        joints.append(make_bench_joint(servo_models()[model], int(number)))
+        figures = servo_models()[model]
+        if not number.isdecimal() or int(number) > figures.max_id:
+            raise ValueError(f"--servos has '{word}', expected an id from 0 to {figures.max_id}")
+        joints.append(make_bench_joint(figures, int(number)))
     ids = [joint.servo.id for joint in joints]
     if twice := [i for i in ids if ids.count(i) > 1]:
         raise ValueError(f"--servos has the id {twice[0]} twice, expected each once")
     return joints
+
+
+def _find_type(name: str) -> str:
+    """Return the type of a name, or the first with the control table of a model of that name."""
+    known = servo_models()
+    if name in known or name not in table_names():
+        return name
+    return next((each for each in types_of(table_named(name)) if each in known), name)
 
 
 def parse_load(text: str) -> Load:

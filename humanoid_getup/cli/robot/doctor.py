@@ -12,7 +12,6 @@ from rich.table import Table
 
 from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.configuration import OPERATING_MODES
-from drivers.dynamixel.control_table import name_mode
 from drivers.dynamixel.diagnostics import Finding, ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
@@ -146,7 +145,7 @@ def print_health(health: HealthCheck, console: Console) -> None:
             f"[bold]IMU[/]: up is ({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s² in its axes, "
             f"{escape(health.imu_name)}{rate}{note}"
         )
-    mode = name_mode(OPERATING_MODES[health.robot.limit_by])
+    mode = OPERATING_MODES[health.robot.limit_by].describe()
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
@@ -158,7 +157,7 @@ def _tabulate(health: HealthCheck) -> Table:
     for servo in health.servos:
         joint, registers = servo.joint, servo.registers
         lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))
-        error = HardwareError(registers["hardware_error_status"])
+        error = HardwareError(servo.errors)
         table.add_row(
             joint.name,
             str(servo.id),
@@ -169,7 +168,7 @@ def _tabulate(health: HealthCheck) -> Table:
             f"{math.degrees(servo.angle):+.1f}",
             f"{lower:+d} to {upper:+d}",
             f"{registers['return_delay_time'] * 2}",
-            name_mode(registers["operating_mode"]),
+            servo.mode_name,
             "on" if registers["torque_enable"] else "off",
             " ".join(str(bit.name).lower() for bit in error) or "-",
         )

@@ -15,6 +15,7 @@ from drivers.dynamixel.command_writer import (
 from drivers.dynamixel.protocol2 import Instruction, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates
+from drivers.dynamixel.wire import PROTOCOL_2
 
 # Registers of an XM430 (e-manual).
 TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
@@ -36,6 +37,7 @@ class Listener:
     """A bus that understands what is sent."""
 
     writes: list[Write] = field(default_factory=list)
+    wire = PROTOCOL_2
 
     def send(self, frame: bytes) -> None:
         body = frame[8:-2]

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +9,9 @@ from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind, group_span
+from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
+from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Span, Status
 from drivers.dynamixel.requests import Replies, Request
 from drivers.virtual_bus.devices.chain import Chain
@@ -147,8 +147,8 @@ def test_servos_that_keep_their_values_in_different_places_are_read_in_bulk(benc
 
 
 def test_current_or_load_velocity_and_position_are_read():
-    assert group_span(table_named("XM430-W350")) == Span(126, 10)
-    assert group_span(table_named("XL430-W250")) == Span(126, 10), "load instead of current"
+    assert GroupLayout.of(table_named("XM430-W350")).span == Span(126, 10)
+    assert GroupLayout.of(table_named("XL430-W250")).span == Span(126, 10), "load, no current"
 
 
 @pytest.mark.parametrize("firmware", [46, 44])
@@ -222,8 +222,9 @@ def test_many_orders_are_not_all_kept(joint, monkeypatch):
         built.append(Request.group(spans, fast=fast))
         return built[-1]
 
-    monkeypatch.setattr("drivers.dynamixel.cyclic_read.Request", SimpleNamespace(group=build))
-    assert Bench(joint).turns(12) == [set(IDS)] * 12
+    bench = Bench(joint)
+    monkeypatch.setattr(bench.bus, "group", build)
+    assert bench.turns(12) == [set(IDS)] * 12
     assert len(built) == 12
 
 

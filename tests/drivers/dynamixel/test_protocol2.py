@@ -67,39 +67,39 @@ def contents(frame: bytes) -> Packet:
 
 POSITION, GOAL = Span(132, 4), 116
 REQUESTS = [
-    (p2.ping(1), "FFFFFD00 01 0300 01 194E"),
-    (p2.ping(), "FFFFFD00 FE 0300 01 3142"),
-    (p2.read(1, POSITION), "FFFFFD00 01 0700 02 84000400 1D15"),
-    (p2.write(1, GOAL, hexed("00020000")), "FFFFFD00 01 0900 03 7400 00020000 CA89"),
+    (p2.ping(1).encode(), "FFFFFD00 01 0300 01 194E"),
+    (p2.ping().encode(), "FFFFFD00 FE 0300 01 3142"),
+    (p2.read(1, POSITION).encode(), "FFFFFD00 01 0700 02 84000400 1D15"),
+    (p2.write(1, GOAL, hexed("00020000")).encode(), "FFFFFD00 01 0900 03 7400 00020000 CA89"),
     (instructions.reg_write(1, 104, hexed("C8000000")), "FFFFFD00 01 0900 04 6800 C8000000 AE8E"),
     (instructions.action(1), "FFFFFD00 01 0300 05 02CE"),
-    (p2.factory_reset(1, Reset.ALL_BUT_ID), "FFFFFD00 01 0400 06 01 A1E6"),
-    (p2.reboot(1), "FFFFFD00 01 0300 08 2F4E"),
+    (p2.factory_reset(1, Reset.ALL_BUT_ID).encode(), "FFFFFD00 01 0400 06 01 A1E6"),
+    (p2.reboot(1).encode(), "FFFFFD00 01 0300 08 2F4E"),
     (instructions.clear_turns(1), "FFFFFD00 01 0800 10 01 44584C22 B1DC"),
     (instructions.backup(1), "FFFFFD00 01 0800 20 01 4354524C 16F5"),
     (instructions.restore(1), "FFFFFD00 01 0800 20 02 4354524C 9EF5"),
-    (p2.sync_read([1, 2], POSITION), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
+    (p2.sync_read([1, 2], POSITION).encode(), "FFFFFD00 FE 0900 82 84000400 0102 CEFA"),
     (
-        p2.sync_write(GOAL, {1: hexed("96000000"), 2: hexed("AA000000")}),
+        p2.sync_write(GOAL, {1: hexed("96000000"), 2: hexed("AA000000")}).encode(),
         "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287",
     ),
     (
-        p2.sync_read([3, 7, 4], POSITION, fast=True),
+        p2.sync_read([3, 7, 4], POSITION, fast=True).encode(),
         "FFFFFD00 FE 0A00 8A 84000400 030704 20F2",
     ),
     (
-        p2.bulk_read({1: Span(144, 2), 2: Span(146, 1)}),
+        p2.bulk_read({1: Span(144, 2), 2: Span(146, 1)}).encode(),
         "FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05",
     ),
     (
-        p2.bulk_write({1: (32, hexed("A000")), 2: (31, hexed("50"))}),
+        p2.bulk_write({1: (32, hexed("A000")), 2: (31, hexed("50"))}).encode(),
         "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768",
     ),
     (
-        p2.bulk_read({3: POSITION, 7: Span(124, 2), 4: Span(146, 1)}, fast=True),
+        p2.bulk_read({3: POSITION, 7: Span(124, 2), 4: Span(146, 1)}, fast=True).encode(),
         "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D",
     ),
-    (p2.write(1, 100, hexed("FFFFFDFF")), "FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074"),
+    (p2.write(1, 100, hexed("FFFFFDFF")).encode(), "FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074"),
 ]
 STATUSES = [
     (Status(1, 0, hexed("060426")), "FFFFFD00 01 0700 55 00 0604 26 655D"),
@@ -200,8 +200,8 @@ def test_a_status_survives_the_wire(status: Status):
 
 
 def test_a_body_that_is_a_whole_frame_is_carried_as_data():
-    inner = p2.ping(7)
-    assert FrameParser().feed(p2.write(1, 224, inner)) == [
+    inner = p2.ping(7).encode()
+    assert FrameParser().feed(p2.write(1, 224, inner).encode()) == [
         Packet(1, Instruction.WRITE, b"\xe0\x00" + inner)
     ]
 
@@ -282,7 +282,7 @@ def test_every_split_in_two_gives_the_packet_with_its_last_byte(packet: Packet):
 )
 def test_half_a_header_before_a_frame_does_not_hide_it(noise: str):
     parser = FrameParser()
-    assert parser.feed(hexed(noise) + p2.ping(3)) == [Packet(3, Instruction.PING)]
+    assert parser.feed(hexed(noise) + p2.ping(3).encode()) == [Packet(3, Instruction.PING)]
     assert parser.noise == len(hexed(noise))
 
 
@@ -293,7 +293,9 @@ def test_a_stuffed_run_is_no_header():
 def test_a_header_with_an_impossible_id_or_length_is_noise():
     for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):
         parser = FrameParser()
-        assert parser.feed(HEADER + hexed(start) + p2.ping(3)) == [Packet(3, Instruction.PING)]
+        assert parser.feed(HEADER + hexed(start) + p2.ping(3).encode()) == [
+            Packet(3, Instruction.PING)
+        ]
         assert parser.noise == PREFIX
 
 
@@ -313,7 +315,7 @@ def test_a_cut_frame_is_forgotten_by_a_reset(packet: Packet, follower: Packet, d
 
 
 def test_a_frame_inside_a_damaged_one_is_found():
-    inner = p2.ping(9)
+    inner = p2.ping(9).encode()
     outer = HEADER + bytes((1, 20, 0, Instruction.WRITE)) + inner + bytes(9)
     damaged, packet = FrameParser().feed(outer)
     assert isinstance(damaged, Damaged)

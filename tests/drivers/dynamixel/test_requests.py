@@ -65,14 +65,19 @@ def test_a_sync_write_of_arrays_is_that_of_the_manual():
     writer = SyncWriter(116, "<i4", [1, 2])
     expected = "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287"
     assert writer.encode(np.array([150, 170])) == bytes.fromhex(expected)
-    assert writer.encode(7) == protocol2.sync_write(116, {1: b"\x07\0\0\0", 2: b"\x07\0\0\0"})
+    assert (
+        writer.encode(7) == protocol2.sync_write(116, {1: b"\x07\0\0\0", 2: b"\x07\0\0\0"}).encode()
+    )
     chosen = np.array([False, True])
-    assert writer.encode(np.array([1, 2]), chosen) == protocol2.sync_write(116, {2: b"\x02\0\0\0"})
+    assert (
+        writer.encode(np.array([1, 2]), chosen)
+        == protocol2.sync_write(116, {2: b"\x02\0\0\0"}).encode()
+    )
 
 
 def test_goals_that_look_like_a_header_are_stuffed():
     writer = SyncWriter(116, "<i4", [1, 2])
     goals = np.array([0x00FDFFFF, 0])
     rows = {1: b"\xff\xff\xfd\x00", 2: bytes(4)}
-    assert writer.encode(goals) == protocol2.sync_write(116, rows)
+    assert writer.encode(goals) == protocol2.sync_write(116, rows).encode()
     assert b"\xff\xff\xfd\xfd" in writer.encode(goals)

@@ -77,11 +77,11 @@ def test_a_margin_is_each_bus_own_again_after_the_block_even_after_an_error():
     assert [bus.answer_margin for bus in buses] == [0.001, 0.002]
 
 
-def test_servos_of_another_protocol_are_refused_in_one_line(tiny: Robot):
+def test_servos_without_known_registers_are_refused_in_one_line(tiny: Robot):
+    unknown = replace(servo_models()["STS3250-C001"], name="home-made")
     joints = tuple(
-        replace(joint, servo=replace(joint.servo, model=servo_models()["STS3250-C001"]))
-        for joint in tiny.joints
+        replace(joint, servo=replace(joint.servo, model=unknown)) for joint in tiny.joints
     )
-    with pytest.raises(SetupError, match="has servos STS3250-C001, expected Dynamixels") as caught:
+    with pytest.raises(SetupError, match="has servos home-made, expected those with") as caught:
         build_ports(replace(tiny, joints=joints), PATHS, NamedPort, answer_margin=0.01)
     assert str(caught.value).endswith("by --backend twin")

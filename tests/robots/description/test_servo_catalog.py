@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from spoiling import complaint, spoil
 
-from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
+from drivers.dynamixel.control_table import OperatingMode, known_models, table_named, types_of
 from robots import load_robot
 from robots.description.servo_catalog import read_servo_models, servo_models
 from robots.model_import.servo_choice import list_guessed
@@ -101,10 +101,14 @@ def test_figures_that_a_control_table_has_too_are_the_same(name: str):
     assert upper is not None and 10.0 * model.max_voltage <= upper
 
 
-def test_every_servo_with_a_control_table_has_figures_and_all_others_speak_another_protocol():
-    assert {name for name in known_models() if table_named(name).modes} == list_guessed().keys()
-    others = servo_models().keys() - list_guessed().keys()
-    assert others == {"STS3215-C001", "STS3215-C018", "STS3250-C001"}
+def test_every_type_has_a_control_table_whose_counts_are_its_own():
+    assert {n for n in known_models() if table_named(n).has_watchdog} == list_guessed().keys()
+    for name, model in servo_models().items():
+        table = table_named(name)
+        assert table["present_position"].scale == pytest.approx(model.rad_per_tick), name
+        assert table["max_position_limit"].upper == model.last_tick, name
+        assert table.wire.max_id == model.max_id, name
+        assert name in types_of(table)
 
 
 def test_a_feetech_drives_of_its_supply_what_was_measured():

@@ -47,7 +47,7 @@ class FoundServo:
 
 def change_servo_id(command: ChangeId) -> int:
     """Give a servo another id; 1 if the person declined."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         check_new_id(servo, command.new)
         question = f"{servo.name} gets the id {command.new}:"
         done = f"was id {servo.id}"
@@ -56,7 +56,7 @@ def change_servo_id(command: ChangeId) -> int:
 
 def change_servo_baud(command: ChangeBaud) -> int:
     """Give a servo another baud rate; 1 if the person declined."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         check_new_baud(servo, command.new)
         before = servo.bus.port.baud
         question = f"{servo.name} changes from {before} to {command.new} bit/s:"
@@ -66,7 +66,7 @@ def change_servo_baud(command: ChangeBaud) -> int:
 
 def reset(command: ResetServo) -> int:
     """Set a servo to the values as shipped; 1 if the person declined."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         kept = command.keep.replace("-", " ")
         rest = "its id as well" if command.keep == "nothing" else f"but {kept}"
         question = f"{servo.name} forgets all that it keeps without power, {rest}:"
@@ -75,7 +75,7 @@ def reset(command: ResetServo) -> int:
 
 def reboot(command: RebootServo) -> int:
     """Restart a servo."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         return _report(servo.reboot(), command, "restarted")
 
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.control_table import name_mode
 from drivers.service.servos.gauges import Gauge
 from drivers.state import HardwareError
-from robots.bench import MIDDLE
-from robots.servo import RAD_PER_TICK
 
 HEADINGS = (
     "id",
@@ -35,7 +32,7 @@ def list_cells(gauge: Gauge) -> list[str]:
         str(servo.id),
         servo.table.model,
         str(servo.firmware),
-        name_mode(values["operating_mode"]) if values else UNKNOWN,
+        _name_mode(gauge),
         {None: UNKNOWN, 0: "off"}.get(values.get("torque_enable"), "[bold red]on[/]"),
         UNKNOWN if gauge.angle is None else f"{math.degrees(gauge.angle):+.1f}",
         _format_span(gauge),
@@ -47,6 +44,12 @@ def list_cells(gauge: Gauge) -> list[str]:
     ]
 
 
+def _name_mode(gauge: Gauge) -> str:
+    """Name its operating mode; a servo without a register for it is in position mode or turns."""
+    mode = gauge.values.get("operating_mode")
+    return UNKNOWN if mode is None else gauge.servo.table.name_mode(mode)
+
+
 def _format(gauge: Gauge, register: str, factor: float, form: str) -> str:
     value = gauge.to_si(register)
     return UNKNOWN if value is None else f"{value * factor + 0.0:{form}}"
@@ -55,9 +58,7 @@ def _format(gauge: Gauge, register: str, factor: float, form: str) -> str:
 def _format_span(gauge: Gauge) -> str:
     if gauge.lowest is None or gauge.highest is None:
         return UNKNOWN
-    ends = [
-        math.degrees((ticks - MIDDLE) * RAD_PER_TICK) for ticks in (gauge.lowest, gauge.highest)
-    ]
+    ends = [math.degrees(gauge.to_angle(ticks)) for ticks in (gauge.lowest, gauge.highest)]
     return f"{ends[0]:+.0f} to {ends[1]:+.0f}"
 
 
@@ -72,5 +73,5 @@ def _format_load(gauge: Gauge) -> str:
 def _remark(gauge: Gauge) -> str:
     if gauge.missed:
         return "[yellow]silent[/]"
-    error = HardwareError(gauge.values.get("hardware_error_status", 0))
+    error = HardwareError(gauge.errors)
     return f"[red]{error.describe()}[/]" if error else ""

@@ -46,7 +46,7 @@ def monitor(command: MonitorServos) -> int:
     if command.seconds is None and not key.has_terminal:
         raise BadInputError("standard input is not a terminal: --seconds is missing")
     rates = COMMON_RATES if command.baud is None else (command.baud,)
-    with open_bus(command.path, rates[0]) as bus, key:
+    with open_bus(command.path, rates[0], command.protocol) as bus, key:
         gauges = Gauges(bus, find_all(bus, command.id, rates))
         until = None if command.seconds is None else time.monotonic() + command.seconds
         live = Live(console=console, get_renderable=lambda: _draw(gauges), transient=True)

@@ -59,7 +59,7 @@ def list_servos(command: ListServos) -> int:
     """List the servos on a port; 0 if there are some."""
     console = console_for(command)
     rates = COMMON_RATES if command.baud is None else (command.baud,)
-    with phase("searching"), open_bus(command.path, rates[0]) as bus:
+    with phase("searching"), open_bus(command.path, rates[0], command.protocol) as bus:
         gauges = Gauges(bus, find_any(bus, rates))
         gauges.read()
         baud = bus.port.baud
@@ -79,7 +79,7 @@ def tabulate_gauges(gauges: Sequence[Gauge]) -> Table:
 
 def show_table(command: ShowTable) -> int:
     """Print all registers of a servo."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         values = servo.read_table()
     _show(servo, values, command)
     return DID_IT
@@ -87,7 +87,7 @@ def show_table(command: ShowTable) -> int:
 
 def read_registers(command: ReadRegisters) -> int:
     """Read the registers that are named."""
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         for name in command.names:
             servo.find_item(name)
         values = {name: servo.read(name) for name in command.names}
@@ -99,7 +99,7 @@ def write_registers(command: WriteRegisters) -> int:
     """Write registers; 1 if the person declined."""
     wanted = dict(map(_parse, command.values))
     console = console_for(command)
-    with open_servo(command.path, command.id, command.baud) as servo:
+    with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         items = [servo.check_write(name, value) for name, value in wanted.items()]
         kept = [item.name for item in items if item.eeprom]
         question = f"{servo.name} keeps {', '.join(kept)} without power: write?"

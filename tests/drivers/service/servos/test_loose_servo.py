@@ -68,7 +68,7 @@ def test_what_is_written_is_read_back_by_any_client(desk, bus):
         ("operating_mode", 5, "expected 1, 3, 4, 16"),  # the XL430 has no current mode
         ("id", 9, "getup servo id does that"),
         ("baud_rate", 3, "getup servo baud does that"),
-        ("protocol_type", 1, "Protocol 2.0 alone is spoken here"),
+        ("protocol_type", 1, "DYNAMIXEL Wizard does that"),
         ("torque_enable", 1, "which only the guard does"),
         ("indirect_data_1", 1, "which only the guard does"),
         ("indirect_address_1", 116, "which only the guard does"),

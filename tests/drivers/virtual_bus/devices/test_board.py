@@ -11,7 +11,7 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 
 
 def test_a_ping_tells_the_board_from_a_servo():
-    (status,) = read_answers(Chain([VirtualBoard()]).handle(request(protocol2.ping(200))))
+    (status,) = read_answers(Chain([VirtualBoard()]).handle(request(protocol2.ping(200).encode())))
     assert (status.id, status.error, status.data[:2]) == (200, 0, b"\x00\x74")
 
 
@@ -20,7 +20,7 @@ def test_its_switch_powers_the_servos():
     servo.powered = False
     board = VirtualBoard(on_power=lambda on: setattr(servo, "powered", on))
     chain = Chain([servo, board])
-    ping = request(protocol2.ping(1))
+    ping = request(protocol2.ping(1).encode())
     assert chain.handle(ping) == []
     assert write(board, "dynamixel_power", 1) == 0
     assert chain.handle(ping) == []  # still starting
@@ -36,7 +36,7 @@ def test_imu_and_voltage_are_read_in_one_go():
     board.sense_imu([1, -2, 3], [-4, 5, 99_999])
     board.sense_voltage(11.84)
     span = board.table.span("present_input_voltage", "acc_z")
-    answers = Chain([board]).handle(request(protocol2.read(200, span)))
+    answers = Chain([board]).handle(request(protocol2.read(200, span).encode()))
     (status,) = read_answers(answers)
     assert status.data == bytes((118,)) + b"".join(
         value.to_bytes(2, "little", signed=True) for value in (1, -2, 3, -4, 5, 32767)
@@ -64,9 +64,9 @@ def test_measurements_are_read_only_and_servo_instructions_unknown():
 
 def test_the_board_takes_no_part_in_a_fast_read():
     chain = Chain([VirtualServo(1), VirtualBoard()])
-    fast = protocol2.sync_read([1, 200], Span(24, 2), fast=True)
+    fast = protocol2.sync_read([1, 200], Span(24, 2), fast=True).encode()
     assert [answer.device for answer in chain.handle(request(fast))] == [1]
-    slow = protocol2.sync_read([1, 200], Span(24, 2))
+    slow = protocol2.sync_read([1, 200], Span(24, 2)).encode()
     assert [answer.device for answer in chain.handle(request(slow))] == [1, 200]
 
 

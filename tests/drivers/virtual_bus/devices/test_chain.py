@@ -154,10 +154,10 @@ def test_group_answers_come_in_the_order_of_the_list():
     chain = servos(*range(1, 6))
     for order in ([1, 2, 3, 4, 5], [4, 1, 5, 3, 2]):
         for frame in (
-            protocol2.sync_read(order, POSITION),
-            protocol2.bulk_read(dict.fromkeys(order, POSITION)),
-            protocol2.sync_read(order, POSITION, fast=True),
-            protocol2.bulk_read(dict.fromkeys(order, POSITION), fast=True),
+            protocol2.sync_read(order, POSITION).encode(),
+            protocol2.bulk_read(dict.fromkeys(order, POSITION)).encode(),
+            protocol2.sync_read(order, POSITION, fast=True).encode(),
+            protocol2.bulk_read(dict.fromkeys(order, POSITION), fast=True).encode(),
         ):
             assert [answer.device for answer in chain.handle(request(frame))] == order
 
@@ -166,9 +166,11 @@ def test_each_answer_waits_its_own_return_delay():
     chain = servos(1, 2, 3)
     for device, delay in zip(chain.devices, (250, 0, 100), strict=True):
         device.poke("return_delay_time", delay)
-    delays = [a.delay for a in chain.handle(request(protocol2.sync_read([1, 2, 3], POSITION)))]
+    delays = [
+        a.delay for a in chain.handle(request(protocol2.sync_read([1, 2, 3], POSITION).encode()))
+    ]
     assert delays == pytest.approx([500e-6, 0.0, 200e-6])
-    fast = request(protocol2.sync_read([1, 2, 3], POSITION, fast=True))
+    fast = request(protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode())
     assert [a.delay for a in chain.handle(fast)] == pytest.approx([500e-6, 0.0, 0.0])
     chain.quirks = Quirks(fast_pieces_wait=True)
     assert [a.delay for a in chain.handle(fast)] == pytest.approx([500e-6, 0.0, 200e-6])
@@ -176,13 +178,13 @@ def test_each_answer_waits_its_own_return_delay():
 
 def test_a_changed_delay_counts_from_the_next_answer_on():
     chain = servos(1)
-    frame = request(protocol2.write(1, 9, b"\xfa"))
+    frame = request(protocol2.write(1, 9, b"\xfa").encode())
     assert [chain.handle(frame)[0].delay for _ in range(2)] == [0.0, 500e-6]
 
 
 def test_all_answer_a_broadcast_ping_in_order_of_id_each_in_its_slot():
     chain = servos(9, 3, 200, baud=1_000_000)
-    answers = chain.handle(request(protocol2.ping()))
+    answers = chain.handle(request(protocol2.ping().encode()))
     assert [answer.device for answer in answers] == [3, 9, 200]
     begins, now = [], 0.0
     for answer in answers:
@@ -207,27 +209,27 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
         return [device.peek(name) for device in chain.devices]
 
     everyone = BROADCAST
-    assert look(tell(protocol2.write(everyone, 65, b"\1")), "led") == [1, 1]
+    assert look(tell(protocol2.write(everyone, 65, b"\1").encode()), "led") == [1, 1]
     chain = tell(instructions.reg_write(everyone, 65, b"\1"))
     assert look(chain, "led") == [0, 0]
     assert chain.handle(request(instructions.action())) == []
     assert look(chain, "led") == [1, 1]
-    assert look(tell(protocol2.reboot(everyone)), "position_p_gain") == [800, 800]
+    assert look(tell(protocol2.reboot(everyone).encode()), "position_p_gain") == [800, 800]
     tell(instructions.clear_turns(everyone))
     assert look(tell(instructions.backup(everyone)), "backup_ready") == [1, 1]
-    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD)
+    reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD).encode()
     assert look(tell(reset), "return_delay_time") == [250, 250]
 
 
 def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
     chain = servos(1, 2)
-    assert chain.handle(request(protocol2.read(BROADCAST, POSITION))) == []
+    assert chain.handle(request(protocol2.read(BROADCAST, POSITION).encode())) == []
     for instruction in (0x00, 0x33, 0xFF, Instruction.STATUS):
         assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
 
 
 def test_new_firmware_refuses_to_reset_all_ids_at_once():
-    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL))
+    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL).encode())
     new, old = servos(3, 4, firmware=42), servos(3, 4, firmware=41)
     new.handle(reset)
     old.handle(reset)
@@ -252,7 +254,7 @@ def test_another_devices_answer_is_not_an_instruction():
 def test_a_sync_write_refused_by_one_servo_is_done_by_the_others():
     chain = servos(1, 2, 3)
     rows = {i: ticks.to_bytes(4, "little") for i, ticks in {1: 100, 2: 5000, 3: 300}.items()}
-    chain.handle(request(protocol2.sync_write(116, rows)))
+    chain.handle(request(protocol2.sync_write(116, rows).encode()))
     assert [read(device, "goal_position") for device in chain.devices] == [100, 2048, 300]
 
 
@@ -271,14 +273,14 @@ def test_a_secondary_id_gathers_servos_for_silent_writes():
     for servo_id in (1, 2):
         find_device(chain, servo_id).poke("secondary_id", 50)
     find_device(chain, 3).poke("secondary_id", 1)
-    assert chain.handle(request(protocol2.write(50, 65, b"\1"))) == []
+    assert chain.handle(request(protocol2.write(50, 65, b"\1").encode())) == []
     assert [read(device, "led") for device in chain.devices] == [1, 1, 0]
-    (answer,) = chain.handle(request(protocol2.write(1, 68, b"\2")))
+    (answer,) = chain.handle(request(protocol2.write(1, 68, b"\2").encode()))
     assert answer.device == 1  # its own id: it answers, and 3 obeys beside it
-    chain.handle(request(protocol2.sync_write(65, {50: b"\0", 1: b"\1"})))
+    chain.handle(request(protocol2.sync_write(65, {50: b"\0", 1: b"\1"}).encode()))
     assert [read(device, "led") for device in chain.devices] == [1, 0, 1]
-    assert chain.handle(request(protocol2.sync_read([50], POSITION))) == []
-    assert chain.handle(request(protocol2.write(50, 9, b"\7"))) == []
+    assert chain.handle(request(protocol2.sync_read([50], POSITION).encode())) == []
+    assert chain.handle(request(protocol2.write(50, 9, b"\7").encode())) == []
     assert [read(device, "return_delay_time") for device in chain.devices] == [0, 0, 0]
 
 
@@ -287,23 +289,23 @@ def test_a_secondary_id_gathers_servos_for_silent_writes():
 
 def test_a_group_read_outside_the_table_gives_error_7_and_no_data():
     chain = servos(1, 2)
-    answers = chain.handle(request(protocol2.sync_read([1, 2], Span(660, 4))))
+    answers = chain.handle(request(protocol2.sync_read([1, 2], Span(660, 4)).encode()))
     assert read_answers(answers) == [Status(i, ErrorNumber.ACCESS) for i in (1, 2)]
 
 
 def test_an_alert_shows_in_every_kind_of_read():
     chain = servos(1, 2)
     servo(chain, 2).trip(32)
-    slow = read_answers(chain.handle(request(protocol2.sync_read([1, 2], POSITION))))
+    slow = read_answers(chain.handle(request(protocol2.sync_read([1, 2], POSITION).encode())))
     assert [status.error for status in slow] == [0, ALERT]
-    frame = talk(chain, protocol2.sync_read([1, 2], POSITION, fast=True))
+    frame = talk(chain, protocol2.sync_read([1, 2], POSITION, fast=True).encode())
     assert [status.error for status in decode_fast_status(frame, [4, 4])] == [0, ALERT]
 
 
 def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
     chain = servos(1, 2)
     spans = {1: Span(661, 4), 2: POSITION}
-    frame = talk(chain, protocol2.bulk_read(spans, fast=True))
+    frame = talk(chain, protocol2.bulk_read(spans, fast=True).encode())
     one, two = decode_fast_status(frame, [4, 4])
     assert (one.number, one.data) == (ErrorNumber.ACCESS, bytes(4))
     assert (two.number, two.data) == (0, b"\0\x08\0\0")
@@ -313,16 +315,16 @@ def test_fast_reads_are_never_stuffed():
     chain = servos(1)
     sense(servo(chain, 1), current=-2.69e-3, velocity=-3 * 0.0239808)  # counts -1 and -3
     span = Span(126, 10)
-    frame = talk(chain, protocol2.sync_read([1], span, fast=True))
+    frame = talk(chain, protocol2.sync_read([1], span, fast=True).encode())
     assert b"\xff\xff\xfd\xff" in frame[8:]
     assert decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
-    slow = talk(chain, protocol2.sync_read([1], span))
+    slow = talk(chain, protocol2.sync_read([1], span).encode())
     assert b"\xff\xff\xfd\xfd" in slow[8:]
 
 
 def test_a_fast_read_longer_than_any_frame_is_not_answered():
     chain = servos(*range(1, 21))
-    frame = protocol2.sync_read(range(1, 21), Span(0, 300), fast=True)
+    frame = protocol2.sync_read(range(1, 21), Span(0, 300), fast=True).encode()
     assert chain.handle(request(frame)) == []
 
 
@@ -342,8 +344,8 @@ DEAD = pytest.mark.parametrize(
 @DEAD
 def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
     frames = (
-        protocol2.sync_read([1, 2, 3], POSITION),
-        protocol2.bulk_read(dict.fromkeys([1, 2, 3], POSITION)),
+        protocol2.sync_read([1, 2, 3], POSITION).encode(),
+        protocol2.bulk_read(dict.fromkeys([1, 2, 3], POSITION)).encode(),
     )
     for frame in nonempty(frames):
         chain = servos(1, 2, 3, baud=1_000_000)
@@ -357,7 +359,7 @@ def test_a_silent_member_costs_a_sync_read_its_slot_or_all_that_follows(die):
 
 @DEAD
 def test_a_silent_member_breaks_a_fast_frame(die):
-    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True)
+    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode()
     chain = servos(1, 2, 3)
     whole = talk(chain, frame)
     die(chain)
@@ -372,7 +374,7 @@ def test_a_silent_member_breaks_a_fast_frame(die):
 def test_without_its_first_member_a_fast_frame_has_no_header():
     chain = servos(1, 2, 3)
     servo(chain, 1).alive = False
-    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True)
+    frame = protocol2.sync_read([1, 2, 3], POSITION, fast=True).encode()
     assert talk(chain, frame) == b""
     chain.quirks = Quirks(fast_gap=ReadGap.SLOT_STAYS_EMPTY)
     assert FrameParser().feed(talk(chain, frame)) == []
@@ -381,9 +383,9 @@ def test_without_its_first_member_a_fast_frame_has_no_header():
 def test_a_model_without_fast_reads_breaks_them():
     chain = Chain([VirtualServo(1), VirtualServo(2, "2XC430-W250"), VirtualServo(3, firmware=44)])
     for order in ([1, 2], [1, 3]):
-        frame = protocol2.sync_read(order, POSITION, fast=True)
+        frame = protocol2.sync_read(order, POSITION, fast=True).encode()
         assert [answer.device for answer in chain.handle(request(frame))] == [1]
-        frame = protocol2.sync_read(order, POSITION)
+        frame = protocol2.sync_read(order, POSITION).encode()
         assert [answer.device for answer in chain.handle(request(frame))] == order
 
 
@@ -401,30 +403,32 @@ def test_a_broken_instruction_is_passed_over_in_silence_or_answered_with_error_3
 
 def test_two_servos_of_one_id_garble_each_other():
     chain = servos(1, 2, 2)
-    assert [status.id for status in read_answers(chain.handle(request(protocol2.ping(1))))] == [1]
+    assert [
+        status.id for status in read_answers(chain.handle(request(protocol2.ping(1).encode())))
+    ] == [1]
     for frame in (
-        protocol2.ping(2),
-        protocol2.read(2, POSITION),
-        protocol2.sync_read([2], POSITION),
-        protocol2.sync_read([2], POSITION, fast=True),
+        protocol2.ping(2).encode(),
+        protocol2.read(2, POSITION).encode(),
+        protocol2.sync_read([2], POSITION).encode(),
+        protocol2.sync_read([2], POSITION, fast=True).encode(),
     ):
         (answer,) = chain.handle(request(frame))
         assert not any(isinstance(item, Packet) for item in FrameParser().feed(answer.data))
-    chain.handle(request(protocol2.write(2, 65, b"\1")))
+    chain.handle(request(protocol2.write(2, 65, b"\1").encode()))
     assert [device.peek("led") for device in chain.devices] == [0, 1, 1]
 
 
 def test_servos_at_another_speed_do_not_hear():
     slow, quick = VirtualServo(1, baud=57_600), VirtualServo(2, baud=2_000_000)
     chain = Chain([slow, quick])
-    ping = request(protocol2.ping())
+    ping = request(protocol2.ping().encode())
     heard = {
         rate: [a.device for a in chain.handle(ping, baud=rate)] for rate in (57_600, 2_000_000)
     }
     assert heard == {57_600: [1], 2_000_000: [2]}
     assert chain.handle(ping, baud=1_000_000) == []
     assert len(chain.handle(ping)) == 2
-    chain.handle(request(protocol2.write(1, 8, b"\4")), baud=57_600)
+    chain.handle(request(protocol2.write(1, 8, b"\4").encode()), baud=57_600)
     assert len(chain.handle(ping, baud=2_000_000)) == 2
 
 
@@ -439,7 +443,7 @@ def test_what_feeds_a_watchdog_is_a_quirk():
             device.poke("bus_watchdog", 5)
         for i in range(1, 20):
             chain.advance(0.05 * i)
-            chain.handle(request(protocol2.sync_read([1], POSITION)))
+            chain.handle(request(protocol2.sync_read([1], POSITION).encode()))
         assert find_device(chain, 1).peek("bus_watchdog") == 5
         assert (find_device(chain, 2).peek("bus_watchdog") == -1) == trips
 
@@ -452,5 +456,5 @@ def test_a_cut_cable_trips_the_watchdog_behind_it():
     servo(chain, 2).alive = False
     for i in range(1, 20):
         chain.advance(0.05 * i)
-        chain.handle(request(protocol2.ping()))
+        chain.handle(request(protocol2.ping().encode()))
     assert [device.peek("bus_watchdog") for device in chain.devices] == [5, -1]

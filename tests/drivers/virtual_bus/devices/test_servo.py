@@ -13,7 +13,7 @@ from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS, RESTORE_BACKUP,
 from drivers.virtual_bus.devices.quirks import Quirks, UndefinedRegisters
 from drivers.virtual_bus.devices.servo import VirtualServo
 
-MODELS = [name for name in known_models() if table_named(name).modes]
+MODELS = [name for name in known_models() if table_named(name).has_watchdog]
 
 
 def raw_write(servo: VirtualServo, address: int, data: bytes) -> int:

@@ -40,7 +40,7 @@ def ping(robot: Robot, path: str) -> int:
     """Ping the first servo; return the id that answers."""
     assert robot.bus is not None
     with serial.Serial(path, robot.bus.baud, timeout=10.0) as port:
-        port.write(protocol2.ping(robot.joints[0].servo.id))
+        port.write(protocol2.ping(robot.joints[0].servo.id).encode())
         return port.read(14)[4]
 
 

@@ -15,7 +15,7 @@ from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 BAUD = 1_000_000
-READ = protocol2.read(2, Span(132, 4))
+READ = protocol2.read(2, Span(132, 4)).encode()
 
 
 def received(frame: bytes, *, baud: int = BAUD, unstuffed: bool = False) -> ReceivedInstruction:

@@ -27,7 +27,7 @@ IDS = (1, 2, 3)
 PERIOD = 0.008  # s
 STATUS = Status(2, 0, bytes(range(10)))
 REPLY = Reply(2, 0.0, STATUS.encode())
-GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
+GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4))).encode()
 REQUESTS = (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO)
 REPLY_FAULTS = tuple(fault for fault in LineFault if fault not in REQUESTS)
 
@@ -211,30 +211,30 @@ def test_a_rate_is_a_share():
 
 def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port: serial.Serial):
     bus.faults.strike_next(LineFault.LOSE, 2)
-    assert ask_all(bus, port, protocol2.ping(2)) == b""
-    assert ask(port, protocol2.ping(2), 14)[4] == 2
+    assert ask_all(bus, port, protocol2.ping(2).encode()) == b""
+    assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
     assert bus.time == pytest.approx(QUIET)
     assert bus.faults.counts == Counter(lose=1)
 
 
 def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
     bus.faults.strike_next(LineFault.LOSE, 2)
-    frames = FrameParser().feed(ask_all(bus, port, protocol2.sync_read(IDS, Span(132, 4))))
+    frames = FrameParser().feed(ask_all(bus, port, protocol2.sync_read(IDS, Span(132, 4)).encode()))
     assert [frame.id for frame in frames] == [1, 3]
 
 
 def test_a_late_answer_comes_with_the_next_cycle(bus: VirtualBus, port: serial.Serial):
     bus.faults.set_times(late_by=0.015)  # longer than a client waits for
     bus.faults.strike_next(LineFault.LATE, 1)
-    assert ask_all(bus, port, protocol2.read(1, Span(10, 1))) == b""
-    late = ask(port, GOALS + protocol2.read(2, Span(20, 1)), 24)
+    assert ask_all(bus, port, protocol2.read(1, Span(10, 1)).encode()) == b""
+    late = ask(port, GOALS + protocol2.read(2, Span(20, 1)).encode(), 24)
     assert late == Status(1, 0, b"\x0a").encode() + Status(2, 0, b"\x14").encode()
 
 
 def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: serial.Serial):
     bus.faults.set_times(late_by=0.015)
     bus.faults.strike_next(LineFault.LATE, 2)
-    request = protocol2.sync_read(IDS, Span(10, 1))
+    request = protocol2.sync_read(IDS, Span(10, 1)).encode()
     assert [frame.id for frame in FrameParser().feed(ask_all(bus, port, request))] == [1]
     rest = ask(port, GOALS, 24)
     assert [frame.id for frame in FrameParser().feed(rest)] == [2, 3]
@@ -242,38 +242,38 @@ def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: seri
 
 def test_a_split_answer_is_whole_in_the_end(bus: VirtualBus, port: serial.Serial):
     bus.faults.strike_next(LineFault.SPLIT, 1)
-    assert ask(port, protocol2.read(1, Span(10, 1)), 12) == Status(1, 0, b"\x0a").encode()
+    assert ask(port, protocol2.read(1, Span(10, 1)).encode(), 12) == Status(1, 0, b"\x0a").encode()
 
 
 def test_an_echo_precedes_the_answer(bus: VirtualBus, port: serial.Serial):
     bus.faults.strike_next(LineFault.ECHO)
-    request = protocol2.ping(1)
+    request = protocol2.ping(1).encode()
     assert ask(port, request, len(request) + 14)[: len(request)] == request
     assert bus.faults.counts["echo"] == 1
 
 
 def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
     bus.faults.strike_next(LineFault.LOSE_REQUEST)
-    assert len(ask(port, GOALS + protocol2.ping(1), 14)) == 14
+    assert len(ask(port, GOALS + protocol2.ping(1).encode(), 14)) == 14
     assert bus.time == pytest.approx(PERIOD)
     assert devices.device(1).memory[116] == 116  # not written
 
 
 def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: serial.Serial):
     bus.faults.kill(2)
-    assert ask_all(bus, port, protocol2.ping(2)) == b""
-    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    assert ask_all(bus, port, protocol2.ping(2).encode()) == b""
+    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
     bus.faults.revive(2)
-    assert len(ask(port, protocol2.ping(2), 14)) == 14
+    assert len(ask(port, protocol2.ping(2).encode(), 14)) == 14
     assert bus.faults.counts == Counter(kill=1, revive=1)
 
 
 def test_a_silent_bus_hears_and_says_nothing(bus, port, devices: FakeDevices):
     bus.faults.silence()
-    assert ask_all(bus, port, GOALS + protocol2.ping(1)) == b""
+    assert ask_all(bus, port, GOALS + protocol2.ping(1).encode()) == b""
     assert devices.heard == []
     bus.faults.silence(False)
-    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
     assert bus.faults.counts == Counter(silence=1, silenced=2)
 
 
@@ -305,7 +305,7 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
         bus.faults.heat(3, 80.0)
     with pytest.raises(FaultError, match="expected a bus with an IMU"):
         bus.faults.freeze_imu()
-    assert len(ask(port, protocol2.ping(1), 14)) == 14
+    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
     assert bus.faults.counts == Counter()
 
 
@@ -327,7 +327,7 @@ def test_pulling_the_plug_is_a_fault(bus: VirtualBus, port: serial.Serial):
         port.write(b"?")
     bus.faults.replug()
     with serial.Serial(bus.path, 1_000_000, timeout=5.0) as again:
-        assert len(ask(again, protocol2.ping(1), 14)) == 14
+        assert len(ask(again, protocol2.ping(1).encode(), 14)) == 14
     assert bus.faults.counts == Counter(unplug=1, replug=1)
 
 
@@ -349,7 +349,7 @@ def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: Fak
         serial.Serial(bus.path, 1_000_000, timeout=5.0) as port,
     ):
         for _ in range(6):
-            ask(port, GOALS + protocol2.ping(1), 14)
+            ask(port, GOALS + protocol2.ping(1).encode(), 14)
             alive.append(devices.device(2).alive)
     assert alive == [True, True, False, False, True, True]  # periods end at 8, 16, 24 ms ...
 
@@ -362,7 +362,7 @@ def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
             port.write(GOALS)
             wait_until(lambda: bus.faults.counts["replug"] > 0)
         with serial.Serial(bus.path, 1_000_000, timeout=5.0) as port:
-            assert len(ask(port, protocol2.ping(1), 14)) == 14
+            assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
         assert bus.faults.counts == Counter(unplug=1, replug=1)
         assert bus.time >= 0.058
 

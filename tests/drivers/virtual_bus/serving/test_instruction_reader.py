@@ -16,7 +16,7 @@ from drivers.virtual_bus.serving.interfaces import WireStatistics
 
 BAUD = 1_000_000
 BYTE = 1e-5  # s
-READ = protocol2.read(2, Span(132, 4))
+READ = protocol2.read(2, Span(132, 4)).encode()
 STUFFED = Packet(1, Instruction.WRITE, b"\x00\x01\xff\xff\xfd\x07")
 
 packets = st.builds(

@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
-from drivers.virtual_bus.serving.lock_step import QUIET, LockStep, ends_cycle
+from drivers.virtual_bus.devices.cycle_end import X_SERIES
+from drivers.virtual_bus.serving.lock_step import QUIET, LockStep
 from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s
-GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
-READ = protocol2.read(2, Span(132, 4))
-GROUP = protocol2.sync_read(IDS, Span(132, 4))
+GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4))).encode()
+READ = protocol2.read(2, Span(132, 4)).encode()
+GROUP = protocol2.sync_read(IDS, Span(132, 4)).encode()
 
 
 class Served:
@@ -44,13 +45,13 @@ def test_a_cycle_of_reads_and_goals_takes_one_period():
 
 def test_a_client_that_waits_in_vain_waits_once_for_each_request():
     served = Served()
-    served.ask(protocol2.ping(99) + protocol2.sync_read([99], Span(132, 4)))
+    served.ask(protocol2.ping(99).encode() + protocol2.sync_read([99], Span(132, 4)).encode())
     assert served.exchange.time == pytest.approx(2 * QUIET)
 
 
 @given(seed=st.integers(0, 1000), late=st.floats(0.0, 1.0), split=st.floats(0.0, 1.0))
 def test_late_and_split_replies_come_whole_and_in_order(seed: int, late: float, split: float):
-    requests = [GROUP, READ, GOALS, GROUP, protocol2.ping(3), GOALS]
+    requests = [GROUP, READ, GOALS, GROUP, protocol2.ping(3).encode(), GOALS]
     plain, disturbed = Served(), Served(seed)
     disturbed.faults.set_rate(LineFault.LATE, late)
     disturbed.faults.set_rate(LineFault.SPLIT, split)
@@ -70,7 +71,7 @@ def test_a_late_reply_lets_time_pass_as_a_missing_one_does():
     served.faults.strike_next(LineFault.LATE)
     assert served.ask(READ) == b""
     assert served.exchange.time == pytest.approx(QUIET)
-    assert len(served.ask(protocol2.ping(1))) == 15 + 14
+    assert len(served.ask(protocol2.ping(1).encode())) == 15 + 14
     assert served.exchange.time == pytest.approx(2 * QUIET)
 
 
@@ -83,7 +84,7 @@ def test_without_a_port_time_passes_and_what_was_held_back_is_gone():
     served.bus.serve()
     assert served.exchange.time == pytest.approx(at + QUIET)
     served.wire.plugged = True
-    assert len(served.ask(protocol2.ping(1))) == 14
+    assert len(served.ask(protocol2.ping(1).encode())) == 14
 
 
 @pytest.mark.parametrize("is_abandoned", [True, False])
@@ -95,7 +96,7 @@ def test_what_was_held_back_for_a_client_that_has_gone_is_dropped(is_abandoned: 
     served.bus.serve()
     assert served.wire.tidied == 1
     served.exchange.pass_until(1.0)
-    assert len(served.ask(protocol2.ping(1))) == (14 if is_abandoned else 15 + 14)
+    assert len(served.ask(protocol2.ping(1).encode())) == (14 if is_abandoned else 15 + 14)
 
 
 @given(address=st.integers(0, 200), length=st.integers(0, 200))
@@ -103,10 +104,10 @@ def test_a_cycle_ends_where_a_sync_write_covers_the_whole_goal(address: int, len
     """Goal Position is at 116 to 119 (e-manual)."""
     rows = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length + 1)
     covers = set(range(116, 120)) <= set(range(address, address + length))
-    assert ends_cycle(Packet(0xFE, Instruction.SYNC_WRITE, rows)) == covers
-    assert not ends_cycle(Packet(0xFE, Instruction.BULK_WRITE, rows))
-    assert not ends_cycle(Damaged(0xFE, Instruction.SYNC_WRITE, rows))
+    assert X_SERIES.is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, rows)) == covers
+    assert not X_SERIES.is_ended_by(Packet(0xFE, Instruction.BULK_WRITE, rows))
+    assert not X_SERIES.is_ended_by(Damaged(0xFE, Instruction.SYNC_WRITE, rows))
 
 
 def test_a_sync_write_that_is_cut_short_ends_no_cycle():
-    assert not ends_cycle(Packet(0xFE, Instruction.SYNC_WRITE, b"\x74\x00\x04"))
+    assert not X_SERIES.is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, b"\x74\x00\x04"))

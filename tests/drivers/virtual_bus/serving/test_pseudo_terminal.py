@@ -225,7 +225,7 @@ def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, 
 
 def test_noise_before_an_instruction_takes_its_time_on_the_wire():
     reader = InstructionReader(WireStatistics(), timed=True)
-    (request,) = reader.receive(b"\x00" * 5 + protocol2.ping(1), 0.0, 1_000_000)
+    (request,) = reader.receive(b"\x00" * 5 + protocol2.ping(1).encode(), 0.0, 1_000_000)
     assert request.size == 15
 
 
@@ -241,7 +241,7 @@ def test_an_unstuffed_instruction_is_heard_and_noted():
 
 
 def test_a_gap_inside_an_instruction_breaks_it_off():
-    frame = protocol2.read(1, Span(132, 4))
+    frame = protocol2.read(1, Span(132, 4)).encode()
     for gap, heard in ((LONGEST_GAP * 0.9, 1), (LONGEST_GAP * 1.1, 0)):
         statistics = WireStatistics()
         reader = InstructionReader(statistics, timed=True)
@@ -254,15 +254,15 @@ def test_a_gap_inside_an_instruction_breaks_it_off():
 def test_without_time_an_instruction_ends_where_the_next_begins():
     statistics = WireStatistics()
     reader = InstructionReader(statistics, timed=False)
-    reader.receive(protocol2.read(1, Span(132, 4))[:5], 0.0, 1_000_000)
-    (request,) = reader.receive(protocol2.ping(2), 0.0, 1_000_000)
+    reader.receive(protocol2.read(1, Span(132, 4)).encode()[:5], 0.0, 1_000_000)
+    (request,) = reader.receive(protocol2.ping(2).encode(), 0.0, 1_000_000)
     assert request.item == Packet(2, Instruction.PING)
     assert statistics.broken_off == 1
 
 
 def test_a_damaged_instruction_is_counted():
     statistics = WireStatistics()
-    frame = bytearray(protocol2.ping(1))
+    frame = bytearray(protocol2.ping(1).encode())
     frame[-1] ^= 1
     found = InstructionReader(statistics, timed=True).receive(bytes(frame), 0.0, 1_000_000)
     assert len(found) == statistics.damaged == 1

@@ -13,8 +13,8 @@ from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 BYTE = 1e-5  # s at 1 Mbit/s
-READ = protocol2.read(2, Span(132, 4))  # 14 bytes; its reply has 15
-GROUP = protocol2.sync_read(IDS, Span(132, 4))  # 17 bytes; three replies of 15
+READ = protocol2.read(2, Span(132, 4)).encode()  # 14 bytes; its reply has 15
+GROUP = protocol2.sync_read(IDS, Span(132, 4)).encode()  # 17 bytes; three replies of 15
 STEP = 2e-6  # s that a poll of the clock may take
 
 
@@ -96,7 +96,7 @@ def test_physics_has_reached_the_end_of_an_instruction_when_it_is_executed(monke
 def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
     """Replies come 3 ms apart; 4 ms after the ping a read is sent."""
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, protocol2.ping())
+    served.send(0.01, protocol2.ping().encode())
     served.send(0.0145, READ)
     served.run(0.05)
     ids = [data[4] for _, data in served.wire.received]
@@ -108,7 +108,7 @@ def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
 
 def test_a_reply_to_a_ping_that_has_begun_comes_whole_before_the_next_instruction(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, protocol2.ping())
+    served.send(0.01, protocol2.ping().encode())
     begin = 0.01 + 10 * BYTE + 0.003
     served.send(begin + 5 * BYTE, READ)
     served.run(0.05)
@@ -140,7 +140,7 @@ def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
 
 def test_without_another_instruction_every_slot_of_a_ping_is_used(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, protocol2.ping())
+    served.send(0.01, protocol2.ping().encode())
     served.run(0.05)
     assert [data[4] for _, data in served.wire.received] == [1, 2, 3]
     assert served.exchange.statistics.talked_over == 0

@@ -25,7 +25,7 @@ from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s, of a bus without physics
-GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4)))
+GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4))).encode()
 PING_HEAD = b"\xff\xff\xfd\x00"
 
 
@@ -54,7 +54,7 @@ def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
 
 def test_a_read_is_answered_and_takes_no_bus_time(bus: VirtualBus):
     with connect(bus) as port:
-        answer = ask(port, protocol2.read(2, Span(132, 4)), 15)
+        answer = ask(port, protocol2.read(2, Span(132, 4)).encode(), 15)
     assert answer == Status(2, 0, bytes((132, 133, 134, 135))).encode()
     assert bus.time == 0.0
 
@@ -63,7 +63,7 @@ def test_each_sync_write_of_goals_passes_one_period(bus: VirtualBus, devices: Fa
     with connect(bus) as port:
         for _ in range(5):
             port.write(GOALS)
-        ask(port, protocol2.ping(1), 14)
+        ask(port, protocol2.ping(1).encode(), 14)
     assert bus.time == pytest.approx(5 * PERIOD)
     assert devices.now == bus.time
 
@@ -71,32 +71,32 @@ def test_each_sync_write_of_goals_passes_one_period(bus: VirtualBus, devices: Fa
 @pytest.mark.parametrize(
     "request_",
     [
-        protocol2.bulk_write({1: (116, bytes(4))}),
-        protocol2.sync_write(64, {1: b"\x01"}),
-        protocol2.write(0xFE, 116, bytes(4)),
-        protocol2.write(1, 116, bytes(4)),
-        protocol2.sync_write(112, {1: bytes(4)}),
+        protocol2.bulk_write({1: (116, bytes(4))}).encode(),
+        protocol2.sync_write(64, {1: b"\x01"}).encode(),
+        protocol2.write(0xFE, 116, bytes(4)).encode(),
+        protocol2.write(1, 116, bytes(4)).encode(),
+        protocol2.sync_write(112, {1: bytes(4)}).encode(),
     ],
 )
 def test_nothing_else_passes_time(bus: VirtualBus, request_: bytes):
     with connect(bus) as port:
         port.write(request_)
-        port.write(protocol2.ping(3))
+        port.write(protocol2.ping(3).encode())
         wait_until(lambda: bus.statistics.packets == 2)
     assert bus.time == 0.0
 
 
 def test_a_longer_sync_write_over_the_goals_passes_a_period(bus: VirtualBus):
     with connect(bus) as port:
-        port.write(protocol2.sync_write(100, {1: bytes(20)}))
-        ask(port, protocol2.ping(1), 14)
+        port.write(protocol2.sync_write(100, {1: bytes(20)}).encode())
+        ask(port, protocol2.ping(1).encode(), 14)
     assert bus.time == pytest.approx(PERIOD)
 
 
 def test_a_client_that_waits_in_vain_lets_time_pass(bus: VirtualBus):
     with connect(bus) as port:
-        port.write(protocol2.ping(99) + protocol2.sync_read([99], Span(132, 4)))
-        ask(port, protocol2.ping(1), 14)
+        port.write(protocol2.ping(99).encode() + protocol2.sync_read([99], Span(132, 4)).encode())
+        ask(port, protocol2.ping(1).encode(), 14)
     assert bus.time == pytest.approx(2 * QUIET)
     assert bus.statistics.unanswered == 2
 
@@ -107,7 +107,7 @@ def test_the_same_requests_give_the_same_bytes_and_time():
             VirtualBus(FakeDevices(IDS), time_mode=TimeMode.LOCK_STEP) as bus,
             connect(bus) as port,
         ):
-            read = protocol2.sync_read(IDS, Span(126, 10), fast=True)
+            read = protocol2.sync_read(IDS, Span(126, 10), fast=True).encode()
             answers = [ask(port, GOALS + read, 50) for _ in range(20)]
             return b"".join(answers), bus.time
 
@@ -124,7 +124,7 @@ def test_bytes_take_their_time_on_the_wire():
     devices = FakeDevices(range(1, 21), delay=0.02, baud=9600)
     with VirtualBus(devices) as bus, connect(bus, 9600) as port:
         start = time.monotonic()
-        answer = ask(port, protocol2.sync_read(range(1, 21), Span(132, 4)), 15)
+        answer = ask(port, protocol2.sync_read(range(1, 21), Span(132, 4)).encode(), 15)
         assert time.monotonic() - start >= 34 * 10 / 9600 + 0.02 + 15 * 10 / 9600
     assert answer == Status(1, 0, bytes((132, 133, 134, 135))).encode()
 
@@ -133,14 +133,14 @@ def test_answers_follow_each_other_by_return_delay_and_bytes():
     devices = FakeDevices(IDS, delay=0.01)
     with VirtualBus(devices) as bus, connect(bus) as port:
         start = time.monotonic()
-        assert len(ask(port, protocol2.sync_read(IDS, Span(132, 4)), 45)) == 45
+        assert len(ask(port, protocol2.sync_read(IDS, Span(132, 4)).encode(), 45)) == 45
         assert time.monotonic() - start >= 3 * 0.01 + (17 + 45) * 1e-5
 
 
 def test_an_instruction_waits_for_the_bytes_before_it():
     with VirtualBus(FakeDevices(IDS, baud=57600)) as bus, connect(bus, 57600) as port:
         start = time.monotonic()
-        ask(port, GOALS * 10 + protocol2.ping(1), 14)
+        ask(port, GOALS * 10 + protocol2.ping(1).encode(), 14)
         assert time.monotonic() - start >= (len(GOALS) * 10 + 10 + 14) * 10 / 57600
 
 
@@ -151,7 +151,7 @@ def test_the_adapter_hands_over_once_a_tick():
     ):
         start = time.monotonic()
         for _ in range(4):
-            assert len(ask(port, protocol2.ping(1), 14)) == 14
+            assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
         assert time.monotonic() - start >= 3 * 0.016
 
 
@@ -169,24 +169,24 @@ def test_bus_time_continues_from_where_the_body_is(devices: FakeDevices):
 
 
 def test_a_pause_inside_an_instruction_breaks_it_off(devices: FakeDevices):
-    request = protocol2.read(1, Span(132, 4))
+    request = protocol2.read(1, Span(132, 4)).encode()
     with VirtualBus(devices) as bus, connect(bus) as port:
         port.write(request[:6])
         wait_until(lambda: bus.statistics.bytes_in == 6)
         begun = bus.time
         wait_until(lambda: bus.time > begun + 0.003)
         port.write(request[6:])
-        assert ask(port, protocol2.ping(2), 14)[4] == 2
+        assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
         assert bus.statistics.broken_off == 1
 
 
 def test_talking_over_an_answer_is_noted():
     devices = FakeDevices(IDS, delay=0.5)
     with VirtualBus(devices) as bus, connect(bus) as port:
-        port.write(protocol2.ping(1))
+        port.write(protocol2.ping(1).encode())
         wait_until(lambda: bus.statistics.answers == 1)
         devices.delay = 0.0
-        port.write(protocol2.ping(2))
+        port.write(protocol2.ping(2).encode())
         assert len(port.read(28)) == 28
         assert bus.statistics.talked_over == 1
 
@@ -194,20 +194,20 @@ def test_talking_over_an_answer_is_noted():
 def test_a_reply_in_flight_is_lost_when_the_client_changes_its_rate():
     devices = FakeDevices(IDS, delay=0.5)
     with VirtualBus(devices) as bus, connect(bus) as port:
-        port.write(protocol2.ping(1))
+        port.write(protocol2.ping(1).encode())
         wait_until(lambda: bus.statistics.answers == 1)
         devices.delay = 0.0
         port.baudrate = 57_600
         wait_until(lambda: bus.statistics.missed == 14)
         port.baudrate = 1_000_000
-        assert ask(port, protocol2.ping(2), 14)[4] == 2
+        assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
         assert bus.statistics.bytes_out == 14
 
 
 def test_a_late_reply_is_lost_in_lock_step_too(bus: VirtualBus):
     bus.faults.strike_next(LineFault.LATE, 1)
     with connect(bus) as port:
-        port.write(protocol2.ping(1))
+        port.write(protocol2.ping(1).encode())
         wait_until(lambda: bus.statistics.answers == 1)
         port.baudrate = 57_600
         port.write(GOALS * 3)
@@ -219,8 +219,8 @@ def test_an_instruction_does_not_wait_for_the_slots_of_a_broadcast_ping():
     quirks = Quirks(ping_slot=0.05)  # so the slot of id 200 comes after 10 s
     chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (0, 200)], quirks)
     with VirtualBus(chain) as bus, connect(bus) as port:
-        assert ask(port, protocol2.ping(0xFE), 14)[4] == 0
-        assert ask(port, protocol2.ping(200), 14)[4] == 200
+        assert ask(port, protocol2.ping(0xFE).encode(), 14)[4] == 0
+        assert ask(port, protocol2.ping(200).encode(), 14)[4] == 200
         assert bus.time < 10.0
         # The new instruction took the place of the ping: its other reply is dropped.
         assert bus.statistics.bytes_out == 28
@@ -231,7 +231,7 @@ def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
     quirks = Quirks(ping_slot=0.05)
     chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (100, 200)], quirks)
     with VirtualBus(chain) as bus, connect(bus) as port:
-        assert ask(port, protocol2.ping(0xFE) + protocol2.ping(100), 14)[4] == 100
+        assert ask(port, protocol2.ping(0xFE).encode() + protocol2.ping(100).encode(), 14)[4] == 100
         assert bus.time < 5.0
 
 
@@ -242,18 +242,18 @@ def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
 def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, time_mode: TimeMode):
     with VirtualBus(devices, time_mode=time_mode) as bus:
         with connect(bus, 57600) as port:
-            port.write(protocol2.ping(1))
+            port.write(protocol2.ping(1).encode())
             wait_until(lambda: bus.statistics.wrong_baud == 1)
             assert bus.statistics.bytes_out == 0
         with connect(bus) as port:
-            assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
+            assert ask(port, protocol2.ping(1).encode(), 14)[:4] == PING_HEAD
         assert bus.statistics.wrong_baud == 1
     assert devices.heard == [Packet(1, Instruction.PING)]
 
 
 @pytest.mark.parametrize("time_mode", TimeMode)
 def test_the_books_balance(devices: FakeDevices, time_mode: TimeMode):
-    read = protocol2.sync_read(IDS, Span(126, 10))
+    read = protocol2.sync_read(IDS, Span(126, 10)).encode()
     with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(10):
             assert len(ask(port, GOALS + read, 63)) == 63
@@ -274,7 +274,7 @@ def _count_served(bus: VirtualBus) -> int:
 def test_a_client_that_never_reads_does_not_hold_the_bus_up(
     devices: FakeDevices, time_mode: TimeMode
 ):
-    read = protocol2.read(1, Span(0, 250))
+    read = protocol2.read(1, Span(0, 250)).encode()
     with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
         for _ in range(400):
             port.write(read)
@@ -288,7 +288,7 @@ def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: Fa
     raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
     strict = VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, strict_stuffing=True)
     with strict as bus, connect(bus) as port:
-        assert ask(port, raw + protocol2.ping(2), 14)[4] == 2
+        assert ask(port, raw + protocol2.ping(2).encode(), 14)[4] == 2
         assert bus.statistics.unstuffed == 1
     assert devices.heard == [Packet(2, Instruction.PING)]
 
@@ -299,7 +299,7 @@ def test_unplug_and_replug(devices: FakeDevices, time_mode: TimeMode):
         path, before = bus.path, connect(bus)
         bus.unplug()
         with pytest.raises((OSError, serial.SerialException)):
-            before.write(protocol2.ping(1))
+            before.write(protocol2.ping(1).encode())
         before.close()
         with pytest.raises(serial.SerialException):
             connect(bus)
@@ -308,7 +308,7 @@ def test_unplug_and_replug(devices: FakeDevices, time_mode: TimeMode):
         bus.plug()
         assert bus.path == path
         with connect(bus) as port:
-            assert ask(port, protocol2.ping(1), 14)[:4] == PING_HEAD
+            assert ask(port, protocol2.ping(1).encode(), 14)[:4] == PING_HEAD
 
 
 @pytest.mark.parametrize("time_mode", TimeMode)
@@ -320,13 +320,13 @@ def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, time_mode: 
         "print('heard', flush=True); time.sleep(60)\n"
     )
     with VirtualBus(devices, time_mode=time_mode) as bus:
-        command = [sys.executable, "-c", script, bus.path, protocol2.ping(1).hex()]
+        command = [sys.executable, "-c", script, bus.path, protocol2.ping(1).encode().hex()]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
             assert client.stdout is not None
             assert client.stdout.readline() == b"heard\n"
             client.send_signal(signal.SIGKILL)
         with connect(bus) as port:
-            assert ask(port, protocol2.ping(2), 14)[4] == 2
+            assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
 
 
 # The thread --------------------------------------------------------------------------------
@@ -342,7 +342,7 @@ def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(time_mode
     bus = VirtualBus(BrokenDevices(IDS), time_mode=time_mode).start()
     path = bus.path
     with connect(bus) as port:
-        port.write(protocol2.ping(1))
+        port.write(protocol2.ping(1).encode())
         wait_until(lambda: not bus.running)
         assert not os.path.lexists(path)  # its clients see an unplugged port
     with pytest.raises(RuntimeError, match="a servo melted"):

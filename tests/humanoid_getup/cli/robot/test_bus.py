@@ -44,7 +44,7 @@ def test_a_powered_bus_answers_any_client_and_leaves_no_link(tmp_path: Path, tin
             assert tiny.bus is not None
             servo_id = tiny.joints[0].servo.id
             with serial.Serial(str(link), tiny.bus.baud, timeout=10.0) as port:
-                port.write(protocol2.ping(servo_id))
+                port.write(protocol2.ping(servo_id).encode())
                 assert port.read(14)[4] == servo_id
         finally:
             bus.terminate()

@@ -1,0 +1,48 @@
+"""Model and firmware of a device: the reply to a ping, or registers where a ping names neither."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.protocol1 import FEETECH
+from drivers.dynamixel.protocol2 import Span, Status
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
+
+if TYPE_CHECKING:
+    from drivers.dynamixel.bus import DynamixelBus
+    from drivers.dynamixel.requests import Request
+
+PING_DATA = 3  # bytes: model number, firmware
+FIRST = Span(0, 6)
+"""Registers that name a device where a ping does not: AX and MX have model, firmware and id at 0,
+2 and 3, Feetech's have firmware, model and id at 0, 3 and 5."""
+SCS_SERIES = 5
+"""First byte of the model of an SCS, whose registers are big endian."""
+AT_ID = {"1.0": 3, "feetech": 5}
+"""Place of the id in those registers, by protocol."""
+
+
+def identity_request(bus: DynamixelBus, device: int) -> Request:
+    """Build the request that asks a device for model and firmware."""
+    if bus.wire is PROTOCOL_2:
+        return bus.ask(protocol2.ping(device), PING_DATA)
+    return bus.ask(protocol2.read(device, FIRST), FIRST.length)
+
+
+def decode_identity(wire: Wire, status: Status) -> Status:
+    """Return a reply as that to a ping of Protocol 2.0: model number and firmware."""
+    data = status.data
+    if wire is PROTOCOL_2 or len(data) < FIRST.length:
+        return status
+    number, firmware = data[0] | data[1] << 8, data[2]
+    if wire is FEETECH:
+        number, firmware = number_feetech(data), data[0]
+    return Status(status.id, status.error, struct.pack("<HB", number, firmware), status.alarms)
+
+
+def number_feetech(data: bytes) -> int:
+    """Return the model number of a Feetech servo in the byte order of its series."""
+    series, model = data[3], data[4]
+    return series << 8 | model if series == SCS_SERIES else series | model << 8

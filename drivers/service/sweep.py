@@ -1,0 +1,101 @@
+"""Finds servos of Protocol 1.0 and of Feetech's, which share a frame: reads one id at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from drivers.dynamixel.bus import ANSWER_MARGIN, DynamixelBus
+from drivers.dynamixel.control_table import UnknownModelError, table_for
+from drivers.dynamixel.identity import AT_ID, FIRST, decode_identity
+from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
+from drivers.dynamixel.protocol2 import Status, read, read_identity
+from drivers.dynamixel.robot_ports import using_margin
+from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
+from drivers.errors import SetupError
+from drivers.serial_port import read_latency_timer
+
+ALIKE = (PROTOCOL_1, FEETECH)
+"""Protocols whose frames are the same."""
+LATENCY_MARGIN = 0.002  # s beyond an adapter's latency timer
+SWEPT = range(PROTOCOL_1.max_id + 1)
+"""Ids that are read where none is named."""
+READS = 2  # of an id, so that one damaged reply hides no servo
+
+
+class ProtocolError(SetupError):
+    """It cannot be known which protocol servos speak."""
+
+
+def choose_wires(protocol: str | None) -> tuple[Wire, ...]:
+    """Return the protocols in which to look for servos: that of a name, or all without one.
+
+    Raises:
+        SetupError: if there is no such protocol.
+    """
+    if protocol is None:
+        return tuple(WIRES.values())
+    if protocol not in WIRES:
+        raise SetupError(f"protocol is '{protocol}', expected {', '.join(WIRES)}")
+    return (WIRES[protocol],)
+
+
+def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = None) -> list[int]:
+    """Find the ids, all or some, that reply in one of the protocols; the bus speaks it afterwards.
+
+    Only reads are sent: nothing changes.
+
+    Raises:
+        ProtocolError: if it cannot be known which protocol they speak, or they speak two.
+    """
+    wanted = [wire for wire in ALIKE if wire in wires]
+    if not wanted:
+        return []
+    bus.wire = wanted[0]
+    latency = (read_latency_timer(bus.port.path) or 0) * 1e-3
+    margin = max(ANSWER_MARGIN, latency + LATENCY_MARGIN)
+    found: dict[int, Wire] = {}
+    try:
+        with using_margin([bus], margin if ids is None else max(margin, bus.answer_margin)):
+            for device in SWEPT if ids is None else ids:
+                status = _read_first(bus, device, 1 if ids is None else READS)
+                if status is not None:
+                    found[device] = _choose(bus, status, wanted)
+    finally:
+        bus.wire = next(iter(found.values()), PROTOCOL_2)
+    if len({wire.name for wire in found.values()}) > 1:
+        listed = ", ".join(f"{device} ({wire.name})" for device, wire in found.items())
+        raise ProtocolError(
+            f"port {bus.port.path}: servos {listed} speak two protocols, expected one: "
+            "--protocol names one of them"
+        )
+    return list(found)
+
+
+def _read_first(bus: DynamixelBus, device: int, tries: int) -> Status | None:
+    request = bus.ask(read(device, FIRST), FIRST.length)
+    return bus.request(request, tries).get(device)
+
+
+def _choose(bus: DynamixelBus, status: Status, wanted: Sequence[Wire]) -> Wire:
+    """Choose the protocol in which a reply names its own id and a model that is known."""
+    if len(wanted) == 1:
+        return wanted[0]
+    fitting = [wire for wire in wanted if _fits(status, wire)]
+    if len(fitting) != 1:
+        raise ProtocolError(
+            f"port {bus.port.path}: the servo of id {status.id} may be a Dynamixel of Protocol 1.0 "
+            "or a Feetech: --protocol 1.0 or --protocol feetech says which"
+        )
+    return fitting[0]
+
+
+def _fits(status: Status, wire: Wire) -> bool:
+    data = status.data
+    if len(data) < FIRST.length or data[AT_ID[wire.name]] != status.id:
+        return False
+    number, firmware = read_identity(decode_identity(wire, status))
+    try:
+        table_for(number, firmware, wire)
+    except UnknownModelError:
+        return False
+    return True

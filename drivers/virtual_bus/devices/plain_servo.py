@@ -1,0 +1,305 @@
+"""A virtual servo without operating modes, profiles and watchdog: AX, MX(1.0), XL-320, Feetech."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.dynamixel.control_table import OperatingMode, table_named
+from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
+from drivers.state import HardwareError
+from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
+from drivers.virtual_bus.devices.maintenance import reset, reset_ram
+from drivers.virtual_bus.devices.motor_command import MotorCommand
+from drivers.virtual_bus.devices.protection import Protection
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.registers import clamp
+from drivers.virtual_bus.devices.sensors import Measured
+from robots.description.servo_catalog import servo_models
+
+MOST_LOAD = 1000  # counts of a load, which is a share in thousandths
+
+
+class PlainServo(VirtualDevice):
+    """Replies like a servo with one position loop; physics reads `motor_command`, calls `sense`.
+
+    Turning without end (wheel mode) is not modelled: there it makes no torque. The speed limit of
+    a move is kept, its acceleration is not.
+    """
+
+    def __init__(
+        self,
+        servo_id: int,
+        model: str = "AX-12A",
+        *,
+        firmware: int = 24,
+        baud: int = 1_000_000,
+        quirks: Quirks | None = None,
+        stall_current: float | None = None,
+    ) -> None:
+        """Build a servo at factory defaults, its horn in the middle of its positions.
+
+        ``model`` names a type of servo; ``baud`` is in bit/s. ``stall_current`` [A] is that of its
+        type where a robot does not say otherwise.
+        """
+        table = table_named(model)
+        super().__init__(table, servo_id, firmware, baud, quirks or Quirks())
+        figures = servo_models()[model]
+        stall = figures.stall_current if stall_current is None else stall_current
+        self._last_tick, self._rad_per_tick = figures.last_tick, figures.rad_per_tick
+        self._protection = Protection(self.registers, self.quirks, stall)
+        self._full_scale = full_scale(table)
+        self._kept = bytes(self.registers.memory)
+        self._alarms, self._is_shut_down = 0, False
+        self._measured = Measured(ticks=figures.middle_tick, voltage=figures.nominal_voltage)
+        self._target = float(figures.middle_tick)
+        self._motor_command: MotorCommand | None = None
+        if Instruction.FACTORY_RESET in table.instructions:
+            self._handlers[Instruction.FACTORY_RESET] = self._handle_reset
+        if table.wire.name == "2.0":
+            self._handlers[Instruction.REBOOT] = self._handle_reboot
+        self._checks["goal_position"] = self._check_goal
+        self._effects |= {item.name: self._reload for item in table if item.writable}
+        self._effects |= {
+            "torque_enable": self._switch_torque,
+            "goal_position": self._take_goal,
+            "goal_pwm": self._limit_torque,
+        }
+        self._restart()
+
+    # For bus and physics ------------------------------------------------------------------------
+
+    @property
+    def alert(self) -> int:
+        """Return the alert bit of its replies, set while there is a hardware error."""
+        return ALERT if self._alarms else 0
+
+    @property
+    def alarms(self) -> int:
+        """Return its hardware errors, which replies of some protocols name."""
+        return self._alarms
+
+    @property
+    def torque_on(self) -> bool:
+        """Return whether it drives its motor."""
+        return bool(self.registers["torque_enable"]) and not self._is_shut_down
+
+    @property
+    def has_profile(self) -> bool:
+        """Return whether it is on its way to a goal at a limited speed."""
+        return self.torque_on and self._target != self._goal
+
+    @property
+    def turns(self) -> bool:
+        """Return whether it is set to turn without end instead of moving to goals."""
+        registers, table = self.registers, self.table
+        if "operating_mode" in registers:
+            return registers["operating_mode"] != table.default_mode
+        return registers["min_position_limit"] == registers["max_position_limit"] == 0
+
+    def poke(self, name: str, value: int) -> None:
+        """Set a register, regardless of access rights and range, and what follows from it."""
+        super().poke(name, value)
+        effect = self._effects.get(name)
+        if effect is not None:
+            effect(value)
+        self._keep()
+
+    def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
+        """Set registers; those of the EEPROM are kept without power unless they are locked."""
+        error = super().write(address, data, addressing=addressing)
+        if not error:
+            self._keep()
+        return error
+
+    def sense(self, measured: Measured) -> None:
+        """Set the measured quantities."""
+        self._measured = measured
+        self._write_measured()
+        if self._powered:
+            self._protect()
+
+    def motor_command(self) -> MotorCommand:
+        """Return the present command to the motor."""
+        if self._motor_command is None:
+            self._motor_command = self._compute_motor_command()
+        return self._motor_command
+
+    def trip(self, error: HardwareError) -> None:
+        """Set a hardware error; where the shutdown register has it, torque goes off."""
+        self._set_alarms(self._alarms | error)
+        if error & self.table.name_errors(self.registers["shutdown"]):
+            self._is_shut_down = True
+            if "goal_pwm" in self.registers:
+                self.registers["goal_pwm"] = 0
+            self.registers["torque_enable"] = 0
+            self._motor_command = None
+
+    def reboot(self) -> None:
+        """Restart with RAM at its defaults."""
+        self._boot()
+
+    def advance(self, now: float) -> None:
+        """Advance to a bus time [s]: the way to the goal, and overload."""
+        duration, self.now = now - self.now, now
+        if not self._powered or now < self._booted_at:
+            return
+        if self.has_profile:
+            self._approach(duration)
+        if self._protection.overload.advance(self._measured.current, duration):
+            self.trip(HardwareError.OVERLOAD)
+
+    # Motion -------------------------------------------------------------------------------------
+
+    @property
+    def _goal(self) -> float:
+        return float(self.registers["goal_position"])
+
+    def _approach(self, duration: float) -> None:
+        """Move the target of the position loop towards the goal."""
+        limit = abs(self.registers["profile_velocity"])
+        speed = limit * self.table["profile_velocity"].scale / self._rad_per_tick  # ticks/s
+        way = self._goal - self._target
+        step = abs(way) if not limit else min(speed * duration, abs(way))
+        self._target += math.copysign(step, way)
+        self._motor_command = None
+
+    def _compute_motor_command(self) -> MotorCommand:
+        registers = self.registers
+        limit = self._full_scale
+        if "goal_pwm" in registers:
+            limit = registers["goal_pwm"]
+        return MotorCommand(
+            torque_on=self.torque_on and not self.turns,
+            mode=OperatingMode.POSITION,
+            target_ticks=self._target,
+            p_gain=self._gain(),
+            d_gain=0,
+            velocity_p_gain=0,
+            velocity_i_gain=0,
+            pwm_limit=min(limit, registers["pwm_limit"]) / self._full_scale,
+            current_limit=math.inf,
+            goal_current=0.0,
+            goal_velocity=0.0,
+            goal_pwm=0.0,
+        )
+
+    def _gain(self) -> int:
+        """Return its P gain, or the one that its softer compliance slope makes."""
+        if not has_slope(self.table):
+            return self.registers["position_p_gain"]
+        slope = max(self.registers[name] for name in SLOPES)
+        return STIFFEST // (1 << max(slope.bit_length() - 1, 1))
+
+    def _take_goal(self, goal: int) -> None:
+        if self.quirks.goal_switches_torque_on and not self.registers["torque_enable"]:
+            self.registers["torque_enable"] = 1
+            self._switch_torque(1)
+        if not self.registers["profile_velocity"]:
+            self._target = float(goal)
+        self._motor_command = None
+
+    def _switch_torque(self, value: int) -> None:
+        self._motor_command = None
+        if value:
+            self._target = (
+                self._measured.ticks if self.registers["profile_velocity"] else self._goal
+            )
+            self._is_shut_down = False
+            self._set_alarms(self._alarms & ~HardwareError.OVERLOAD)
+
+    def _limit_torque(self, value: int) -> None:
+        self._motor_command = None
+        self._is_shut_down &= not value
+
+    def _check_goal(self, goal: int) -> int:
+        lower, upper = (self.registers[f"{end}_position_limit"] for end in ("min", "max"))
+        if self.turns or lower <= goal <= upper:
+            return ErrorNumber.NONE
+        return self.quirks.limit_error
+
+    # Measurements -------------------------------------------------------------------------------
+
+    def _write_measured(self) -> None:
+        measured, table, registers = self._measured, self.table, self.registers
+        speed = table["present_velocity"]
+        most = (1 << (speed.sign_bit or 15)) - 1
+        registers["present_position"] = min(max(round(measured.ticks), 0), self._last_tick)
+        registers["present_velocity"] = clamp(round(measured.velocity / speed.scale), most)
+        load = table["present_load"].scale
+        registers["present_load"] = clamp(round(measured.pwm_share / load), MOST_LOAD)
+        registers["present_input_voltage"] = min(max(round(measured.voltage * 10.0), 0), 255)
+        registers["present_temperature"] = min(max(round(measured.temperature), 0), 255)
+        registers["moving"] = int(self.has_profile)
+
+    def _protect(self) -> None:
+        bits = self._protection.check(self._measured.voltage, self._measured.temperature)
+        if new := bits & ~self._alarms:
+            self.trip(HardwareError(new))
+        lasting = HardwareError.VOLTAGE | HardwareError.OVERHEATING
+        self._set_alarms(self._alarms & (bits | ~lasting))
+
+    def _set_alarms(self, alarms: int) -> None:
+        self._alarms = int(alarms)
+        if "hardware_error_status" in self.registers:
+            known = self.table.error_bits
+            shown = sum(1 << i for i, bit in enumerate(known) if bit & self._alarms)
+            self.registers["hardware_error_status"] = shown
+
+    # Configuration ------------------------------------------------------------------------------
+
+    def _reload(self, value: int) -> None:
+        del value
+        self._protection.reload()
+        self._motor_command = None
+
+    def _is_locked(self) -> bool:
+        """Return whether its EEPROM cannot be written; Feetech's can be under torque."""
+        if self.table.keeps_by_lock is not None:
+            return False
+        has_lock = "eeprom_lock" in self.registers and bool(self.registers["eeprom_lock"])
+        return has_lock or bool(self.registers["torque_enable"])
+
+    def _keep(self) -> None:
+        """Copy the registers that are kept without power, unless a lock keeps the older ones."""
+        lock = self.table.keeps_by_lock
+        if lock is None or not self.registers[lock]:
+            self._kept = bytes(self.registers.memory)
+
+    def _handle_reset(self, params: bytes, addressing: Addressing) -> int:
+        del params, addressing
+        reset(self.registers, (i for i in self.table if i.eeprom and i.writable))
+        self._keep()
+        self.reboot()
+        return ErrorNumber.NONE
+
+    def _handle_reboot(self, params: bytes, addressing: Addressing) -> int:
+        del params, addressing
+        self.reboot()
+        return ErrorNumber.NONE
+
+    def _boot(self) -> None:
+        super()._boot()
+        self._restart()
+
+    def _lose_power(self) -> None:
+        super()._lose_power()
+        self.registers["torque_enable"] = 0
+        self._motor_command = None
+
+    def _restart(self) -> None:
+        """Set RAM to its power-up values, and the EEPROM to what was kept."""
+        registers = self.registers
+        for item in self.table:
+            if item.eeprom:
+                registers.memory[item.address : item.end] = self._kept[item.address : item.end]
+        reset_ram(registers)
+        if "goal_pwm" in registers:
+            registers["goal_pwm"] = registers["pwm_limit"]
+        self._alarms, self._is_shut_down = 0, False
+        self._protection.overload.heat = 0.0
+        self._protection.reload()
+        self._write_measured()
+        registers["goal_position"] = registers["present_position"]
+        self._target = self._goal
+        self._motor_command = None

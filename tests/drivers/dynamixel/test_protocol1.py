@@ -1,0 +1,195 @@
+"""Protocol 1.0 against the published bytes, and the encoders of ROBOTIS and Feetech."""
+
+import random
+
+import dynamixel_sdk
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.dynamixel import protocol2 as p2
+from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, FrameParser, seal
+from drivers.dynamixel.protocol2 import (
+    ALERT,
+    BROADCAST,
+    Damaged,
+    ErrorNumber,
+    Instruction,
+    Packet,
+    Reset,
+    Span,
+    Status,
+)
+from drivers.dynamixel.wire import WIRES
+from drivers.state import HardwareError
+
+
+class Recorder:
+    """A port that keeps what is written to it."""
+
+    def __init__(self) -> None:
+        self.written = b""
+
+    @property
+    def is_using(self) -> bool:
+        return False
+
+    @is_using.setter
+    def is_using(self, busy: bool) -> None:
+        """Stay free: a vendor's handler leaves a port busy after some instructions."""
+
+    def clearPort(self) -> None:
+        pass
+
+    def writePort(self, packet: list[int]) -> int:
+        self.written = bytes(packet)
+        return len(packet)
+
+    def setPacketTimeout(self, length: int) -> None:
+        pass
+
+
+# Published frames: e-manual, Protocol 1.0.
+PUBLISHED = [
+    (p2.ping(1), "FF FF 01 02 01 FB"),
+    (p2.read(1, Span(0x2B, 1)), "FF FF 01 04 02 2B 01 CC"),
+    (p2.write(BROADCAST, 3, b"\x01"), "FF FF FE 04 03 03 01 F6"),
+    (Packet(0, Instruction.ACTION), "FF FF 00 02 05 F8"),
+    (p2.factory_reset(0, Reset.ALL), "FF FF 00 02 06 F7"),
+    (
+        p2.sync_write(0x1E, {0: bytes((0x10, 0, 0x50, 1)), 1: bytes((0x20, 2, 0x60, 3))}),
+        "FF FF FE 0E 83 1E 04 00 10 00 50 01 01 20 02 60 03 67",
+    ),
+    (p2.bulk_read({1: Span(0x1E, 2), 2: Span(0x24, 2)}), "FF FF FE 09 92 00 02 01 1E 02 02 24 1D"),
+]
+
+
+@pytest.mark.parametrize(("packet", "published"), PUBLISHED)
+def test_instructions_are_the_published_bytes_and_are_read_back(packet: Packet, published: str):
+    assert PROTOCOL_1.encode(packet) == bytes.fromhex(published)
+    assert PROTOCOL_1.parse_instructions().feed(bytes.fromhex(published)) == [packet]
+
+
+def test_a_published_reply_is_read():
+    # "internal temperature of id 1 is 32" (e-manual, read instruction).
+    (packet,) = PROTOCOL_1.parse_replies().feed(bytes.fromhex("FF FF 01 03 00 20 DB"))
+    assert isinstance(packet, Packet)
+    assert PROTOCOL_1.decode_status(packet) == Status(1, 0, b"\x20")
+
+
+@given(
+    device=st.integers(0, 253),
+    address=st.integers(0, 255),
+    data=st.binary(min_size=1, max_size=20),
+)
+def test_each_frame_is_that_of_the_vendors_encoders(device: int, address: int, data: bytes):
+    handler, port = dynamixel_sdk.Protocol1PacketHandler(), Recorder()
+    handler.writeTxOnly(port, device, address, len(data), list(data))
+    assert PROTOCOL_1.encode(p2.write(device, address, data)) == port.written
+    handler.readTx(port, device, address, len(data))
+    assert PROTOCOL_1.encode(p2.read(device, Span(address, len(data)))) == port.written
+    rows = {1: data, 2: data[::-1]}
+    param = [byte for i, row in rows.items() for byte in (i, *row)]
+    handler.syncWriteTxOnly(port, address, len(data), param, len(param))
+    assert PROTOCOL_1.encode(p2.sync_write(address, rows)) == port.written
+
+
+@given(address=st.integers(0, 255), length=st.integers(1, 40))
+def test_a_bulk_read_is_that_of_the_vendors_encoder(address: int, length: int):
+    handler, port = dynamixel_sdk.Protocol1PacketHandler(), Recorder()
+    param = [length, 3, address, 2, 4, 36]
+    handler.bulkReadTx(port, param, len(param))
+    spans = {3: Span(address, length), 4: Span(36, 2)}
+    assert PROTOCOL_1.encode(p2.bulk_read(spans)) == port.written
+
+
+@given(address=st.integers(0, 255), length=st.integers(1, 40))
+def test_a_sync_read_is_that_of_feetechs_encoder(address: int, length: int):
+    scservo_sdk = pytest.importorskip("scservo_sdk")
+    handler, port = scservo_sdk.PacketHandler(0), Recorder()
+    handler.syncReadTx(port, address, length, [1, 5, 7], 3)
+    assert FEETECH.encode(p2.sync_read([1, 5, 7], Span(address, length))) == port.written
+
+
+# The parser -----------------------------------------------------------------------------------
+
+noise = st.binary(max_size=20).map(lambda data: data.replace(b"\xff", b"\xfe"))
+statuses = st.builds(Status, st.integers(0, 253), st.just(0), st.binary(max_size=30))
+
+
+@given(parts=st.lists(st.tuples(noise, statuses), max_size=6), seed=st.integers(0, 2**32))
+def test_replies_are_found_however_the_stream_is_cut_and_whatever_lies_between(
+    parts: list[tuple[bytes, Status]], seed: int
+):
+    stream = b"".join(noise + PROTOCOL_1.encode_status(status) for noise, status in parts)
+    rng, parser, found = random.Random(seed), PROTOCOL_1.parse_replies(), []
+    while stream:
+        count = rng.choice([1, 1, 2, 5, 50, len(stream)])
+        found += parser.feed(stream[:count])
+        stream = stream[count:]
+    assert list(map(PROTOCOL_1.decode_status, found)) == [status for _, status in parts]
+    assert parser.noise == sum(len(noise) for noise, _ in parts)
+    assert parser.pending == 0
+
+
+@given(status=statuses, place=st.integers(2, 40), bit=st.integers(0, 7))
+def test_a_flipped_bit_never_gives_another_reply(status: Status, place: int, bit: int):
+    """A sum of bytes finds every single flipped bit."""
+    frame = bytearray(PROTOCOL_1.encode_status(status))
+    frame[place % len(frame)] ^= 1 << bit
+    found = FrameParser(of_replies=True).feed(bytes(frame))
+    assert all(
+        isinstance(item, Damaged) or PROTOCOL_1.decode_status(item) != status for item in found
+    )
+    assert not any(isinstance(i, Packet) and len(i.params) == len(status.data) + 1 for i in found)
+
+
+def test_a_frame_behind_a_header_in_data_is_found():
+    good = seal(5, 0, b"\x11")
+    parser = PROTOCOL_1.parse_replies()
+    found = parser.feed(b"\xff\xff\x01\x04" + good)  # a header whose length swallows part of it
+    assert found[-1] == Packet(5, Instruction.STATUS, b"\x00\x11")
+    assert parser.damaged == 1
+
+
+def test_frames_of_protocol_2_are_not_frames_of_protocol_1():
+    assert PROTOCOL_1.parse_instructions().feed(p2.ping().encode()) == []
+
+
+# Errors ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wire", [PROTOCOL_1, FEETECH], ids=lambda wire: wire.name)
+@pytest.mark.parametrize("alarm", [HardwareError.VOLTAGE, HardwareError.OVERLOAD])
+def test_an_alarm_travels_in_every_reply(wire, alarm: HardwareError):
+    (packet,) = wire.parse_replies().feed(wire.encode_status(Status(3, ALERT, b"", alarm)))
+    assert wire.decode_status(packet) == Status(3, ALERT, b"", alarm)
+
+
+@pytest.mark.parametrize(
+    ("bit", "number"),
+    [
+        (2, ErrorNumber.DATA_LIMIT),
+        (8, ErrorNumber.DATA_RANGE),
+        (16, ErrorNumber.CRC),
+        (64, ErrorNumber.INSTRUCTION),
+    ],
+)
+def test_a_refusal_is_one_bit(bit: int, number: ErrorNumber):
+    (packet,) = PROTOCOL_1.parse_replies().feed(seal(1, bit, b""))
+    assert isinstance(packet, Packet)
+    assert PROTOCOL_1.decode_status(packet) == Status(1, number)
+    assert PROTOCOL_1.encode_status(Status(1, number)) == seal(1, bit, b"")
+
+
+def test_the_protocols_are_known_by_name():
+    assert list(WIRES) == ["2.0", "1.0", "feetech"]
+
+
+def test_what_does_not_fit_into_a_byte_is_refused():
+    with pytest.raises(ValueError, match="256"):
+        PROTOCOL_1.encode(p2.read(1, Span(256, 1)))
+    with pytest.raises(ValueError, match="keeps nothing"):
+        PROTOCOL_1.encode(p2.factory_reset(1, Reset.ALL_BUT_ID))
+    with pytest.raises(ValueError, match="at most 253"):
+        PROTOCOL_1.encode(p2.write(1, 0, bytes(300)))

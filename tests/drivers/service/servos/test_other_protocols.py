@@ -1,0 +1,115 @@
+"""AX, XL-320 and Feetech servos on a port: found, set up and refused as their kind needs."""
+
+import pytest
+from desk import BAUD, make_desk, opening, serving_desk
+
+from drivers.dynamixel.protocol2 import Reset, Status
+from drivers.dynamixel.robot_bus import find_bus
+from drivers.errors import SetupError
+from drivers.service import sweep as sweep_module
+from drivers.service.scan import find_devices
+from drivers.service.servos.found_bench import find_bench
+from drivers.service.servos.loose_servo import NoServoError, find_any, find_servo, open_bus
+from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
+from drivers.service.sweep import ProtocolError, sweep
+
+KINDS = {"AX-12A": "1.0", "MX-28(1.0)": "1.0", "XL-320": "2.0", "STS3215-C018": "feetech"}
+
+
+@pytest.fixture(autouse=True)
+def _few_ids(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A silent id costs a wait, which is long here for a busy machine: a few ids are enough."""
+    monkeypatch.setattr(sweep_module, "SWEPT", range(6))
+    monkeypatch.setattr(sweep_module, "ANSWER_MARGIN", 0.2)
+
+
+@pytest.mark.parametrize(("model", "protocol"), KINDS.items())
+def test_a_servo_is_found_whatever_it_speaks(model: str, protocol: str):
+    with serving_desk((1, model), (3, model)) as desk, opening(desk) as bus:
+        assert [servo.id for servo in find_any(bus, (BAUD,))] == [1, 3]
+        assert bus.wire.name == protocol
+        assert find_servo(bus, 3, (BAUD,)).table.model in model
+        found = find_devices(bus)
+        assert [(device.id, device.protocol) for device in found] == [(1, protocol), (3, protocol)]
+        assert found[0].model is not None and found[0].model in model
+
+
+@pytest.mark.parametrize(("model", "protocol"), KINDS.items())
+def test_only_the_protocol_that_is_named_is_tried(model: str, protocol: str):
+    other = "feetech" if protocol != "feetech" else "2.0"
+    with serving_desk((1, model)) as desk:
+        with opening(desk, protocol) as bus:
+            assert find_servo(bus, 1, (BAUD,)).id == 1
+        if protocol != "1.0":  # which shares its frame with Feetech's
+            with opening(desk, other) as bus, pytest.raises(NoServoError):
+                find_servo(bus, 1, (BAUD,))
+    with pytest.raises(SetupError, match=r"protocol is '3.0', expected 2\.0, 1\.0"):
+        open_bus("none", BAUD, "3.0").__enter__()
+
+
+@pytest.mark.parametrize("model", KINDS)
+def test_id_and_registers_are_written_and_last_without_power(model: str):
+    with serving_desk((1, model)) as desk, opening(desk) as bus:
+        servo = change_id(find_servo(bus, 1, (BAUD,)), 5)
+        servo.write("temperature_limit", 60)
+        assert desk.peek("id") == [5]
+        desk.restart()
+        assert desk.peek("temperature_limit") == [60]
+        assert desk.peek("id") == [5]
+
+
+def test_a_feetech_changes_its_baud_rate_by_its_own_codes():
+    with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
+        servo = change_baud(find_servo(bus, 1, (BAUD,)), 500_000)
+        assert servo.bus.port.baud == 500_000
+        assert desk.peek("baud_rate") == [1]
+        assert desk.peek("eeprom_lock") == [1]
+        with pytest.raises(SetupError, match="baud rate is 2000000 bit/s, expected 19200, 38400"):
+            change_baud(servo, 2_000_000)
+
+
+def test_what_a_servo_cannot_is_refused_with_what_to_do():
+    with serving_desk((1, "AX-12A")) as desk, opening(desk) as bus:
+        servo = find_servo(bus, 1, (BAUD,))
+        with pytest.raises(SetupError, match="knows no restart over its bus: switch its power off"):
+            servo.reboot()
+        with pytest.raises(SetupError, match="--keep nothing"):
+            reset_servo(servo, Reset.ALL_BUT_ID)
+        with pytest.raises(SetupError, match="id is 254, expected 0 to 253"):
+            change_id(servo, 254)
+        with pytest.raises(SetupError, match="no register 'bus_watchdog'"):
+            servo.read("bus_watchdog")
+        with pytest.raises(SetupError, match="no register 'operating_mode'"):
+            servo.check_write("operating_mode", 3)
+        servo.write("temperature_limit", 60)
+        assert reset_servo(servo, Reset.ALL).id == 1
+        assert desk.peek("temperature_limit") == [70]
+    with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
+        servo = find_servo(bus, 1, (BAUD,))
+        with pytest.raises(SetupError, match="knows no reset"):
+            reset_servo(servo, Reset.ALL)
+
+
+@pytest.mark.parametrize("model", KINDS)
+def test_a_bench_of_found_servos_has_the_range_of_their_positions(model: str):
+    with serving_desk((1, model)) as desk:
+        bench = find_bench(desk.path, (1,), BAUD).bench
+        (joint,) = bench.joints
+        assert joint.servo.model.name == model
+        assert (joint.lower, joint.upper) == pytest.approx(joint.servo.model.ends)
+        assert bench.limit_by == "pwm"
+
+
+def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.MonkeyPatch):
+    data = bytes((12, 0, 9, 9, 3, 9))  # an AX-12A (12) of id 9, or a Feetech 777 of id 9
+    monkeypatch.setattr(sweep_module, "_read_first", lambda *_: Status(9, 0, data))
+    with serving_desk((1, "AX-12A")) as desk, opening(desk) as bus:
+        with pytest.raises(ProtocolError, match=r"id 9 may be .*--protocol 1\.0 or --"):
+            sweep(bus, bus.searched, (9,))
+        assert sweep(bus, [sweep_module.FEETECH], (9,)) == [9]
+        assert bus.wire is sweep_module.FEETECH
+
+
+def test_servos_of_two_protocols_on_a_port_are_refused_in_one_line():
+    with pytest.raises(SetupError, match=r"AX-12A, XL430-W250 speak different protocols \(1.0, 2"):
+        find_bus(make_desk((1, "AX-12A"), (2, "XL430-W250")))

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.control_table import Item
-from drivers.dynamixel.identity import PING_DATA, decode_identity, identity_request
+from drivers.dynamixel.identity import FIRST, PING_DATA, decode_identity
 from drivers.dynamixel.protocol2 import (
     Damaged,
     Instruction,
@@ -199,7 +199,10 @@ class DynamixelBus:
 
     def ping(self, device: int, tries: int = 1) -> Status | None:
         """Read the model and firmware of a device; ``None`` if it is silent."""
-        status = self.request(identity_request(self, device), tries).get(device)
+        request = self.ask(protocol2.read(device, FIRST), FIRST.length)
+        if self.wire is PROTOCOL_2:
+            request = self.ask(protocol2.ping(device), PING_DATA)
+        status = self.request(request, tries).get(device)
         return None if status is None else decode_identity(self.wire, status)
 
     def read(self, device: int, span: Span, tries: int = 1) -> Status | None:

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
 
-from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol1 import FEETECH
 from drivers.dynamixel.protocol2 import Span, Status
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-
-if TYPE_CHECKING:
-    from drivers.dynamixel.bus import DynamixelBus
-    from drivers.dynamixel.requests import Request
 
 PING_DATA = 3  # bytes: model number, firmware
 FIRST = Span(0, 6)
@@ -22,13 +16,6 @@ SCS_SERIES = 5
 """First byte of the model of an SCS, whose registers are big endian."""
 AT_ID = {"1.0": 3, "feetech": 5}
 """Place of the id in those registers, by protocol."""
-
-
-def identity_request(bus: DynamixelBus, device: int) -> Request:
-    """Build the request that asks a device for model and firmware."""
-    if bus.wire is PROTOCOL_2:
-        return bus.ask(protocol2.ping(device), PING_DATA)
-    return bus.ask(protocol2.read(device, FIRST), FIRST.length)
 
 
 def decode_identity(wire: Wire, status: Status) -> Status:

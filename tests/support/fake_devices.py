@@ -16,7 +16,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
 )
 from drivers.dynamixel.wire import PROTOCOL_2
-from drivers.virtual_bus.devices.cycle_end import X_SERIES
+from drivers.virtual_bus.cycle_end import X_SERIES
 from drivers.virtual_bus.reply import Reply
 
 

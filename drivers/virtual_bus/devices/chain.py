@@ -20,7 +20,7 @@ from drivers.dynamixel.protocol2 import (
     crc16,
 )
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-from drivers.virtual_bus.devices.cycle_end import CycleEnd
+from drivers.virtual_bus.cycle_end import CycleEnd
 from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
 from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
 from drivers.virtual_bus.reply import Reply

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from drivers.dynamixel.protocol2 import Damaged, Packet
 from drivers.dynamixel.wire import Wire
-from drivers.virtual_bus.devices.cycle_end import CycleEnd
+from drivers.virtual_bus.cycle_end import CycleEnd
 from drivers.virtual_bus.reply import Reply
 
 T = TypeVar("T")

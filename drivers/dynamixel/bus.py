@@ -84,6 +84,8 @@ class DynamixelBus:
     """Instructions that all of them know; None for those of the protocol."""
     searched: tuple[Wire, ...] = (PROTOCOL_2,)
     """Protocols in which devices are searched for, where it is not known which they speak."""
+    unsent: set[int] = field(default_factory=set)
+    """Ids whose parts of the last request there was no time to send."""
     _limit: float = np.inf  # time of the monotonic clock after which `request` does not wait
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
     _deadline: float = 0.0  # of the open request
@@ -141,9 +143,10 @@ class DynamixelBus:
         request that are still to be sent are sent, while there is time.
         """
         found = self._collect_one(request.first, limit)
+        self.unsent = set()
         for part in request.parts[1:]:
             if time.monotonic() + self.duration(part) > limit:
-                self.statistics.lost += 1
+                self.unsent.update(part.lengths)
                 continue
             self.begin(part)
             found += self._collect_one(part, limit)

@@ -17,6 +17,8 @@ RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
 """EEPROM items that are read again when a servo may have restarted."""
 
 
+WHOLE_TURN = {"multi_turn_offset": 0, "resolution_divider": 1, "angular_resolution": 1}
+"""Items of some servos with which a turn has other counts, and their values as shipped."""
 OPERATING_MODES: dict[LimitMode, OperatingMode] = {
     "current": OperatingMode.CURRENT_BASED_POSITION,
     "pwm": OperatingMode.POSITION,
@@ -38,6 +40,7 @@ def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, in
         "drive_mode": registers.get("drive_mode", 0) & DriveMode.REVERSE,
         "operating_mode": position_mode(table, limit_by),
     }
+    wanted |= WHOLE_TURN
     if table["status_return_level"].eeprom:
         wanted["status_return_level"] = table.all_answered
     if not servo.joint.servo.keeps_limits:

@@ -169,6 +169,8 @@ class CyclicRead:
         if replies.is_damaged:
             return []
         replied, order = set(replies.devices.tolist()), list(request.lengths)
+        if request.parts:  # each was asked alone, unless there was no time for it
+            return [i for i in order if i not in replied and i not in self._bus.unsent]
         last = max((place for place, device in enumerate(order) if device in replied), default=-1)
         return [device for device in order[: last + 2] if device not in replied]
 

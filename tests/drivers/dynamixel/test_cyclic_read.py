@@ -1,5 +1,6 @@
 """The read of every cycle: how it is requested, who is believed, and who is blamed for silence."""
 
+import time
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,12 +13,16 @@ from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.group_layout import GroupLayout
+from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Span, Status
 from drivers.dynamixel.requests import Replies, Request
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from robots.bench import make_bench_joint
+from robots.description.servo_catalog import servo_models
 
 FAST, SYNC, BULK = Instruction.FAST_SYNC_READ, Instruction.SYNC_READ, Instruction.BULK_READ
 GROUP_READS = (FAST, SYNC, BULK, Instruction.READ)
@@ -509,3 +514,35 @@ def test_an_alert_is_passed_on_and_a_refusal_is_no_value(joint, error, is_believ
     assert ticks_of(replies) == {i: 1000 + i for i in expected}
     bench.turns(5)
     assert bench.cyclic.left_out == [], "it is not silent"
+
+
+# Servos that know no group read -----------------------------------------------------------------
+
+
+def test_servos_that_are_read_one_by_one_are_not_left_out_for_want_of_time():
+    """In a cycle without time for all, others are read in the next one."""
+    model = servo_models()["AX-12A"]
+    chain = Chain([PlainServo(i, "AX-12A") for i in IDS])
+    port = MemoryPort(chain, 1_000_000)
+    port.open()
+    bus = DynamixelBus(port, sleeps=False, wire=PROTOCOL_1, return_delay=0.0)
+    table = table_named("AX-12A")
+    facts = [
+        ServoFacts(joint=make_bench_joint(model, i), table=table, firmware=24, registers={})
+        for i in IDS
+    ]
+    cyclic, seen = CyclicRead(bus, facts), set[int]()
+    assert cyclic.kind is GroupKind.SINGLE
+    for _ in range(12):
+        cyclic.begin()
+        seen.update(cyclic.collect(time.monotonic()).devices.tolist())
+        assert len(bus.unsent) == len(IDS) - 1
+    assert cyclic.left_out == []
+    assert seen == set(IDS)
+    cyclic.begin()
+    assert set(cyclic.collect(np.inf).devices.tolist()) == set(IDS)
+    chain.devices[0].alive = False
+    for _ in range(5):
+        cyclic.begin()
+        cyclic.collect(np.inf)
+    assert cyclic.left_out == [IDS[0]]

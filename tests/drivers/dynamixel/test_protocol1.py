@@ -12,7 +12,6 @@ from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, FrameParser, seal
 from drivers.dynamixel.protocol2 import (
     ALERT,
     BROADCAST,
-    Damaged,
     ErrorNumber,
     Instruction,
     Packet,
@@ -138,10 +137,8 @@ def test_a_flipped_bit_never_gives_another_reply(status: Status, place: int, bit
     frame = bytearray(PROTOCOL_1.encode_status(status))
     frame[place % len(frame)] ^= 1 << bit
     found = FrameParser(of_replies=True).feed(bytes(frame))
-    assert all(
-        isinstance(item, Damaged) or PROTOCOL_1.decode_status(item) != status for item in found
-    )
-    assert not any(isinstance(i, Packet) and len(i.params) == len(status.data) + 1 for i in found)
+    whole = [item for item in found if isinstance(item, Packet)]
+    assert [item for item in whole if len(item.params) == len(status.data) + 1] == []
 
 
 def test_a_frame_behind_a_header_in_data_is_found():

@@ -113,7 +113,7 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
         ServoError: if it does not confirm, or does not reply afterwards.
     """
     instead = "write its registers one by one"
-    servo.check_instruction(Instruction.FACTORY_RESET, "reset that is known here", instead)
+    servo.check_instruction(Instruction.FACTORY_RESET, "reset", instead)
     if kept is not Reset.ALL and servo.bus.wire is PROTOCOL_1:
         raise SetupError(f"{servo.name}: a reset sets its id and baud rate too: --keep nothing")
     _check_released(servo)

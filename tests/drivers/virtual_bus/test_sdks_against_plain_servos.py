@@ -148,3 +148,28 @@ def test_what_a_feetech_keeps_without_power_is_behind_its_lock():
         servo.powered = False
         servo.powered = True
         assert servo.peek("temperature_limit") == kept
+
+
+RUSTYPOT = {
+    "AX-12A": "AxPyController",
+    "MX-28(1.0)": "MxPyController",
+    "STS3215-C018": "Sts3215PyController",
+}
+
+
+@pytest.mark.parametrize("model", RUSTYPOT)
+def test_rustypot_reads_the_angle_that_the_table_gives(model: str):
+    rustypot = pytest.importorskip("rustypot")
+    with VirtualBus(make_chain(model), time_mode=TimeMode.LOCK_STEP) as bus:
+        controller = getattr(rustypot, RUSTYPOT[model])(bus.path, BAUD, 10.0)
+        (angle,) = controller.read_present_position(7)
+    middle = servo_models()[model].middle_tick
+    scale = table_named(model)["present_position"].scale
+    assert angle == pytest.approx((107 - middle) * scale, abs=1e-3)
+
+
+def test_rustypot_reads_all_xl_320_at_once():
+    rustypot = pytest.importorskip("rustypot")
+    with VirtualBus(make_chain("XL-320"), time_mode=TimeMode.LOCK_STEP) as bus:
+        controller = rustypot.Xl320PyController(bus.path, BAUD, 10.0)
+        assert controller.sync_read_present_position(list(IDS)) == [101, 102, 107]

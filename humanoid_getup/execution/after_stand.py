@@ -9,6 +9,7 @@ from typing import Literal
 import msgspec
 
 from drivers import Command, Ending, RunReport
+from humanoid_getup.execution.phase import Phase
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.playback.monitors import Abort
 from robots import Robot
@@ -92,7 +93,7 @@ class HandOver:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One step after the stand: holding, or sitting and lying down."""
+    """One step after the stand: holding, following a pilot, or sitting and lying down."""
 
     run: RunReport
     abort: Abort | None = None
@@ -132,6 +133,8 @@ class AfterStand:
     """Whether the reason is a hardware fault."""
     hold: Step | None = None
     """The hold; None if it was not requested."""
+    followed: Step | None = None
+    """The time under the pilot of the session; None if it has none."""
     way_down: Step | None = None
     """The way down; None if it did not begin."""
     hand_over: HandOver | None = None
@@ -154,11 +157,17 @@ class AfterStand:
             return self.refusal
         failure = self._find_failure()
         if failure is not None:
-            what = "holding the stand" if failure is self.hold else "sitting and lying down"
+            what = "sitting and lying down"
+            if failure is self.hold:
+                what = "holding the stand"
+            elif failure is self.followed:
+                what = Phase.FOLLOWING.value
             went_on = failure is self.hold and self.way_down is not None
             end = "it sat and lay down" if went_on else "torque off"
             return f"{what} failed: {failure.reason}; {end}"
         parts = [self._describe_hold(self.hold)] if self.hold else []
+        if self.followed:
+            parts.append(f"followed its pilot for {self.followed.run.duration:.1f} s")
         parts += ["sat and lay down"] if self.way_down else []
         if self.hand_over:
             parts.append("handed over under torque")
@@ -184,5 +193,5 @@ class AfterStand:
         return down.outcome.figures(make) if down and down.outcome else make()
 
     def _find_failure(self) -> Step | None:
-        steps = (step for step in (self.hold, self.way_down) if step is not None)
+        steps = (step for step in (self.hold, self.followed, self.way_down) if step is not None)
         return next((step for step in steps if not step.is_done), None)

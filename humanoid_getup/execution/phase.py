@@ -14,6 +14,7 @@ class Phase(Enum):
     PREFLIGHT = "preflight"
     PLAYING = "playing"
     HOLDING = "holding the stand, until a key is pressed"
+    FOLLOWING = "following its pilot"
     LYING_DOWN = "sitting and lying down"
     RECOVERING = "recovering"
     ENDED = "ended"

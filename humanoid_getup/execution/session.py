@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from drivers import Backend, Cycle, GuardLimits, SafetyGuard, Twin
+from drivers import Backend, Controller, Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.twin.simulation import Simulation
 from humanoid_getup.execution.phase import PhaseChange
 from humanoid_getup.execution.recovery import Cooling, RebootsServos
@@ -31,6 +31,9 @@ class SessionOptions:
 
     then: Then | None = None
     """What follows a judged stand; None for limp in simulation, and for hold on servos."""
+    pilot: Controller | None = None
+    """Moves the robot after its judged stand, without a gap and unsupervised, until it is done;
+    then follows what ``then`` says, but for the hold. None: the stand is kept."""
     is_released: Callable[[], bool] = lambda: True
     """Returns whether the hold of a stand ends; called every cycle."""
     balance: bool = True

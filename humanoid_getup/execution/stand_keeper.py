@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
 from drivers import (
     Command,
+    Controller,
     Cycle,
     Ending,
     Release,
@@ -93,17 +96,20 @@ class StandKeeper:
             self._session.on_cycle(cycle)
 
     def keep(self, *, balanced: bool = True) -> AfterStand:
-        """Hold and end a judged stand, on the engaged robot.
+        """Hold a judged stand or follow the pilot, on the engaged robot, and end it.
 
         ``balanced`` is False to hold the stand without feedback to the ankles.
 
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque goes off then.
         """
+        if self._session.pilot is not None:
+            after = AfterStand(followed=self._follow(self._session.pilot))
+            return self._end(after) if after.succeeded else after
         hold = self._hold(0.0, balanced) if self._session.then == "hold" else None
         if hold is not None and not hold.is_done:
             return AfterStand(hold=hold)
-        return self._end(hold)
+        return self._end(AfterStand(hold=hold))
 
     def start(self) -> AfterStand:
         """Take over a robot that stands already: hold it for a judged stand at least, and end it.
@@ -130,7 +136,7 @@ class StandKeeper:
                 hold = self._hold(HOLD, balanced=True)
                 if not hold.is_done and not (hold.ran and self._way_down is not None):
                     return AfterStand(hold=hold)
-            return self._end(hold)
+            return self._end(AfterStand(hold=hold))
 
     def _place(self) -> None:
         """Place a simulated robot, which fell when its torque was off."""
@@ -196,6 +202,18 @@ class StandKeeper:
         stood = stand is None or stand.stood
         return Step(run=run, abort=supervisor.aborted, succeeded=stood)
 
+    def _follow(self, pilot: Controller) -> Step:
+        self._report(Phase.FOLLOWING)
+        run = run_engaged(
+            pilot,
+            self._guard,
+            max_time=math.inf,
+            realtime=self._session.realtime,
+            on_cycle=self.watch,
+        )
+        _check_interrupt(run)
+        return Step(run=run)
+
     def _choose_posture(self) -> Motion:
         """Return the posture to hold: the stand, or without an IMU the last targets."""
         robot, held = self._session.world.robot, self._held
@@ -203,10 +221,11 @@ class StandKeeper:
             return make_stand(robot)
         return make_still(robot, held)
 
-    def _end(self, hold: Step | None) -> AfterStand:
+    def _end(self, after: AfterStand) -> AfterStand:
+        """End the stand as requested, after a hold or a pilot."""
         if self._session.then == "hand-over":
-            return AfterStand(hold=hold, hand_over=self._hand_over())
-        return AfterStand(hold=hold, way_down=self._lie_down())
+            return replace(after, hand_over=self._hand_over())
+        return replace(after, way_down=self._lie_down())
 
     def _lie_down(self) -> Step | None:
         if self._way_down is None:

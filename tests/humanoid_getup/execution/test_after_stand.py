@@ -48,6 +48,10 @@ def handed_over(tiny: Robot) -> AfterStand:
             "released at once, sat and lay down, torque off",
         ),
         (AfterStand(way_down=step()), "sat and lay down, torque off"),
+        (
+            AfterStand(followed=step()),
+            "followed its pilot for 3.0 s, torque off where it stood",
+        ),
     ],
 )
 def test_what_went_as_it_should_is_reported_in_order(after: AfterStand, reason: str):
@@ -69,11 +73,13 @@ def test_the_first_step_that_failed_is_the_reason(failed: Step, is_fault: bool, 
     assert not failed.is_done
     alone, after_hold = AfterStand(hold=failed), AfterStand(hold=step(), way_down=failed)
     went_on = AfterStand(hold=failed, way_down=step())
-    for after in (alone, after_hold, went_on):
+    followed = AfterStand(followed=failed)
+    for after in (alone, after_hold, went_on, followed):
         assert not after.succeeded
         assert after.by_fault == is_fault
     assert alone.reason == f"holding the stand failed: {why}; torque off"
     assert after_hold.reason == f"sitting and lying down failed: {why}; torque off"
+    assert followed.reason == f"following its pilot failed: {why}; torque off"
     assert went_on.reason == f"holding the stand failed: {why}; it sat and lay down"
 
 

@@ -93,6 +93,51 @@ def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
     assert classify(twin.truth.posture.orientation) == "supine"
 
 
+class NoddingPilot:
+    """Stands with its head turned, for some seconds."""
+
+    def __init__(self, robot: Robot, pan: float, seconds: float) -> None:
+        self._robot, self._pan, self._seconds = robot, pan, seconds
+        self.states: list[State] = []
+
+    @property
+    def done(self) -> bool:
+        return len(self.states) * self._robot.control_period >= self._seconds
+
+    def reset(self, state: State) -> None:
+        del state
+        self._target = self._robot.standing.joint_pos.copy()
+        self._target[self._robot.joint_names.index("head_pan")] = self._pan
+        self.states = []
+
+    def step(self, state: State) -> Command:
+        self.states.append(state)
+        return Command.position(self._robot, self._target)
+
+
+def test_a_pilot_moves_the_robot_after_its_stand_without_a_cycle_limp(
+    world: World, rise: hg.StoredMotion, squat: Posture
+):
+    twin, pilot = Twin(world, squat), NoddingPilot(world.robot, pan=0.4, seconds=2.0)
+    sent: list[Command] = []
+    phases: list[Phase] = []
+    result = get_up(
+        twin,
+        rise,
+        pilot=pilot,
+        on_phase=lambda change: phases.append(change.phase),
+        on_cycle=lambda cycle: sent.append(cycle.sent),
+    )
+    assert result.stood
+    assert result.after is not None
+    assert result.after.reason == "followed its pilot for 2.0 s, torque off where it stood"
+    assert phases[-3:] == [Phase.PLAYING, Phase.FOLLOWING, Phase.ENDED]
+    assert not any(command.is_limp for command in sent)
+    pan = world.robot.joint_names.index("head_pan")
+    assert pilot.states[-1].joint_pos[pan] == pytest.approx(0.4, abs=0.01)
+    assert not twin.simulation.has_torque
+
+
 @pytest.mark.parametrize(("then", "has_torque"), [("limp", False), ("hand-over", True)])
 def test_torque_is_left_on_only_for_another_program(
     then, has_torque: bool, world: World, rise: hg.StoredMotion, squat: Posture

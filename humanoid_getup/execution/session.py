@@ -32,8 +32,8 @@ class SessionOptions:
     then: Then | None = None
     """What follows a judged stand; None for limp in simulation, and for hold on servos."""
     pilot: Controller | None = None
-    """Moves the robot after its judged stand, without a gap and unsupervised, until it is done;
-    then follows what ``then`` says, but for the hold. None: the stand is kept."""
+    """Moves the robot after the judged stand of a rise, without a gap and unsupervised, until it is
+    done; what ``then`` says follows, but for the hold. None: the stand is kept."""
     is_released: Callable[[], bool] = lambda: True
     """Returns whether the hold of a stand ends; called every cycle."""
     balance: bool = True

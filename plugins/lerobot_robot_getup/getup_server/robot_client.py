@@ -1,0 +1,86 @@
+"""LeRobot's side of the robot's process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+from multiprocessing.connection import Connection
+
+from getup_server.messages import Act, Observe, Refusal, Setup, Snapshot
+
+PROCESS = "getup_server.robot_process"
+LONGEST_START = 120.0  # s, with a policy to load and ports to open
+LONGEST_REPLY = 10.0  # s
+LONGEST_END = 30.0  # s; the steps of a plan, between which it can be ended, take a few seconds
+
+
+class RobotUnreachableError(RuntimeError):
+    """The robot cannot be opened, has stopped, or does not answer; the message says why."""
+
+
+class RobotClient:
+    """A robot in a process of its own."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Start the process, and wait until the robot is open.
+
+        Raises:
+            RobotUnreachableError: if it cannot be opened.
+        """
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", PROCESS, str(theirs.fileno())],
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C is for this process, which ends it
+            )
+        self._connection = Connection(ours.detach())
+        try:
+            self.first = self._ask(setup, LONGEST_START)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid
+
+    def act(self, targets: dict[str, float]) -> Snapshot:
+        """Move joints to targets [rad]; return what is known once they were sent."""
+        return self._ask(Act(targets=targets), LONGEST_REPLY)
+
+    def observe(self) -> Snapshot:
+        """Return what is known."""
+        return self._ask(Observe(), LONGEST_REPLY)
+
+    def close(self) -> None:
+        """End the process, torque off; calling it twice is harmless."""
+        self._connection.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(LONGEST_END)
+        self._process.kill()
+        self._process.wait()
+
+    def _ask(self, message: object, longest: float) -> Snapshot:
+        try:
+            self._connection.send(message)
+            if not self._connection.poll(longest):
+                raise RobotUnreachableError(
+                    f"the process of the robot does not answer within {longest:g} s"
+                )
+            reply = self._connection.recv()
+        except (EOFError, OSError) as error:
+            raise RobotUnreachableError(
+                "the process of the robot has ended; the servos' watchdog stops them"
+            ) from error
+        if isinstance(reply, Refusal):
+            raise RobotUnreachableError(reply.reason)
+        if reply.ended:
+            raise RobotUnreachableError(f"torque is off: {reply.ended}")
+        return reply

@@ -1,0 +1,121 @@
+"""The process of the robot: its control loop is not disturbed by what LeRobot's process does.
+
+When LeRobot's process ends, however it ends, the connection closes, and torque goes off. When this
+one is killed, the servos' watchdog stops them where they are.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from drivers import DriverError, GuardLimits
+from getup_server.mailbox import Mailbox
+from getup_server.messages import Act, Refusal, Setup, Snapshot
+from getup_server.robot_request import RobotRequest
+from getup_server.robot_runner import RobotRunner, RobotStoppedError
+from getup_server.shared_guard import SharedGuard
+from humanoid_getup.experiments.starts.falls import find_rest
+from humanoid_getup.jobs.backends import open_backend
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import find_start, load_world, make_torque_limit
+from humanoid_getup.jobs.plan_cache import open_plan_cache
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.cache.cached_rise import CachedRise
+from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
+from humanoid_getup.strategies.plan import Strategy
+from robots import Posture, TorqueLimit
+
+ENDED = "it was asked to end"
+
+
+def main(descriptor: int) -> None:
+    """Run the robot that the parent describes; end with it.
+
+    ``descriptor`` is that of the connection to the parent.
+    """
+    connection = Connection(descriptor)
+    try:
+        setup = connection.recv()
+    except (EOFError, OSError):
+        return
+    try:
+        run_robot(setup, connection)
+    except (BadInputError, DriverError) as error:
+        connection.send(Refusal(str(error)))
+
+
+def run_robot(setup: Setup, connection: Connection) -> None:
+    """Open a robot and run it until the connection closes.
+
+    Raises:
+        BadInputError: if the request cannot be done.
+        DriverError: if the robot cannot be reached.
+    """
+    request = setup.request
+    world = load_world(request)
+    limit = make_torque_limit(request, world.robot)
+    nothing = np.zeros(world.robot.n)
+    mailbox = Mailbox(
+        Snapshot(joint_pos=nothing, targets=nothing, gravity_b=np.zeros(0), gyro_b=np.zeros(0))
+    )
+    strategy = _choose_strategy(setup, world, limit, mailbox) if setup.rises else None
+    start = _choose_start(request, world)
+    without_imu = world.robot.imu_kind is None
+    with open_backend(request, world, limit, without_imu=without_imu) as choice:
+        guard = SharedGuard(
+            choice.backend, GuardLimits.of(world.robot, limit.value), mailbox, world
+        )
+        with guard:
+            guard.read()  # a robot that does not reply is refused
+        runner = RobotRunner(choice, guard, mailbox, setup, world, strategy, start)
+        answering = threading.Thread(target=answer, args=(connection, mailbox), daemon=True)
+        answering.start()
+        try:
+            runner.run()
+            mailbox.end(ENDED)
+        except RobotStoppedError as error:
+            mailbox.end(str(error))
+            answering.join()  # LeRobot learns why when it sends something next
+
+
+def answer(connection: Connection, mailbox: Mailbox) -> None:
+    """Answer the messages of LeRobot's process until it closes the connection."""
+    try:
+        connection.send(mailbox.snapshot)
+        while True:
+            message = connection.recv()
+            is_action = isinstance(message, Act)
+            connection.send(mailbox.post(message.targets) if is_action else mailbox.snapshot)
+    except (EOFError, OSError):
+        pass
+    finally:
+        mailbox.stop()
+
+
+def _choose_strategy(setup: Setup, world: World, limit: TorqueLimit, mailbox: Mailbox) -> Strategy:
+    """Load what gets the robot up; a motion is planned, or taken from the user's plan cache."""
+    request = setup.request
+    wanted = StrategyRequest(method=request.method, torque_limit=limit, policy=request.policy)
+    monitor = ProgressMonitor(cancel=mailbox.is_stopping)
+    with refusing():
+        return choose_strategy(
+            world, wanted, lambda planner: CachedRise(planner, open_plan_cache()), monitor
+        )
+
+
+def _choose_start(request: RobotRequest, world: World) -> Posture | None:
+    """Find where a simulated robot begins; None for a real one, which begins as it is."""
+    if request.is_real:
+        return None
+    if request.origin is None:
+        return find_rest(world, world.robot.standing)
+    return find_start(world, request.origin, np.random.default_rng(request.seed)).posture
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from getup_server.messages import Snapshot
 from robots.quaternion import Array
 
-LONGEST_CYCLE = 1.0  # s that an action may wait for the cycle that sends it
+LONGEST_CYCLE = 5.0  # s that an action may wait for the cycle that sends it; the first switches on
 
 
 class Mailbox:

@@ -15,6 +15,8 @@ class Setup:
     request: RobotRequest
     rises: bool
     """Whether it gets up after a fall."""
+    realtime: bool
+    """Whether the cycles of a simulated robot keep the pace of the wall clock."""
     max_speed: float
     """Of the targets of actions; infinity for that of the servos [rad/s]."""
     approach_speed: float

@@ -57,7 +57,7 @@ class RobotRunner:
         self._choice, self._guard, self._mailbox = choice, guard, mailbox
         self._setup, self._world = setup, world
         self._strategy, self._start = strategy, start
-        self._realtime = setup.request.realtime or choice.realtime
+        self._realtime = setup.realtime or choice.realtime
         tilt = setup.fallen_tilt if strategy is not None else math.inf
         self._watch = FallWatch(TorsoSense(world), tilt)
         limit = float(guard.limits.torque_limit.max())

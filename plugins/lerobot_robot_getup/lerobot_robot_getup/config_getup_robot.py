@@ -61,7 +61,7 @@ class GetupRobotConfig(RobotConfig):
     """Name of a policy of the robot, or an .onnx file; None for the robust one."""
     attempts: int = 3
     """Number of attempts to get up."""
-    fallen_tilt: float = 60.0
+    fallen_tilt: float = 45.0
     """Tilt of the torso from which the robot counts as fallen [deg]."""
 
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
@@ -79,7 +79,6 @@ class GetupRobotConfig(RobotConfig):
             origin=self.start,
             scene=self.scene,
             seed=self.seed,
-            realtime=self.realtime,
             torque_limit=self.torque_limit,
             limit_by=_as(self.limit_by),
             method=_as("plan" if self.rise == NO_RISE else self.rise),

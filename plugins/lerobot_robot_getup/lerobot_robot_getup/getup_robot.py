@@ -215,6 +215,7 @@ class GetupRobot(Robot):
         return Setup(
             request=self._request,
             rises=config.rise != NO_RISE,
+            realtime=config.realtime,
             max_speed=float(speed),
             approach_speed=float(np.radians(config.approach_speed)),
             fallen_tilt=float(np.radians(config.fallen_tilt)),

@@ -17,7 +17,7 @@ class Mailbox:
     def __init__(self, snapshot: Snapshot) -> None:
         """Begin with what is known of the robot."""
         self._changed = threading.Condition()
-        self._snapshot = snapshot
+        self._snapshot = self._answer = snapshot
         self._action: dict[str, float] = {}
         self._posted = self._taken = self._answered = 0
         self._stopping = False
@@ -32,19 +32,22 @@ class Mailbox:
     def post(self, targets: dict[str, float]) -> Snapshot:
         """Leave targets [rad] by joints; return what is known after the cycle that sent them.
 
-        While the robot rises, the answer comes at once.
+        While the robot rises, the answer comes at once, and the targets are dropped.
         """
         with self._changed:
+            if self._snapshot.rising:
+                return self._snapshot
             self._action = self._action | targets
             self._posted += 1
             number = self._posted
             self._changed.notify_all()
-            self._changed.wait_for(lambda: self._is_answered(number), LONGEST_CYCLE)
-            return self._snapshot
+            self._changed.wait_for(lambda: self._answered >= number or self._is_away, LONGEST_CYCLE)
+            return self._answer if self._answered >= number else self._snapshot
 
-    def _is_answered(self, number: int) -> bool:
-        now = self._snapshot
-        return self._answered >= number or now.rising or bool(now.ended) or self._stopping
+    @property
+    def _is_away(self) -> bool:
+        """Return whether no cycle will answer an action."""
+        return self._snapshot.rising or bool(self._snapshot.ended) or self._stopping
 
     def stop(self) -> None:
         """Ask the robot to end, torque off."""
@@ -80,12 +83,15 @@ class Mailbox:
                 gravity_b=gravity_b,
                 gyro_b=gyro_b,
             )
-            self._answered = self._taken
+            if self._answered < self._taken:
+                self._answered, self._answer = self._taken, self._snapshot
             self._changed.notify_all()
 
     def begin(self, phase: str, *, rising: bool) -> None:
-        """Publish that a phase begins."""
+        """Publish that a phase begins; one of a rise drops targets that wait."""
         with self._changed:
+            if rising:
+                self._action = {}
             self._snapshot = replace(self._snapshot, phase=phase, rising=rising)
             self._changed.notify_all()
 

@@ -19,7 +19,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
 from lerobot_robot_getup.config_getup_robot import NO_RISE, GetupRobotConfig
 from lerobot_robot_getup.joint_units import JointUnits
-from lerobot_robot_getup.lerobot_calibration import find_calibration
+from lerobot_robot_getup.lerobot_calibration import find_calibration, save_calibration
 
 logger = logging.getLogger(__name__)
 
@@ -111,7 +111,7 @@ class GetupRobot(Robot):
         They are measured by ``getup calibrate``.
         """
         self.calibration = find_calibration(self._robot)
-        self._save_calibration()
+        save_calibration(self.calibration, self.calibration_fpath)
         logger.info(
             "%s: wrote %s from the robot's description; zeros are measured by: getup calibrate",
             self,

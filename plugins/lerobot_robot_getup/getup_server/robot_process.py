@@ -70,16 +70,15 @@ def run_robot(setup: Setup, connection: Connection) -> None:
         guard = SharedGuard(
             choice.backend, GuardLimits.of(world.robot, limit.value), mailbox, world
         )
-        with guard:
-            guard.read()  # a robot that does not reply is refused
         runner = RobotRunner(choice, guard, mailbox, setup, world, strategy, start)
         answering = threading.Thread(target=answer, args=(connection, mailbox), daemon=True)
-        answering.start()
         try:
-            runner.run()
+            runner.run(answering.start)
             mailbox.end(ENDED)
         except RobotStoppedError as error:
             mailbox.end(str(error))
+            if answering.ident is None:
+                raise DriverError(str(error)) from error
             answering.join()  # LeRobot learns why when it sends something next
 
 

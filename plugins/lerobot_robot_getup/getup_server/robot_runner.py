@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -64,14 +65,17 @@ class RobotRunner:
         self._pilot = TargetPilot(guard, mailbox, setup, self._watch, limit)
         self._rng = np.random.default_rng(setup.request.seed)
 
-    def run(self) -> None:
+    def run(self, ready: Callable[[], None] = lambda: None) -> None:
         """Wait for the first action, then obey and rise until the end.
+
+        Args:
+            ready: Called when the robot was measured for the first time.
 
         Raises:
             RobotStoppedError: if the robot has a fault or cannot get up.
         """
         try:
-            fallen = self._watch.leans(self._wait())
+            fallen = self._watch.leans(self._wait(ready))
             is_placed = False
             while not self._mailbox.is_stopping():
                 if fallen:
@@ -84,13 +88,15 @@ class RobotRunner:
         except DriverError as error:
             raise RobotStoppedError(str(error)) from error
 
-    def _wait(self) -> State:
+    def _wait(self, ready: Callable[[], None]) -> State:
         """Measure, torque off, until the first action; the time of a simulation stands still."""
         self._mailbox.begin(WAITING, rising=False)
         is_simulated = self._choice.place is not None
+        self._place()  # where the filter of the IMU begins
         with self._guard:
             self._place()
             state = self._guard.read()
+            ready()
             while not self._mailbox.wait(None if is_simulated else self._guard.period):
                 state = self._guard.read()
         return state

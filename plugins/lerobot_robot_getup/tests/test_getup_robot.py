@@ -16,11 +16,7 @@ from lerobot.robots import make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot_robot_getup import GetupRobot, GetupRobotConfig, SwingTeleop, SwingTeleopConfig
 
-from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.served_robot import serve_robot
-from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.simulation.world import World
 
 
 def make(tmp_path: Path, **options) -> GetupRobot:
@@ -57,7 +53,7 @@ def test_it_is_observed_and_obeys(backend: str, use_degrees: bool, tmp_path: Pat
         assert robot.is_calibrated
         observed = robot.get_observation()
         assert set(observed) == set(robot.observation_features)
-        assert observed["imu.gravity_b.z"] == pytest.approx(-1.0, abs=0.01)
+        assert observed["imu.gravity_b.z"] == pytest.approx(-1.0, abs=0.02)
         stand = {key: observed[key] for key in robot.action_features}
         end = time.monotonic() + 60.0
         while abs(observed["head_pan.pos"] - 20.0) > 2.0:
@@ -91,10 +87,12 @@ def test_a_robot_that_lies_rises_and_then_obeys(tmp_path: Path):
         robot.disconnect()
 
 
-def test_a_fault_is_raised_by_the_next_call(tmp_path: Path):
+def test_a_fault_is_raised_and_torque_stays_off(tmp_path: Path):
     with make(tmp_path) as robot:
+        end = time.monotonic() + 60.0
         with pytest.raises(RobotUnreachableError, match="'head_pan': target is nan rad"):
-            robot.send_action({"head_pan.pos": float("nan")})
+            while time.monotonic() < end:
+                robot.send_action({"head_pan.pos": float("nan")})
         with pytest.raises(RobotUnreachableError, match="torque is off"):
             robot.get_observation()
 
@@ -147,9 +145,7 @@ KILLED = """
 import sys
 from pathlib import Path
 from lerobot_robot_getup import GetupRobot, GetupRobotConfig
-robot = GetupRobot(GetupRobotConfig(
-    id="test", calibration_dir=Path(sys.argv[1]), backend="dynamixel", port=sys.argv[2]
-))
+robot = GetupRobot(GetupRobotConfig(id="test", calibration_dir=Path(sys.argv[1])))
 robot.connect()
 robot.send_action({"head_pan.pos": 5.0})
 print(robot._client.pid, flush=True)
@@ -158,22 +154,25 @@ while True:
 """
 
 
-def test_torque_goes_off_when_lerobots_process_is_killed(world: World, tmp_path: Path):
-    simulation = Simulation(world)
-    with serve_robot(simulation, time_mode=TimeMode.REAL_TIME) as served:
-        (port,) = served.paths.values()
-        program = subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(tmp_path), port], stdout=subprocess.PIPE, text=True
-        )
-        assert program.stdout is not None
-        pid = int(program.stdout.readline())
-        assert any(served.peek("torque_enable"))
-        os.kill(program.pid, signal.SIGKILL)
-        program.wait()
-        end = time.monotonic() + 30.0
-        while any(served.peek("torque_enable")):
-            assert time.monotonic() < end
-            time.sleep(0.05)
-        while Path(f"/proc/{pid}").exists():
-            assert time.monotonic() < end
-            time.sleep(0.05)
+def test_the_process_of_the_robot_ends_when_lerobots_is_killed(tmp_path: Path):
+    """That its torque goes off then is a test of the runner."""
+    program = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert program.stdout is not None
+    pid = int(program.stdout.readline())
+    assert Path(f"/proc/{pid}").exists()
+    os.kill(program.pid, signal.SIGKILL)
+    program.communicate()
+    end = time.monotonic() + 60.0
+    while state_of(pid) != "Z":
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def state_of(pid: int) -> str:
+    """Return the state of a process, Z for one that has ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return "Z"

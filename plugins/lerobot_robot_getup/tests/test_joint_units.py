@@ -33,6 +33,7 @@ def test_the_ends_of_a_range_are_a_hundred(op3: Robot):
 
 def test_numbers_of_the_range_are_those_of_lerobots_own_bus(op3: Robot):
     """LeRobot reads the encoder plus the homing offset, and normalizes by the calibration."""
+    pytest.importorskip("dynamixel_sdk", reason="LeRobot's bus needs dynamixel-sdk")
     calibration = find_calibration(op3)
     motors = {
         joint.name: Motor(joint.servo.id, "xm430-w350", MotorNormMode.RANGE_M100_100)

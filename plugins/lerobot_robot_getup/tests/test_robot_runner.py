@@ -1,7 +1,12 @@
 """The robot behind its mailbox, on the twin: it waits, obeys, falls, rises and obeys again."""
 
+from multiprocessing import Pipe
+from threading import Thread
+
 import numpy as np
 import pytest
+from getup_server.messages import Act
+from getup_server.robot_process import answer
 from getup_server.robot_runner import WAITING
 from getup_server.target_pilot import OBEYING
 
@@ -125,4 +130,20 @@ def test_a_robot_that_is_asked_to_end_goes_limp(run_twin, phase: str):
     running.thread.join(30.0)
     assert not running.thread.is_alive()
     assert not running.failures
+    assert not running.twin.simulation.has_torque
+
+
+def test_torque_goes_off_when_the_connection_to_lerobot_closes(run_twin):
+    ours, theirs = Pipe()
+    running = run_twin()
+    answering = Thread(target=answer, args=(theirs, running.mailbox))
+    answering.start()
+    ours.recv()
+    ours.send(Act(targets={"head_pan": 0.1}))
+    assert ours.recv().phase == OBEYING
+    assert running.twin.simulation.has_torque
+    ours.close()
+    answering.join(30.0)
+    running.thread.join(30.0)
+    assert not running.thread.is_alive()
     assert not running.twin.simulation.has_torque

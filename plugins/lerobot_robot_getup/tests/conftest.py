@@ -1,12 +1,18 @@
 """A twin that is run in this process, in steps, and how to wait for a process."""
 
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+# Where the plugin is not installed, the tests that need no LeRobot run all the same.
+sys.path.append(str(Path(__file__).parents[1]))
+
 from getup_server.mailbox import Mailbox
 from getup_server.messages import Setup, Snapshot
 from getup_server.robot_request import RobotRequest

@@ -4,11 +4,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import draccus
 import pytest
 
 pytest.importorskip("lerobot.robots", reason="needs LeRobot", exc_type=ImportError)
 
+import draccus
 from lerobot.motors import MotorCalibration
 from lerobot_robot_getup.__main__ import main
 from lerobot_robot_getup.lerobot_calibration import find_calibration, save_calibration

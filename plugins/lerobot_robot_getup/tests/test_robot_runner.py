@@ -22,7 +22,10 @@ def name(robot: Robot, joint_pos) -> dict[str, float]:
 
 def test_torque_and_time_wait_for_the_first_action(run_twin, op3: Robot):
     running = run_twin()
-    running.wait_until(lambda known: known.phase == WAITING and len(known.gravity_b) > 0)
+    known = running.wait_until(lambda known: len(known.gravity_b) > 0)
+    assert known.phase == WAITING
+    assert np.abs(known.joint_pos).max() > 0.5
+    assert np.array_equal(known.targets, known.joint_pos), "joints without torque stay there"
     assert not running.twin.simulation.has_torque
     assert running.twin.data.time == 0.0
     running.mailbox.post(name(op3, op3.standing.joint_pos))

@@ -1,7 +1,6 @@
 """`getup first-steps` on the virtual bus in real time, from the port to the first rise."""
 
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -52,6 +51,23 @@ def begin(steps: Terminal, name: str) -> None:
     steps.type("\n")
 
 
+def complete(steps: Terminal, name: str) -> None:
+    """Begin a step, and repeat it where a busy computer fails it, until the next one comes."""
+    begin(steps, name)
+    for _ in range(TRIES):
+        if steps.see(rf"{name} is not done|step \d+ of", STEP_TIME)[0].startswith("step"):
+            return
+        steps.see("q leaves:")
+        steps.type("\n")
+    raise AssertionError(steps.shown[-1500:])
+
+
+def go_on(steps: Terminal) -> None:
+    """Begin the step that `complete` has seen."""
+    steps.see("q leaves:")
+    steps.type("\n")
+
+
 def skip(steps: Terminal, name: str) -> None:
     steps.see(rf"step \d+ of \d+, {name}:.*", STEP_TIME)
     steps.see("q leaves:")
@@ -77,8 +93,8 @@ def test_an_op3_gets_from_its_port_to_the_first_rise(tmp_path: Path):
         with in_terminal("first-steps", *where) as steps:
             begin(steps, "scan")
             skip(steps, "ids")
-            begin(steps, "doctor")
-            begin(steps, "signs")
+            complete(steps, "doctor")
+            go_on(steps)
             turn_each(steps, bus, 20)
             steps.see("yes saves")
             steps.type("yes\n")
@@ -96,11 +112,10 @@ def test_an_op3_gets_from_its_port_to_the_first_rise(tmp_path: Path):
             begin(steps, "watch")
             steps.see(r"head_tilt .*")
             steps.type("q")
-            begin(steps, "wiggle")
-            steps.see("20 followed", STEP_TIME)
-            steps.see(r"step \d+ of \d+, squat")
+            complete(steps, "wiggle")
+            assert "20 followed" in steps.shown
             bus.do("hold standing")
-            begin_held(steps)
+            squat(steps)
             begin(steps, "preflight")
             steps.see(r"step \d+ of \d+, rise", STEP_TIME)
             rise(steps, bus)
@@ -125,9 +140,12 @@ def rise(steps: Terminal, bus: Bus) -> None:
     raise AssertionError(steps.shown[-1500:])
 
 
-def begin_held(steps: Terminal) -> None:
-    steps.see("q leaves:")
-    steps.type("\n")
-    steps.see("yes does it")
-    steps.type("yes\n")
-    assert re.search("followed", steps.see(r"followed\b.*", STEP_TIME)[0])
+def squat(steps: Terminal) -> None:
+    """Bend the legs, once more where a busy computer stops it."""
+    for _ in range(TRIES):
+        go_on(steps)
+        steps.see("yes does it")
+        steps.type("yes\n")
+        if steps.see(r"\bfollowed: squat|squat is not done", STEP_TIME)[0].startswith("followed"):
+            return
+    raise AssertionError(steps.shown[-1500:])

@@ -6,13 +6,23 @@ python tests/support/studio_pictures.py docs/pictures
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from flight_recording import record_swing, twin_of
+from searched_robot import copy_bare_robot, search_a_little, store
 from studio_page import OPTIONS, StudioPage, find_chromium, open_studio
 from waiting import wait_until
+
+from drivers import Cycle
+from humanoid_getup.jobs.search_map import WAY_UP, read_search_map
+from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.simulation.world import World
+from robots import load_robot
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -21,14 +31,16 @@ NECK, SEVENTH = 0, 6  # a curve, and one of its control points
 SCRUBBED = "2.62"  # s, at which the arms push
 
 
-def main(folder: Path) -> None:
-    """Take all pictures."""
+def main(folder: Path, names: Sequence[str] = ()) -> None:
+    """Take all pictures, or those named."""
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as play:
+    with sync_playwright() as play, TemporaryDirectory() as made:
         browser = play.chromium.launch(executable_path=find_chromium(), args=list(OPTIONS))
-        for name, show in PICTURES.items():
-            _take(browser, show, folder / f"studio_{name}.png")
+        for name in names or PICTURES:
+            place = Path(made) / name
+            place.mkdir()
+            _take(browser, PICTURES[name], folder / f"studio_{name}.png", place)
 
 
 def show_pose(studio: Any, window: StudioPage) -> None:
@@ -99,19 +111,83 @@ def show_style(studio: Any, window: StudioPage) -> None:
     _draw(studio)
 
 
-PICTURES: dict[str, Callable[[Any, StudioPage], None]] = {
-    "pose": show_pose,
-    "plan": show_plan,
-    "live": show_live,
-    "keyframes": show_keyframes,
-    "style": show_style,
+def record_flight(place: Path) -> dict[str, Any]:
+    """Record a flight whose left knee turned further than its twin's."""
+    robot = load_robot("op3")
+    off = 0.2 * (np.arange(robot.n) == robot.joint_names.index("l_knee"))
+
+    def bend(cycle: Cycle) -> Cycle:
+        angles = cycle.state.joint_pos + off * (cycle.state.time > 0.4)
+        return replace(cycle, state=replace(cycle.state, joint_pos=angles))
+
+    events = ("phase", "over"), ("ended", "attempt 1: its neck came to 0.3")
+    twin = twin_of(robot)
+    record_swing(place / "op3.mcap", robot, twin, robot.standing, bend, events=events)
+    return {"folder": (place,)}
+
+
+def show_flight(studio: Any, window: StudioPage) -> None:
+    """Show a flight where its knee has left the twin."""
+    window.open_tab("Flight")
+    window.choose("Log", "op3.mcap")
+    window.click("Open")
+    window.see("diverged: joint")
+    window.type("Time [s]", "0.6")
+    _draw(studio)
+
+
+def search_motions(place: Path) -> dict[str, Any]:
+    """Search motions for a robot that has none, and keep one that it finds."""
+    op3 = load_robot("op3")
+    bare = load_robot(copy_bare_robot(op3, place))
+    store(search_a_little(World(bare)))
+    (bare.folder / "motions").mkdir()
+    found = replace(find_motion(op3, "supine_sit_up_fast"), name="supine_found_1")
+    found.save(bare.folder / "motions" / "supine_found_1.npz")
+    return {"robot": str(bare.folder), "folder": (place,)}
+
+
+def show_discover(studio: Any, window: StudioPage) -> None:
+    """Show the map of a search, and the state of it that is highest."""
+    window.open_tab("Discover")
+    window.see("A search is stored")
+    window.tick("Show map")
+    window.see("states (supine")
+    known = read_search_map(World(load_robot(studio.page.world.robot.folder)))
+    assert known is not None
+    state = max((s for s in known.states if s.side != WAY_UP and s.moves), key=lambda s: s.neck[-1])
+    _draw(studio)
+    (client,) = studio.server.get_clients().values()
+    spot = studio.tabs["Discover"].board.find_spot(state)
+    window.page.mouse.click(*window.find_pixel(client.camera, spot))
+    window.see("neck at ")
+    _draw(studio)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture: what is shown, and what is prepared for it."""
+
+    show: Callable[[Any, StudioPage], None]
+    prepare: Callable[[Path], dict[str, Any]] = lambda place: {"folder": (place,)}
+    """Fills a folder; returns the options of the studio."""
+
+
+PICTURES = {
+    "pose": Picture(show_pose),
+    "plan": Picture(show_plan),
+    "live": Picture(show_live),
+    "keyframes": Picture(show_keyframes),
+    "style": Picture(show_style),
+    "flight": Picture(show_flight, record_flight),
+    "discover": Picture(show_discover, search_motions),
 }
 
 
-def _take(browser: Browser, show: Callable[[Any, StudioPage], None], file: Path) -> None:
-    with open_studio(browser, folder=(file.parent,)) as (studio, window):
+def _take(browser: Browser, picture: Picture, file: Path, place: Path) -> None:
+    with open_studio(browser, **picture.prepare(place)) as (studio, window):
         window.page.locator("button.mantine-Notification-closeButton").first.click()
-        show(studio, window)
+        picture.show(studio, window)
         window.take_picture(file)
 
 
@@ -123,4 +199,4 @@ def _draw(studio: Any) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -37,14 +37,15 @@ class LiveFeed:
         self._hello, self._stop = LiveHello.of(robot), stop
         self.path = find_feeds_folder() / f"{robot.name}-{os.getpid()}{SUFFIX}"
         self._phase = ""
-        self._newest: Cycle | None = None
+        self._newest: tuple[int, Cycle] | None = None  # with its number, counted from 1
         self._ended = threading.Event()
         self._senders: list[threading.Thread] = []
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
 
     def show(self, cycle: Cycle) -> None:
         """Make a cycle the newest one."""
-        self._newest = cycle
+        number = 1 if self._newest is None else self._newest[0] + 1
+        self._newest = number, cycle
 
     def note(self, phase: str) -> None:
         """Note what the program is doing from now on."""
@@ -82,7 +83,7 @@ class LiveFeed:
 
     def _send(self, connection: socket.socket) -> None:
         """Send what is new, until the follower or the feed ends; the last cycle, too."""
-        sent: tuple[Cycle, str] | None = None
+        sent: tuple[int, str] | None = None
         with connection, contextlib.suppress(OSError):
             send_message(connection, self._hello)
             is_over = False
@@ -90,10 +91,11 @@ class LiveFeed:
                 is_over = self._ended.wait(PERIOD)
                 if not select.select([], [connection], [], SLOWEST if is_over else 0.0)[1]:
                     continue  # a slow follower misses samples but the last, and keeps its stop
-                cycle, phase = self._newest, self._phase
-                if cycle is not None and (sent is None or sent[0] is not cycle or sent[1] != phase):
-                    send_message(connection, LiveSample.of(cycle, phase))
-                    sent = cycle, phase
+                newest, phase = self._newest, self._phase
+                if newest is not None and sent != (newest[0], phase):
+                    number, cycle = newest
+                    send_message(connection, LiveSample.of(cycle, phase, number))
+                    sent = number, phase
 
     def _listen(self, connection: socket.socket) -> None:
         """Stop the robot when a follower says so."""

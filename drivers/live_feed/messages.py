@@ -14,6 +14,7 @@ import msgspec
 
 from drivers.control_loop import Cycle
 from drivers.errors import DriverError
+from drivers.safety_limits import find_max_temperature
 from robots import Robot
 
 STOP = b"S"
@@ -31,12 +32,20 @@ class LiveHello(msgspec.Struct, frozen=True, kw_only=True):
     joint_names: tuple[str, ...]
     period: float
     """Control period [s]."""
+    max_temperature: list[float]
+    """Temperatures above which the guard releases the servos [°C], (n,)."""
+    min_voltage: float
+    """Supply below which it does [V]."""
 
     @classmethod
     def of(cls, robot: Robot) -> LiveHello:
         """Introduce a robot."""
         return cls(
-            robot=robot.name, joint_names=tuple(robot.joint_names), period=robot.control_period
+            robot=robot.name,
+            joint_names=tuple(robot.joint_names),
+            period=robot.control_period,
+            max_temperature=find_max_temperature(robot).tolist(),
+            min_voltage=robot.supply_range[0],
         )
 
 
@@ -45,12 +54,16 @@ class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
 
     phase: str
     """What the program is doing, such as planning."""
+    cycle: int
+    """Number of control cycles so far."""
     time: float
     """On the backend's clock [s]."""
     joint_pos: list[float]
     """Measured angles [rad], (n,)."""
     target: list[float]
     """Target angles that reached the servos [rad], (n,)."""
+    torque_limit: list[float]
+    """Torque limits that reached the servos, behind their gears [N·m], (n,)."""
     is_limp: bool
     """Whether every joint is released."""
     joint_current: list[float]
@@ -75,14 +88,16 @@ class LiveSample(msgspec.Struct, frozen=True, kw_only=True):
     """Time to measure, decide and move in the cycle, in wall time [s]."""
 
     @classmethod
-    def of(cls, cycle: Cycle, phase: str) -> LiveSample:
-        """Make the sample of a cycle in a phase."""
+    def of(cls, cycle: Cycle, phase: str, number: int = 0) -> LiveSample:
+        """Make the sample of a cycle in a phase; its number is 0 where cycles are not counted."""
         state, sent, timing = cycle.state, cycle.sent, cycle.timing
         return cls(
             phase=phase,
+            cycle=number,
             time=float(state.time),
             joint_pos=state.joint_pos.tolist(),
             target=sent.joint_pos.tolist(),
+            torque_limit=sent.torque_limit.tolist(),
             is_limp=sent.is_limp,
             joint_current=state.joint_current.tolist(),
             temperature=state.temperature.tolist(),

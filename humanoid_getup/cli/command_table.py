@@ -8,7 +8,17 @@ SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
     "learn": ("train", "eval", "export", "policy", "prior"),
-    "robot": ("robots", "first-steps", "scan", "servo", "doctor", "calibrate", "watch", "bus"),
+    "robot": (
+        "robots",
+        "first-steps",
+        "scan",
+        "servo",
+        "doctor",
+        "calibrate",
+        "watch",
+        "health",
+        "bus",
+    ),
     "look": ("studio", "replay", "log", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
@@ -286,6 +296,12 @@ COMMANDS = {
         "Show a limp robot while a person turns it by hand.",
         "requests.watch.WatchRequest",
         "watch.watch",
+        json=True,
+    ),
+    "health": TableEntry(
+        "Check the robot of a running program.",
+        "requests.health.HealthRequest",
+        "health.health",
         json=True,
     ),
     "plan-cache": TableEntry(

@@ -70,7 +70,8 @@ def check_health(request: HealthRequest) -> RobotHealth:
     try:
         if not first.wait(FIRST_SAMPLE):
             raise FeedError(
-                f"live feed {path.name}: nothing measured within {FIRST_SAMPLE:g} s, it may be planning"
+                f"live feed {path.name}: nothing measured within {FIRST_SAMPLE:g} s, it may be "
+                "planning"
             )
         time.sleep(request.seconds)
         (since, oldest), newest = begun[0], last[0]

@@ -55,10 +55,10 @@ class VirtualPerson:
         self._served.hold(posture)
 
     def turn(self, turned: str) -> None:
-        """Turn a joint of a held robot by an angle, such as l_knee:20 [°]."""
-        joint, angle = self._read_turn(turned)
-        with refusing():
-            self._served.turn(joint, angle)
+        """Turn joints of a held robot by angles, such as l_knee:20,r_el:-10 [°]."""
+        for joint, angle in [self._read_turn(one.strip()) for one in turned.split(",")]:
+            with refusing():
+                self._served.turn(joint, angle)
 
     def let_go(self) -> None:
         """Let the robot go."""
@@ -67,13 +67,17 @@ class VirtualPerson:
     def lay(self, origin: str) -> None:
         """Lay the robot down: in a sampled fall of a class, or as a posture file says."""
         if isinstance(self._world, ServoBench):
-            raise BadInputError(f"lay {origin}: servos on a bench cannot lie, {EXPECTED}")
+            raise BadInputError(
+                f"lay {origin}: servos on a bench cannot lie, expected hold or turn"
+            )
         self._served.place(find_start(self._world, origin, self._rng).posture)
 
     def _read_turn(self, turned: str) -> tuple[int, float]:
         """Read JOINT:DEG; return the number of the joint and the angle [rad]."""
-        name, _, degrees = turned.rpartition(":")
+        name, colon, degrees = turned.rpartition(":")
         names = self._robot.joint_names
+        if not colon:
+            raise BadInputError(f"turn {turned}: expected JOINT:DEG, an angle in degrees")
         if name not in names:
             raise BadInputError(
                 f"turn {turned}: unknown joint '{name}', expected JOINT:DEG with a joint of "

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+import termios
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,12 +24,19 @@ class TerminalPrompt:
         self._console.print(escape(text))
 
     def ask(self, question: str) -> str:
-        """Print a question and read a line."""
+        """Print a question and read a line; what was typed before it is no answer."""
+        _discard_typed()
         self._console.print(f"[bold]{escape(question)}[/]", end=" ")
         line = sys.stdin.readline()
         if not line:
             raise BadInputError(self._unfinished)
         return line.rstrip("\n")
+
+
+def _discard_typed() -> None:
+    """Discard what was typed at the terminal and not read yet."""
+    with contextlib.suppress(OSError, ValueError, AttributeError, termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
 def open_prompt(console: Console, unfinished: str) -> Prompt | None:

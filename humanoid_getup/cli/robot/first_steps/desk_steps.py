@@ -20,7 +20,8 @@ def list_desk_steps(port: str) -> Iterator[Step]:
         name="id",
         aim="Give a servo that is alone on the port another id.",
         words=("servo", "id", *at),
-        asks="new id, or Enter to keep it:",
+        before="Unplug all servos but one.",
+        asks="new id, or Enter to keep it, q leaves:",
         is_optional=True,
     )
     yield Step(

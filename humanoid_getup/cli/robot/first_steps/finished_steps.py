@@ -30,7 +30,7 @@ class FinishedSteps(msgspec.Struct, frozen=True, kw_only=True):
     """The steps of a robot that are done, in the order in which they were."""
 
     robot: str
-    steps: tuple[FinishedStep, ...] = ()
+    steps: tuple[FinishedStep, ...]
 
     @classmethod
     def load(cls, folder: Path, robot: str) -> FinishedSteps:
@@ -41,12 +41,14 @@ class FinishedSteps(msgspec.Struct, frozen=True, kw_only=True):
         """
         file = folder / STEPS_FILE
         if not file.exists():
-            return cls(robot=robot)
+            return cls(robot=robot, steps=())
         with refusing():
             try:
                 found = msgspec.json.decode(file.read_bytes(), type=cls)
             except msgspec.DecodeError as error:
-                raise BadInputError(f"{file}: {error}, expected steps that were kept") from error
+                raise BadInputError(
+                    f"{file} is damaged ({error}): remove it, or choose another folder with --out"
+                ) from error
         if found.robot != robot:
             raise BadInputError(
                 f"{file} keeps the steps of '{found.robot}', expected '{robot}': choose another "

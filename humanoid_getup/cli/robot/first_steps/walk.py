@@ -61,7 +61,7 @@ class Walk:
             if code is not None:
                 return code
             step = _find_next(self._list_steps(), step.name, self._finished)
-        self._console.print("[bold green]all steps are done[/]")
+        self._console.print("[bold green]all steps are done[/]; --step NAME repeats one")
         return DID_IT
 
     def _take(self, step: Step) -> int | None:

@@ -49,7 +49,7 @@ def change_servo_id(command: ChangeId) -> int:
     """Give a servo another id; 1 if the person declined."""
     with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         check_new_id(servo, command.new)
-        question = f"{servo.name} gets the id {command.new}:"
+        question = f"{servo.name} gets the id {command.new}: write?"
         done = f"was id {servo.id}"
         return _confirm(command, question, lambda: change_id(servo, command.new), done)
 
@@ -59,7 +59,7 @@ def change_servo_baud(command: ChangeBaud) -> int:
     with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         check_new_baud(servo, command.new)
         before = servo.bus.port.baud
-        question = f"{servo.name} changes from {before} to {command.new} bit/s:"
+        question = f"{servo.name} changes from {before} to {command.new} bit/s: write?"
         done = f"was at {before} bit/s"
         return _confirm(command, question, lambda: change_baud(servo, command.new), done)
 
@@ -69,7 +69,7 @@ def reset(command: ResetServo) -> int:
     with open_servo(command.path, command.id, command.baud, command.protocol) as servo:
         kept = command.keep.replace("-", " ")
         rest = "its id as well" if command.keep == "nothing" else f"but {kept}"
-        question = f"{servo.name} forgets all that it keeps without power, {rest}:"
+        question = f"{servo.name} forgets all that it keeps without power, {rest}: write?"
         return _confirm(command, question, lambda: reset_servo(servo, KEPT[command.keep]), "reset")
 
 

@@ -24,7 +24,9 @@ RATE = 5.0  # tables per second
 STEPS = {b"\x1b[C": 1, b"\x1b[D": -1, b"\x1b[A": 5, b"\x1b[B": -5}
 """Steps of the keys right, left, up and down."""
 KEY = re.compile(rb"\x1b\[[A-D]|.", re.DOTALL)
-KEYS = "← → one step, ↑ ↓ five; n and p choose another servo, space releases it, q ends"
+KEYS = (
+    "← → one step, ↑ ↓ five; n and p release it and choose another; q ends, any other key releases"
+)
 
 
 def jog(command: JogServos) -> int:
@@ -85,10 +87,10 @@ class JogKeys(TerminalKeys):
         elif key in (b"n", b"p"):
             self._place = (self._place + (1 if key == b"n" else -1)) % len(self._chosen)
             self._controller.choose(self._chosen[self._place])
-        elif key == b" ":
-            self._controller.release()
         elif key == b"q":
             self._controller.end()
+        else:
+            self._controller.release()
 
 
 def _tabulate(robot: Robot, controller: JogController) -> Table:

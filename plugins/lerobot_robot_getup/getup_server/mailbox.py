@@ -66,6 +66,11 @@ class Mailbox:
         with self._changed:
             return self._changed.wait_for(lambda: self._posted > 0 or self._stopping, seconds)
 
+    def wait_for_end(self) -> None:
+        """Wait until the robot is to end."""
+        with self._changed:
+            self._changed.wait_for(self.is_stopping)
+
     def take(self) -> dict[str, float]:
         """Return the targets [rad] that were left since the last time, by joints."""
         with self._changed:

@@ -39,7 +39,8 @@ class RobotClient:
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,  # Ctrl-C is for this process, which ends it
             )
-        self._connection = Connection(ours.detach())
+        self._owner = os.getpid()
+        self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
         try:
             self.first = self._ask(setup, LONGEST_START)
         except BaseException:
@@ -51,6 +52,11 @@ class RobotClient:
         """Return the number of the process."""
         return self._process.pid
 
+    @property
+    def returncode(self) -> int | None:
+        """Return how the process ended, 0 with torque off; None while it runs."""
+        return self._process.poll()
+
     def act(self, targets: dict[str, float]) -> Snapshot:
         """Move joints to targets [rad]; return what is known once they were sent."""
         return self._ask(Act(targets=targets), LONGEST_REPLY)
@@ -60,12 +66,25 @@ class RobotClient:
         return self._ask(Observe(), LONGEST_REPLY)
 
     def close(self) -> None:
-        """End the process, torque off; calling it twice is harmless."""
-        self._connection.close()
+        """End the process, torque off; calling it twice is harmless.
+
+        A forked child of the process that opened the robot only lets go of it.
+        """
+        self._hang_up()
+        if os.getpid() != self._owner:
+            return
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(LONGEST_END)
         self._process.kill()
         self._process.wait()
+
+    def _hang_up(self) -> None:
+        """End the connection, of which forked children of this process may have a copy."""
+        if os.getpid() == self._owner:
+            with contextlib.suppress(OSError):  # it has ended
+                self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+        self._connection.close()
 
     def _ask(self, message: object, longest: float) -> Snapshot:
         try:

@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from drivers import DriverError, GuardLimits
+from getup_server.end_watch import EndWatch
 from getup_server.mailbox import Mailbox
 from getup_server.messages import Act, Refusal, Setup, Snapshot
 from getup_server.robot_request import RobotRequest
@@ -23,7 +24,7 @@ from humanoid_getup.jobs.backends import open_backend
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_start, load_world, make_torque_limit
 from humanoid_getup.jobs.plan_cache import open_plan_cache
-from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
@@ -38,19 +39,21 @@ def main(descriptor: int) -> None:
 
     ``descriptor`` is that of the connection to the parent.
     """
-    connection = Connection(descriptor)
+    connection, watch = Connection(descriptor), EndWatch()
     try:
         setup = connection.recv()
     except (EOFError, OSError):
         return
     try:
-        run_robot(setup, connection)
+        run_robot(setup, connection, watch)
+    except CancelledError:
+        pass  # asked to end while it was opened
     except (BadInputError, DriverError) as error:
         connection.send(Refusal(str(error)))
 
 
-def run_robot(setup: Setup, connection: Connection) -> None:
-    """Open a robot and run it until the connection closes.
+def run_robot(setup: Setup, connection: Connection, watch: EndWatch) -> None:
+    """Open a robot and run it until the connection closes, or the watch sees another end.
 
     Raises:
         BadInputError: if the request cannot be done.
@@ -63,6 +66,7 @@ def run_robot(setup: Setup, connection: Connection) -> None:
     mailbox = Mailbox(
         Snapshot(joint_pos=nothing, targets=nothing, gravity_b=np.zeros(0), gyro_b=np.zeros(0))
     )
+    watch.start(mailbox.stop)
     strategy = _choose_strategy(setup, world, limit, mailbox) if setup.rises else None
     start = _choose_start(request, world)
     without_imu = world.robot.imu_kind is None
@@ -79,7 +83,7 @@ def run_robot(setup: Setup, connection: Connection) -> None:
             mailbox.end(str(error))
             if answering.ident is None:
                 raise DriverError(str(error)) from error
-            answering.join()  # LeRobot learns why when it sends something next
+            mailbox.wait_for_end()  # LeRobot learns why when it sends something next
 
 
 def answer(connection: Connection, mailbox: Mailbox) -> None:

@@ -1,0 +1,120 @@
+"""The robot's process as LeRobot's process sees it: how both end. No LeRobot is needed."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from getup_server.messages import Setup
+from getup_server.robot_client import RobotClient
+from getup_server.robot_request import RobotRequest
+
+
+def make_setup(**request) -> Setup:
+    return Setup(
+        request=RobotRequest(**request),
+        rises=False,
+        realtime=True,
+        max_speed=np.inf,
+        approach_speed=100.0,
+        fallen_tilt=0.8,
+    )
+
+
+def has_ended(pid: int) -> bool:
+    """Return whether a process has ended, and at most its parent has not noticed."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def wait_until(holds: Callable[[], bool], longest: float = 120.0) -> None:
+    """Wait until something holds; fail if it never does."""
+    end = time.monotonic() + longest
+    while not holds():
+        assert time.monotonic() < end, f"never within {longest:g} s"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def fork() -> Iterator[Callable[[Callable[[], object]], int]]:
+    """Fork children that do something, then sleep; they are killed after the test."""
+    children: list[int] = []
+
+    def run(work: Callable[[], object]) -> int:
+        if (child := os.fork()) == 0:
+            work()
+            while True:
+                signal.pause()
+        children.append(child)
+        return child
+
+    yield run
+    for child in children:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+
+
+@pytest.fixture
+def client() -> Iterator[RobotClient]:
+    client = RobotClient(make_setup())
+    yield client
+    client.close()
+
+
+def test_the_robot_ends_although_a_forked_child_holds_the_connection(client: RobotClient, fork):
+    client.act({"head_pan": 0.1})
+    fork(lambda: None)
+    client.close()
+    assert client.returncode == 0, "it ended by itself, and was not killed"
+
+
+def test_a_forked_child_that_closes_it_leaves_the_robot_to_its_parent(client: RobotClient, fork):
+    reading, writing = os.pipe()
+    fork(lambda: (client.close(), os.write(writing, b"closed")))
+    assert os.read(reading, 6) == b"closed"
+    assert not client.act({"head_pan": 0.1}).ended
+    os.close(reading)
+    os.close(writing)
+
+
+KILLED = """
+import os, signal
+from test_robot_client import RobotClient, make_setup
+client = RobotClient(make_setup())
+client.act({"head_pan": 0.1})
+if (child := os.fork()) == 0:
+    while True:
+        signal.pause()
+print(client.pid, child, flush=True)
+signal.pause()
+"""
+
+
+def test_the_robot_ends_when_its_parent_is_killed_although_a_child_of_it_lives():
+    path = os.pathsep.join([*sys.path, str(Path(__file__).parent)])
+    program = subprocess.Popen(
+        [sys.executable, "-c", KILLED],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert program.stdout is not None
+    robot, child = map(int, program.stdout.readline().split())
+    try:
+        assert not has_ended(robot)
+        program.kill()
+        program.wait()
+        wait_until(lambda: has_ended(robot))
+        assert not has_ended(child)
+    finally:
+        os.kill(child, signal.SIGKILL)
+        program.stdout.close()

@@ -15,6 +15,12 @@ from getup_server.messages import Setup
 from getup_server.robot_client import RobotClient
 from getup_server.robot_request import RobotRequest
 
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
+from robots import load_robot
+
+TINY = Path(__file__).parents[3] / "tests" / "robots" / "tiny"
+
 
 def make_setup(**request) -> Setup:
     return Setup(
@@ -118,3 +124,21 @@ def test_the_robot_ends_when_its_parent_is_killed_although_a_child_of_it_lives()
     finally:
         os.kill(child, signal.SIGKILL)
         program.stdout.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_to_the_robots_process_switches_torque_off(number: signal.Signals):
+    tiny = load_robot(TINY)
+    with RealTimeRobot(Simulation(tiny), powered=True) as served:
+        served.place(tiny.standing)
+        client = RobotClient(
+            make_setup(robot=str(TINY), backend="dynamixel", port=(served.paths["main"],))
+        )
+        motors = served.physics.motors
+        with contextlib.closing(client):
+            client.act({tiny.joint_names[0]: 0.1})
+            wait_until(lambda: all(motor.motor_command().torque_on for motor in motors))
+            os.kill(client.pid, number)
+            wait_until(lambda: client.returncode is not None)
+            assert client.returncode == 0
+            assert not any(motor.motor_command().torque_on for motor in motors)

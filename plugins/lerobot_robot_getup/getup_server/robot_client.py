@@ -87,19 +87,33 @@ class RobotClient:
         self._connection.close()
 
     def _ask(self, message: object, longest: float) -> Snapshot:
-        try:
-            self._connection.send(message)
-            if not self._connection.poll(longest):
-                raise RobotUnreachableError(
-                    f"the process of the robot does not answer within {longest:g} s"
-                )
-            reply = self._connection.recv()
-        except (EOFError, OSError) as error:
+        if self._connection.closed:
             raise RobotUnreachableError(
-                "the process of the robot has ended; the servos' watchdog stops them"
-            ) from error
+                "the connection to the robot was closed, which switches torque off: disconnect, "
+                "and connect again"
+            )
+        try:
+            reply = self._exchange(message, longest)
+        except BaseException:
+            self._hang_up()  # a late reply would be taken for that to the next message
+            raise
         if isinstance(reply, Refusal):
             raise RobotUnreachableError(reply.reason)
         if reply.ended:
             raise RobotUnreachableError(f"torque is off: {reply.ended}")
         return reply
+
+    def _exchange(self, message: object, longest: float) -> Snapshot | Refusal:
+        """Send a message; return the reply."""
+        try:
+            self._connection.send(message)
+            if not self._connection.poll(longest):
+                raise RobotUnreachableError(
+                    f"the process of the robot does not answer within {longest:g} s; the "
+                    "connection is closed: torque goes off once the process runs again"
+                )
+            return self._connection.recv()
+        except (EOFError, OSError) as error:
+            raise RobotUnreachableError(
+                "the process of the robot has ended; the servos' watchdog stops them"
+            ) from error

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from getup_server import robot_client
 from getup_server.messages import Setup
-from getup_server.robot_client import RobotClient
+from getup_server.robot_client import RobotClient, RobotUnreachableError
 from getup_server.robot_request import RobotRequest
 
 from drivers.twin.simulation import Simulation
@@ -142,3 +143,30 @@ def test_a_signal_to_the_robots_process_switches_torque_off(number: signal.Signa
             wait_until(lambda: client.returncode is not None)
             assert client.returncode == 0
             assert not any(motor.motor_command().torque_on for motor in motors)
+
+
+def interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("how", ["interrupted", "late"])
+def test_after_a_call_without_its_reply_later_ones_are_refused_and_torque_goes_off(
+    how: str, client: RobotClient, monkeypatch: pytest.MonkeyPatch
+):
+    """The old reply would be taken for that to the next message."""
+    os.kill(client.pid, signal.SIGSTOP)
+    if how == "late":
+        monkeypatch.setattr(robot_client, "LONGEST_REPLY", 0.2)
+        with pytest.raises(RobotUnreachableError, match=r"does not answer within 0.2 s"):
+            client.act({"head_pan": 0.1})
+    else:
+        before = signal.signal(signal.SIGALRM, interrupt)
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            client.act({"head_pan": 0.1})
+        signal.signal(signal.SIGALRM, before)
+    os.kill(client.pid, signal.SIGCONT)
+    for call in (client.observe, lambda: client.act({"head_pan": 0.2})):
+        with pytest.raises(RobotUnreachableError, match="was closed, which switches torque off"):
+            call()
+    wait_until(lambda: client.returncode == 0)

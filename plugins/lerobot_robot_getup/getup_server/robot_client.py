@@ -15,6 +15,10 @@ PROCESS = "getup_server.robot_process"
 LONGEST_START = 120.0  # s, with a policy to load and ports to open
 LONGEST_REPLY = 10.0  # s
 LONGEST_END = 30.0  # s; the steps of a plan, between which it can be ended, take a few seconds
+UNATTENDED = (
+    ": servos with a bus watchdog stop by themselves, others hold: support the robot, and switch "
+    "their power off"
+)
 
 
 class RobotUnreachableError(RuntimeError):
@@ -39,6 +43,7 @@ class RobotClient:
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,  # Ctrl-C is for this process, which ends it
             )
+        self._is_real = setup.request.is_real
         self._owner = os.getpid()
         self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
         try:
@@ -114,6 +119,12 @@ class RobotClient:
                 )
             return self._connection.recv()
         except (EOFError, OSError) as error:
-            raise RobotUnreachableError(
-                "the process of the robot has ended; the servos' watchdog stops them"
-            ) from error
+            raise RobotUnreachableError(self._explain_end()) from error
+
+    def _explain_end(self) -> str:
+        """Say that the process has ended, and what this means for the robot."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(LONGEST_REPLY)
+        if self.returncode == 0:
+            return "the process of the robot was asked to end: torque is off"
+        return "the process of the robot has ended" + (UNATTENDED if self._is_real else "")

@@ -1,13 +1,15 @@
 """The process of the robot: its control loop is not disturbed by what LeRobot's process does.
 
-When LeRobot's process ends, however it ends, the connection closes, and torque goes off. When this
-one is killed, the servos' watchdog stops them where they are.
+When LeRobot's process ends, however it ends, torque goes off. When this one is killed, servos with
+a bus watchdog stop by themselves; others hold until their power is switched off.
 """
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
+import traceback
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -34,8 +36,8 @@ from robots import Posture, TorqueLimit
 ENDED = "it was asked to end"
 
 
-def main(descriptor: int) -> None:
-    """Run the robot that the parent describes; end with it.
+def main(descriptor: int) -> int:
+    """Run the robot that the parent describes; end with it. Return 0 if torque is surely off.
 
     ``descriptor`` is that of the connection to the parent.
     """
@@ -43,13 +45,16 @@ def main(descriptor: int) -> None:
     try:
         setup = connection.recv()
     except (EOFError, OSError):
-        return
+        return 0
     try:
         run_robot(setup, connection, watch)
     except CancelledError:
-        pass  # asked to end while it was opened
-    except (BadInputError, DriverError) as error:
-        connection.send(Refusal(str(error)))
+        return 0  # asked to end while it was opened
+    except Exception as error:
+        with contextlib.suppress(OSError):  # the parent is gone
+            connection.send(Refusal(_describe(error)))
+        return 1
+    return 0
 
 
 def run_robot(setup: Setup, connection: Connection, watch: EndWatch) -> None:
@@ -58,6 +63,7 @@ def run_robot(setup: Setup, connection: Connection, watch: EndWatch) -> None:
     Raises:
         BadInputError: if the request cannot be done.
         DriverError: if the robot cannot be reached.
+        RobotStoppedError: if it cannot be measured.
     """
     request = setup.request
     world = load_world(request)
@@ -79,11 +85,19 @@ def run_robot(setup: Setup, connection: Connection, watch: EndWatch) -> None:
         try:
             runner.run(answering.start)
             mailbox.end(ENDED)
-        except RobotStoppedError as error:
-            mailbox.end(str(error))
-            if answering.ident is None:
-                raise DriverError(str(error)) from error
+        except Exception as error:
+            if answering.ident is None or isinstance(error, CancelledError):
+                raise
+            mailbox.end(_describe(error))
             mailbox.wait_for_end()  # LeRobot learns why when it sends something next
+
+
+def _describe(error: Exception) -> str:
+    """Say why the robot stopped, in one line; an unexpected error leaves its trace on stderr."""
+    if isinstance(error, (BadInputError, DriverError, RobotStoppedError)):
+        return str(error)
+    traceback.print_exception(error)
+    return f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def answer(connection: Connection, mailbox: Mailbox) -> None:
@@ -121,4 +135,4 @@ def _choose_start(request: RobotRequest, world: World) -> Posture | None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    sys.exit(main(int(sys.argv[1])))

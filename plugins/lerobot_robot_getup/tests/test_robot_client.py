@@ -7,7 +7,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -170,3 +172,33 @@ def test_after_a_call_without_its_reply_later_ones_are_refused_and_torque_goes_o
         with pytest.raises(RobotUnreachableError, match="was closed, which switches torque off"):
             call()
     wait_until(lambda: client.returncode == 0)
+
+
+def test_an_unexpected_error_as_it_opens_is_named():
+    with pytest.raises(RobotUnreachableError, match="unexpected TypeError: can't multiply"):
+        RobotClient(replace(make_setup(), max_speed=cast(float, "fast")))
+
+
+def test_an_unexpected_error_as_it_obeys_is_named(client: RobotClient):
+    for use in (lambda: client.act({"no_joint": 1.0}), client.observe):
+        with pytest.raises(RobotUnreachableError, match="torque is off: unexpected KeyError"):
+            use()
+        assert client.returncode is None, "it stays to say why"
+
+
+def test_a_robot_that_was_asked_to_end_says_so(client: RobotClient):
+    os.kill(client.pid, signal.SIGTERM)
+    wait_until(lambda: client.returncode is not None)
+    with pytest.raises(RobotUnreachableError, match="was asked to end: torque is off"):
+        client.observe()
+
+
+@pytest.mark.parametrize("is_real", [False, True])
+def test_a_process_that_was_killed_leaves_servos_to_themselves(
+    is_real: bool, client: RobotClient, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(client, "_is_real", is_real)
+    os.kill(client.pid, signal.SIGKILL)
+    with pytest.raises(RobotUnreachableError, match="has ended") as refused:
+        client.observe()
+    assert ("others hold" in str(refused.value)) == is_real

@@ -217,3 +217,8 @@ def read_latency_timer(path: str) -> int | None:
     with contextlib.suppress(OSError, ValueError):
         return int(Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer").read_text())
     return None
+
+
+def read_latency(path: str) -> float:
+    """Return how long the adapter of a port holds back a reply [s]; 0 if that is unknown."""
+    return (read_latency_timer(path) or 0) * 1e-3

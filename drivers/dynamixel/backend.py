@@ -13,7 +13,7 @@ from drivers.dynamixel.bus import ANSWER_MARGIN, LOCK_STEP_MARGIN, TRIES, BusSta
 from drivers.dynamixel.clock import Clock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.control_table import SI_DIGITS
-from drivers.dynamixel.diagnostics import Diagnostics, DiagnosticsError, name_of
+from drivers.dynamixel.diagnostics import READ_SHARE, Diagnostics, DiagnosticsError, name_of
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
 from drivers.dynamixel.servo_chain import ServoChain
@@ -39,7 +39,6 @@ from drivers.state import Command, State
 from robots import Joint, Robot
 from robots.servo import LimitMode
 
-READ_SHARE = 0.75  # of the period within which all reads must end
 FRESH = 2.5  # periods; torque does not begin from an older position
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.

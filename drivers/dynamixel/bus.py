@@ -85,7 +85,8 @@ class DynamixelBus:
     searched: tuple[Wire, ...] = (PROTOCOL_2,)
     """Protocols in which devices are searched for, where it is not known which they speak."""
     unsent: set[int] = field(default_factory=set)
-    """Ids whose parts of the last request there was no time to send."""
+    """Ids that the last request had no time to read: not sent, or cut off by a cycle's limit
+    before the reply was late."""
     _limit: float = np.inf  # time of the monotonic clock after which `request` does not wait
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
     _deadline: float = 0.0  # of the open request
@@ -142,8 +143,8 @@ class DynamixelBus:
         ``limit`` is a time of the monotonic clock after which not to wait [s]. Parts of the
         request that are still to be sent are sent, while there is time.
         """
-        found = self._collect_one(request.first, limit)
         self.unsent = set()
+        found = self._collect_one(request.first, limit)
         for part in request.parts[1:]:
             if time.monotonic() + self.duration(part) > limit:
                 self.unsent.update(part.lengths)
@@ -153,6 +154,7 @@ class DynamixelBus:
         return found
 
     def _collect_one(self, request: Request, limit: float) -> list[Status]:
+        is_cut_off = limit < self._deadline
         limit = min(limit, self._deadline)
         order = request.places
         parser, found = self.wire.parse_replies(), list[tuple[int, Status]]()
@@ -172,6 +174,8 @@ class DynamixelBus:
                     self.statistics.stale += 1
                     found.pop()
                 found.append((place, status))
+        if is_cut_off:
+            self.unsent.update(order.keys() - {status.id for _, status in found})
         self.statistics.lost += len(order) - len(found)
         return [status for _, status in found]
 

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT, Instruction, Span
@@ -21,7 +22,14 @@ FAST_FAILURES = 3  # fast reads in a row without any reply, or returns of one se
 FAST_PAUSE = 500  # cycles until fast reads are tried again
 LENGTHS = 3  # lengths of a request that alternate from cycle to cycle
 CACHED_REQUESTS = 1000  # there are few orders in which to read
+GROUP_READS = {Instruction.SYNC_READ, Instruction.BULK_READ}
 RETRY_MARGIN = 0.0005  # s beyond the bytes' own time that a retry needs
+
+
+def count_reads(tables: Sequence[ControlTable]) -> int:
+    """Count the reads of a cycle: one of all servos or one of each, and one in the background."""
+    known = frozenset.intersection(*(table.instructions for table in tables))
+    return 1 + (1 if GROUP_READS & known else len(tables))
 
 
 class GroupKind(Enum):
@@ -169,7 +177,7 @@ class CyclicRead:
         if replies.is_damaged:
             return []
         replied, order = set(replies.devices.tolist()), list(request.lengths)
-        if request.parts:  # each was asked alone, unless there was no time for it
+        if self.kind is GroupKind.SINGLE:  # each was asked alone, unless there was no time for it
             return [i for i in order if i not in replied and i not in self._bus.unsent]
         last = max((place for place, device in enumerate(order) if device in replied), default=-1)
         return [device for device in order[: last + 2] if device not in replied]

@@ -25,6 +25,7 @@ from robots.bus_settings import BAUD_RATES
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
+READ_SHARE = 0.75  # of the period within which all reads must end
 OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warning
 SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
@@ -349,12 +350,33 @@ def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
     return None
 
 
-def check_cycle_time(path: str, baud: int, duration: float, period: float) -> list[Finding]:
+@dataclass(frozen=True)
+class SingleReads:
+    """Reads of a cycle where each servo is read alone, and the adapter holds back each reply."""
+
+    waiting: float
+    """Time for which the adapter holds back replies in a cycle [s]."""
+    enough: float
+    """Control period that leaves time for it [s]."""
+
+
+def check_cycle_time(
+    path: str, baud: int, duration: float, period: float, singles: SingleReads | None = None
+) -> list[Finding]:
     """Check that a cycle's bytes pass within the control period.
 
     On a slower bus every value would be late, without any other finding. ``duration`` is the
-    time of a cycle's bytes on the wire [s].
+    time of a cycle's bytes on the wire [s]; ``singles`` are the reads where each waits alone.
     """
+    limit = READ_SHARE * period
+    if singles is not None and duration + singles.waiting > limit:
+        text = (
+            f"a cycle takes {duration * 1e3:.1f} ms on the wire and waits "
+            f"{singles.waiting * 1e3:.1f} ms for the adapter, for its servos are read one by one: "
+            f"expected at most {limit * 1e3:.1f} ms of a period of {period * 1e3:.1f} ms"
+        )
+        remedy = f"set control_period in robot.toml to {singles.enough:g}"
+        return [Finding.error(f"port {path}", text, remedy)]
     if duration <= period:
         return []
     text = (

@@ -10,10 +10,13 @@ import numpy as np
 
 from drivers.dynamixel.board import Board, check_board
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.cyclic_read import count_reads
 from drivers.dynamixel.diagnostics import (
     Diagnostics,
     DiagnosticsError,
     Finding,
+    SingleReads,
     check_cycle_time,
     diagnose,
     find_duplicate_ids,
@@ -26,8 +29,10 @@ from drivers.dynamixel.servo_states import ServoStates
 from drivers.errors import SetupError
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
+from drivers.serial_port import read_latency
 from robots import BusSettings, Joint, Robot
 from robots.arguments import expect
+from robots.bench import choose_period
 from robots.imu import IMU_PORT
 from robots.servo import LimitMode
 from robots.torque_limit import check_mode
@@ -38,6 +43,7 @@ BOOT_MARGIN = 0.01  # s to wait for each reply meanwhile
 # On the wire in a cycle: for each servo its id twice, its goal and a plain status; once the
 # frames around them, and the background read with its replies.
 SERVO_BYTES, CYCLE_BYTES = 26, 94
+GROUP_CYCLE = 2  # reads of a cycle that reads all servos at once: these, and the background
 FIRST_READS = 10  # tries to read a first value of every joint
 
 
@@ -117,9 +123,7 @@ def diagnose_robot(
     findings = find_duplicate_ids(robot)
     for chain in chains:
         if period is not None:
-            port, size = chain.bus.port, CYCLE_BYTES + len(chain.joints) * SERVO_BYTES
-            duration = size * chain.bus.byte_time
-            findings += check_cycle_time(port.path, port.baud, duration, period)
+            findings += check_period(chain.bus, chain.joints, period)
     for chain in chains:
         found = check_board(chain.board) if chain.board else []
         findings += found
@@ -135,6 +139,18 @@ def diagnose_robot(
         servos += diagnostics.servos
         findings += diagnostics.findings
     return Diagnostics(tuple(servos), tuple(findings))
+
+
+def check_period(bus: DynamixelBus, joints: Sequence[Joint], period: float) -> list[Finding]:
+    """Check that a cycle with the servos of some joints fits a control period [s]."""
+    port, count = bus.port, len(joints)
+    reads = count_reads([table_named(joint.servo.model.name) for joint in joints])
+    duration = (CYCLE_BYTES + count * SERVO_BYTES) * bus.byte_time
+    singles = None
+    if reads > GROUP_CYCLE:
+        latency = read_latency(port.path)
+        singles = SingleReads(reads * latency, choose_period(count, port.baud, latency, reads))
+    return check_cycle_time(port.path, port.baud, duration, period, singles)
 
 
 def open_imu(imu: ImuSource) -> list[Finding]:

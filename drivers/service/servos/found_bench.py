@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import list_eeprom_settings
-from drivers.dynamixel.control_table import ControlTable, types_of
+from drivers.dynamixel.control_table import types_of
+from drivers.dynamixel.cyclic_read import count_reads
 from drivers.dynamixel.diagnostics import DIAGNOSED, ServoFacts, read_items
-from drivers.dynamixel.protocol2 import Instruction
 from drivers.errors import SetupError
-from drivers.serial_port import read_latency_timer
+from drivers.serial_port import read_latency
 from drivers.service.scan import COMMON_RATES
 from drivers.service.servos.loose_servo import (
     LooseServo,
@@ -64,17 +64,12 @@ def find_bench(
     with open_bus(path, COMMON_RATES[0] if baud is None else baud, protocol) as bus:
         servos = find_all(bus, ids, COMMON_RATES if baud is None else (baud,))
         found = [_examine(servo) for servo in servos]
-        reads = _count_reads([facts.table for facts in found])
+        reads = count_reads([facts.table for facts in found])
         period = choose_period(len(found), bus.port.baud, read_latency(path), reads)
         joints = [facts.joint for facts in found]
         bench = make_bench(joints, baud=bus.port.baud, control_period=period)
     changes = {f.joint.name: list_eeprom_settings(f, bench.limit_by) for f in found}
     return FoundBench(bench, changes)
-
-
-def read_latency(path: str) -> float:
-    """Return how long the adapter of a port holds back a reply [s]; 0 if that is unknown."""
-    return (read_latency_timer(path) or 0) * 1e-3
 
 
 def find_all(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> list[LooseServo]:
@@ -94,13 +89,6 @@ def find_all(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> lis
             "check its power and its cable, getup scan lists what replies"
         )
     return found
-
-
-def _count_reads(tables: Sequence[ControlTable]) -> int:
-    """Count the reads of a cycle: one of all servos or one of each, and one in the background."""
-    known = frozenset.intersection(*(table.instructions for table in tables))
-    has_group = Instruction.SYNC_READ in known or Instruction.BULK_READ in known
-    return 1 + (1 if has_group else len(tables))
 
 
 def _examine(servo: LooseServo) -> ServoFacts:

@@ -18,6 +18,7 @@ from drivers.dynamixel.startup import (
     await_servos,
     check_description,
     check_limit_mode,
+    check_period,
     diagnose_robot,
     measure_once,
     open_imu,
@@ -25,6 +26,8 @@ from drivers.dynamixel.startup import (
 from drivers.errors import NoBusError, SetupError
 from drivers.imu.source import ImuError
 from robots import Robot
+from robots.bench import make_bench_joint
+from robots.description.servo_catalog import servo_models
 
 
 def test_a_description_fits_its_ports_and_its_imu_or_is_refused(tiny: Robot):
@@ -143,3 +146,21 @@ def test_an_imu_that_cannot_be_read_is_named_and_none_need_be_there(tiny: Robot)
             measure_once(chains, mute, states, 0.0)
         assert measure_once(chains, None, states, 0.0) is None
         assert np.isfinite(states.stamp).all()
+
+
+@pytest.mark.parametrize(("model", "refused"), [("AX-12A", True), ("XL430-W250", False)])
+def test_single_reads_that_wait_for_the_adapter_need_a_longer_period(
+    model: str, refused: bool, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(startup, "read_latency", lambda _: 0.001)
+    port = SimpleNamespace(path="main", baud=1_000_000)
+    bus = SimpleNamespace(port=port, byte_time=10 / port.baud)
+    joints = [make_bench_joint(servo_models()[model], i) for i in range(1, 9)]
+    found = check_period(bus, joints, 0.008)
+    # 94 + 8 * 26 bytes of 10 µs, and 8 reads and the one in the background of 1 ms each.
+    assert [str(finding) for finding in found] == [
+        "port main: a cycle takes 3.0 ms on the wire and waits 9.0 ms for the adapter, for its "
+        "servos are read one by one: expected at most 6.0 ms of a period of 8.0 ms; "
+        "set control_period in robot.toml to 0.022"
+    ] * refused
+    assert check_period(bus, joints, 0.022) == []

@@ -45,7 +45,7 @@ def test_a_servo_without_a_range_is_refused(desk):
 
 def test_an_adapter_that_holds_replies_back_gets_a_longer_period(desk, monkeypatch):
     quick = find_bench(desk.path, baud=BAUD).bench
-    monkeypatch.setattr(found_bench, "read_latency_timer", lambda _: 16)
+    monkeypatch.setattr(found_bench, "read_latency", lambda _: 0.016)
     slow = find_bench(desk.path, baud=BAUD).bench
     assert quick.control_period == 0.01
     assert 0.75 * slow.control_period > 2 * 0.016 + 0.001  # reading has three quarters of it

@@ -25,6 +25,11 @@ HARMLESS = ("led", "torque_enable")
 MOTION = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
 """Registers that move a servo, which only the guard may."""
 
+NOT_LOCKED = (
+    "its settings stay unlocked, for it does not confirm eeprom_lock = 1: "
+    "check its cable, then getup servo write eeprom_lock=1"
+)
+
 ADDRESS = {
     "id": "after it the servo replies elsewhere: getup servo id does that",
     "baud_rate": "after it the servo replies elsewhere: getup servo baud does that",
@@ -142,19 +147,33 @@ class LooseServo:
         Raises:
             ServoError: if it does not confirm that.
         """
-        lock = self.table.keeps_by_lock
-        if lock is None or not item.eeprom:
+        if not item.eeprom:
             yield
             return
-        self._lock(lock, 0)
+        self.unlock()
+        is_locked = False
         try:
             yield
         finally:
-            self.bus.write_item(self.id, self.table[lock], 1)
+            is_locked = self.try_lock()
+        if not is_locked:
+            raise ServoError(f"{self.name}: {NOT_LOCKED}")
 
-    def _lock(self, register: str, value: int) -> None:
-        if not self.bus.write_item(self.id, self.table[register], value):
-            raise ServoError(f"{self.name}: {register} = {value} is not confirmed: silent")
+    def unlock(self) -> None:
+        """Open the lock of what it keeps without power, where it has one.
+
+        Raises:
+            ServoError: if it does not confirm that; it is locked then, if it can be reached.
+        """
+        lock = self.table.keeps_by_lock
+        if lock is not None and not self.bus.write_item(self.id, self.table[lock], 0):
+            self.try_lock()
+            raise ServoError(f"{self.name}: {lock} = 0 is not confirmed: nothing is written")
+
+    def try_lock(self) -> bool:
+        """Close that lock again; return whether it is closed, or there is none."""
+        lock = self.table.keeps_by_lock
+        return lock is None or self.bus.write_item(self.id, self.table[lock], 1)
 
     def check_instruction(self, instruction: Instruction, what: str, instead: str) -> None:
         """Check that it knows an instruction.

@@ -11,7 +11,7 @@ from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
 from drivers.errors import SetupError
 from drivers.serial_port import PortError
 from drivers.service.scan import TELLTALES
-from drivers.service.servos.loose_servo import LooseServo, ServoError
+from drivers.service.servos.loose_servo import NOT_LOCKED, LooseServo, ServoError
 
 FACTORY_ID = 1  # as shipped (e-manual)
 READS = 3  # of registers that differ between two servos
@@ -52,16 +52,19 @@ def change_id(servo: LooseServo, new: int) -> LooseServo:
 
     Raises:
         SetupError: if it may not have it, or has torque.
-        ServoError: if it does not reply at its new id.
+        ServoError: if it does not reply at its new id; it is locked where it can be reached.
     """
     check_new_id(servo, new)
     if new == servo.id:
         return servo
     check_alone(servo)
     _write_unconfirmed(servo, "id", new)
+    moved = replace(servo, id=new)
     if servo.bus.ping(new, TRIES) is None:
+        moved.try_lock()
+        servo.try_lock()
         raise ServoError(f"{servo.name}: silent at its new id {new}; look for it: getup scan")
-    return _lock(replace(servo, id=new))
+    return _lock(moved)
 
 
 def check_new_baud(servo: LooseServo, new: int) -> int:
@@ -91,14 +94,19 @@ def change_baud(servo: LooseServo, new: int) -> LooseServo:
 
     Raises:
         SetupError: if servo or adapter do not have it, or the servo has torque.
-        ServoError: if it does not reply at its new rate.
+        ServoError: if it does not reply at its new rate; the port is at the old one then.
     """
     code = check_new_baud(servo, new)
     if new == servo.bus.port.baud:
         return servo
+    port = servo.bus.port
+    before = port.baud
     _write_unconfirmed(servo, "baud_rate", code)
-    servo.bus.port.set_baud(new)
+    port.set_baud(new)
     if servo.bus.ping(servo.id, TRIES) is None:
+        servo.try_lock()
+        port.set_baud(before)
+        servo.try_lock()
         raise ServoError(
             f"{servo.name}: silent at {new} bit/s; look for it: getup scan --all-bauds"
         )
@@ -130,17 +138,19 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
 def _write_unconfirmed(servo: LooseServo, register: str, value: int) -> None:
     """Write a register after which a servo may reply at its old or at its new address."""
     _check_released(servo)
-    item, lock = servo.table[register], servo.table.keeps_by_lock
-    if lock is not None:
-        servo.bus.write_item(servo.id, servo.table[lock], 0)
+    item = servo.table[register]
+    servo.unlock()
     servo.bus.write(servo.id, item.address, item.encode(value))
 
 
 def _lock(servo: LooseServo) -> LooseServo:
-    """Lock what a servo keeps without power again, where it has a lock."""
-    lock = servo.table.keeps_by_lock
-    if lock is not None:
-        servo.bus.write_item(servo.id, servo.table[lock], 1)
+    """Lock what a servo keeps without power again, where it has a lock.
+
+    Raises:
+        ServoError: if it does not confirm that.
+    """
+    if not servo.try_lock():
+        raise ServoError(f"{servo.name}: {NOT_LOCKED}")
     return servo
 
 

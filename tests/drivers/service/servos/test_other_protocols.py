@@ -1,15 +1,25 @@
 """AX, XL-320 and Feetech servos on a port: found, set up and refused as their kind needs."""
 
+from collections.abc import Callable
+
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
 
+from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.protocol2 import Reset, Status
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.service import sweep as sweep_module
 from drivers.service.scan import find_devices
 from drivers.service.servos.found_bench import find_bench
-from drivers.service.servos.loose_servo import NoServoError, find_any, find_servo, open_bus
+from drivers.service.servos.loose_servo import (
+    LooseServo,
+    NoServoError,
+    ServoError,
+    find_any,
+    find_servo,
+    open_bus,
+)
 from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
 from drivers.service.sweep import ProtocolError, sweep
 
@@ -66,6 +76,44 @@ def test_a_feetech_changes_its_baud_rate_by_its_own_codes():
         assert desk.peek("eeprom_lock") == [1]
         with pytest.raises(SetupError, match="baud rate is 2000000 bit/s, expected 19200, 38400"):
             change_baud(servo, 2_000_000)
+
+
+@pytest.mark.parametrize("change", [lambda s: change_id(s, 5), lambda s: change_baud(s, 500_000)])
+def test_a_feetech_is_locked_after_a_change_that_cannot_be_verified(
+    change: Callable[[LooseServo], LooseServo], monkeypatch: pytest.MonkeyPatch
+):
+    with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
+        servo = find_servo(bus, 1, (BAUD,))
+        ping = DynamixelBus.ping
+        monkeypatch.setattr(
+            DynamixelBus, "ping", lambda bus, i, n=1: None if n == TRIES else ping(bus, i, n)
+        )
+        with pytest.raises(ServoError, match="silent at"):
+            change(servo)
+        assert desk.peek("eeprom_lock") == [1]
+        assert bus.port.baud == BAUD
+
+
+def test_nothing_changes_where_a_feetech_does_not_confirm_that_it_is_unlocked(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
+        servo = find_servo(bus, 1, (BAUD,))
+        write = DynamixelBus.write_item
+        monkeypatch.setattr(DynamixelBus, "write_item", lambda *args: write(*args) and args[3] != 0)
+        with pytest.raises(ServoError, match="eeprom_lock = 0 is not confirmed: nothing is writ"):
+            change_id(servo, 5)
+        assert (desk.peek("id"), desk.peek("eeprom_lock")) == ([1], [1])
+
+
+def test_a_lock_that_stays_open_is_an_error(monkeypatch: pytest.MonkeyPatch):
+    with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
+        servo = find_servo(bus, 1, (BAUD,))
+        monkeypatch.setattr(LooseServo, "try_lock", lambda _: False)
+        with pytest.raises(ServoError, match="its settings stay unlocked"):
+            change_id(servo, 5)
+        with pytest.raises(ServoError, match="its settings stay unlocked"):
+            find_servo(bus, 5, (BAUD,)).write("temperature_limit", 60)
 
 
 def test_what_a_servo_cannot_is_refused_with_what_to_do():

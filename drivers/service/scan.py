@@ -12,10 +12,10 @@ from drivers.dynamixel.bus import PING_DATA, TRIES, BusStatistics, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
-from drivers.dynamixel.wire import PROTOCOL_2
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
 from drivers.errors import DriverError
 from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
-from drivers.service.sweep import ALIKE, sweep
+from drivers.service.sweep import ALIKE, list_speakers
 from robots.bus_settings import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
@@ -54,7 +54,7 @@ class FoundDevice:
     baud: int
     """[bit/s]"""
     number: int | None = None
-    """Model number; None if its replies are garbled."""
+    """Model number; None if its replies are garbled, or what it speaks is unclear."""
     model: str | None = None
     """Name of the model; None if it has no control table here."""
     firmware: int | None = None
@@ -65,7 +65,7 @@ class FoundDevice:
     is_board: bool = False
     """Whether it is known not to be a servo."""
     protocol: str = PROTOCOL_2.name
-    """What it speaks."""
+    """What it speaks; both names if it may be either."""
     doubled: bool = False
     """Whether its replies are garbled, as by two devices of one id."""
 
@@ -119,6 +119,7 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
     refused: list[int] = []
     found: list[FoundDevice] = []
     error: DriverError | None = None
+    bus, are_empty = DynamixelBus(port), True
     try:
         for rate in rates:
             try:
@@ -131,7 +132,13 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
                 error = error or refusal
                 continue
             tried.append(rate)
-            found += find_devices(DynamixelBus(port))
+            devices, is_empty = _find_broadcast(bus)
+            found += devices
+            are_empty = are_empty and is_empty
+        if are_empty:  # each silent id costs a wait: only where nothing speaks Protocol 2.0
+            for rate in tried:
+                port.set_baud(rate)
+                found += _find_swept(bus)
     finally:
         port.close()
     if not tried and error is not None:
@@ -143,6 +150,12 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
 
 def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
     """List the devices on a bus at its present baud rate, by id."""
+    found, is_empty = _find_broadcast(bus)
+    return _find_swept(bus) if is_empty else found
+
+
+def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
+    """List what replies to a ping of all ids in Protocol 2.0; return also whether nothing does."""
     before = replace(bus.statistics)
     bus.wire = PROTOCOL_2
     statuses = bus.ping_all()
@@ -150,12 +163,19 @@ def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
     found = [_examine(bus, status) for status in statuses.values()]
     if is_garbled:
         found += _ping_others(bus, statuses.keys())
-    if not found and not statuses:
-        found = [_examine_at(bus, device) for device in sweep(bus, ALIKE)]
-    return sorted(found, key=lambda device: device.id)
+    return sorted(found, key=lambda device: device.id), not found
 
 
-def _examine_at(bus: DynamixelBus, device: int) -> FoundDevice:
+def _find_swept(bus: DynamixelBus) -> list[FoundDevice]:
+    """List what replies in another protocol, one id after the other."""
+    return [_examine_at(bus, *speaker) for speaker in list_speakers(bus, ALIKE).items()]
+
+
+def _examine_at(bus: DynamixelBus, device: int, wire: Wire | None) -> FoundDevice:
+    if wire is None:
+        either = " or ".join(alike.name for alike in ALIKE)
+        return FoundDevice(id=device, baud=bus.port.baud, protocol=either)
+    bus.wire = wire
     status = bus.ping(device, TRIES)
     if status is None:
         return FoundDevice(id=device, baud=bus.port.baud, doubled=True)

@@ -47,28 +47,46 @@ def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = 
     Raises:
         ProtocolError: if it cannot be known which protocol they speak, or they speak two.
     """
+    found = list_speakers(bus, wires, ids)
+    if unclear := [device for device, wire in found.items() if wire is None]:
+        raise ProtocolError(
+            f"port {bus.port.path}: the servo of id {unclear[0]} may be a Dynamixel of Protocol "
+            "1.0 or a Feetech: --protocol 1.0 or --protocol feetech says which"
+        )
+    spoken = {device: wire for device, wire in found.items() if wire is not None}
+    bus.wire = next(iter(spoken.values()), PROTOCOL_2)
+    if len({wire.name for wire in spoken.values()}) > 1:
+        listed = ", ".join(f"{device} ({wire.name})" for device, wire in spoken.items())
+        raise ProtocolError(
+            f"port {bus.port.path}: servos {listed} speak two protocols, expected one: "
+            "--protocol names one of them"
+        )
+    return list(spoken)
+
+
+def list_speakers(
+    bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = None
+) -> dict[int, Wire | None]:
+    """List the ids, all or some, that reply in one of the protocols; None if it may be either.
+
+    The bus speaks Protocol 2.0 afterwards.
+    """
     wanted = [wire for wire in ALIKE if wire in wires]
     if not wanted:
-        return []
+        return {}
     bus.wire = wanted[0]
     latency = (read_latency_timer(bus.port.path) or 0) * 1e-3
     margin = max(ANSWER_MARGIN, latency + LATENCY_MARGIN)
-    found: dict[int, Wire] = {}
+    found: dict[int, Wire | None] = {}
     try:
         with using_margin([bus], margin if ids is None else max(margin, bus.answer_margin)):
             for device in SWEPT if ids is None else ids:
                 status = _read_first(bus, device, 1 if ids is None else READS)
                 if status is not None:
-                    found[device] = _choose(bus, status, wanted)
+                    found[device] = _choose(status, wanted)
     finally:
-        bus.wire = next(iter(found.values()), PROTOCOL_2)
-    if len({wire.name for wire in found.values()}) > 1:
-        listed = ", ".join(f"{device} ({wire.name})" for device, wire in found.items())
-        raise ProtocolError(
-            f"port {bus.port.path}: servos {listed} speak two protocols, expected one: "
-            "--protocol names one of them"
-        )
-    return list(found)
+        bus.wire = PROTOCOL_2
+    return found
 
 
 def _read_first(bus: DynamixelBus, device: int, tries: int) -> Status | None:
@@ -76,23 +94,22 @@ def _read_first(bus: DynamixelBus, device: int, tries: int) -> Status | None:
     return bus.request(request, tries).get(device)
 
 
-def _choose(bus: DynamixelBus, status: Status, wanted: Sequence[Wire]) -> Wire:
-    """Choose the protocol in which a reply names its own id and a model that is known."""
-    if len(wanted) == 1:
-        return wanted[0]
-    fitting = [wire for wire in wanted if _fits(status, wire)]
-    if len(fitting) != 1:
-        raise ProtocolError(
-            f"port {bus.port.path}: the servo of id {status.id} may be a Dynamixel of Protocol 1.0 "
-            "or a Feetech: --protocol 1.0 or --protocol feetech says which"
-        )
-    return fitting[0]
+def _choose(status: Status, wanted: Sequence[Wire]) -> Wire | None:
+    """Choose the protocol in which a reply names its own id, and a model that is known if any."""
+    naming = [wire for wire in wanted if _names_itself(status, wire)]
+    knowing = [wire for wire in naming if _is_known(status, wire)]
+    for fitting in (wanted, knowing, naming):
+        if len(fitting) == 1:
+            return fitting[0]
+    return None
 
 
-def _fits(status: Status, wire: Wire) -> bool:
+def _names_itself(status: Status, wire: Wire) -> bool:
     data = status.data
-    if len(data) < FIRST.length or data[AT_ID[wire.name]] != status.id:
-        return False
+    return len(data) >= FIRST.length and data[AT_ID[wire.name]] == status.id
+
+
+def _is_known(status: Status, wire: Wire) -> bool:
     number, firmware = read_identity(decode_identity(wire, status))
     try:
         table_for(number, firmware, wire)

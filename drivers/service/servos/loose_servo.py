@@ -273,39 +273,34 @@ def find_any(
     Raises:
         NoServoError: if there is none at any rate, or replies are garbled.
     """
-    for rate in rates:
-        try:
-            bus.port.set_baud(rate)
-        except PortError:
-            continue  # the adapter does not have it
-        if found := find_servos(bus) if servo_id is None else _find_one(bus, servo_id):
-            return found
+    ids = None if servo_id is None else (servo_id,)
+    for find in (_find_by_ping, _find_by_sweep):  # which takes longer: a wait for each silent id
+        for rate in rates:
+            try:
+                bus.port.set_baud(rate)
+            except PortError:
+                continue  # the adapter does not have it
+            if found := find(bus, ids):
+                return found
     raise _no_servo(bus, servo_id, rates)
 
 
-def find_servos(bus: DynamixelBus) -> list[LooseServo]:
-    """Find all servos that reply at the present baud rate, by id.
-
-    Raises:
-        NoServoError: if replies are garbled.
-    """
-    if PROTOCOL_2 in bus.searched:
-        bus.wire, damaged = PROTOCOL_2, bus.statistics.damaged
-        found = list_present(bus, sorted(bus.ping_all()))
-        if not found and bus.statistics.damaged > damaged:
-            raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
-        if found:
-            return found
-    return list_present(bus, sweep(bus, bus.searched))
+def _find_by_ping(bus: DynamixelBus, ids: Sequence[int] | None) -> list[LooseServo]:
+    """Find all servos, or those of some ids, that speak Protocol 2.0."""
+    if PROTOCOL_2 not in bus.searched:
+        return []
+    bus.wire, damaged = PROTOCOL_2, bus.statistics.damaged
+    if ids is not None:
+        return list_present(bus, [i for i in ids if i <= PROTOCOL_2.max_id])
+    found = list_present(bus, sorted(bus.ping_all()))
+    if not found and bus.statistics.damaged > damaged:
+        raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
+    return found
 
 
-def _find_one(bus: DynamixelBus, servo_id: int) -> list[LooseServo]:
-    """Find the servo of an id at the present baud rate, in any of the protocols."""
-    if PROTOCOL_2 in bus.searched and servo_id <= PROTOCOL_2.max_id:
-        bus.wire = PROTOCOL_2
-        if found := list_present(bus, (servo_id,)):
-            return found
-    return list_present(bus, sweep(bus, bus.searched, (servo_id,)))
+def _find_by_sweep(bus: DynamixelBus, ids: Sequence[int] | None) -> list[LooseServo]:
+    """Find all servos, or those of some ids, that speak another protocol."""
+    return list_present(bus, sweep(bus, bus.searched, ids))
 
 
 def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:

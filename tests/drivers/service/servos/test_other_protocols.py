@@ -9,8 +9,9 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.protocol2 import Reset, Status
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
+from drivers.serial_port import SerialPort
 from drivers.service import sweep as sweep_module
-from drivers.service.scan import find_devices
+from drivers.service.scan import find_devices, scan_port
 from drivers.service.servos.found_bench import find_bench
 from drivers.service.servos.loose_servo import (
     LooseServo,
@@ -156,6 +157,46 @@ def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.Monk
             sweep(bus, bus.searched, (9,))
         assert sweep(bus, [sweep_module.FEETECH], (9,)) == [9]
         assert bus.wire is sweep_module.FEETECH
+
+
+def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_unclear(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    with serving_desk((1, "AX-12A"), (3, "AX-12A"), (4, "AX-12A")) as desk, opening(desk) as bus:
+        desk.poke("servo_3", "model_number", 300)  # an AX-12W
+        read = sweep_module._read_first
+        unclear = Status(4, 0, bytes((44, 1, 9, 4, 3, 4)))  # an AX-12W, or a Feetech 772
+        monkeypatch.setattr(
+            sweep_module, "_read_first", lambda bus, i, n: unclear if i == 4 else read(bus, i, n)
+        )
+        found = find_devices(bus)
+        assert [(d.id, d.number, d.model, d.protocol) for d in found] == [
+            (1, 12, "AX-12A", "1.0"),
+            (3, 300, None, "1.0"),
+            (4, None, None, "1.0 or feetech"),
+        ]
+        assert not found[2].doubled
+
+
+def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(sweep_module, "_read_first", lambda *_: pytest.fail("an id is swept"))
+    with serving_desk((1, "XL430-W250")) as desk:
+        rates = (57_600, BAUD)
+        with opening(desk) as bus:
+            assert [servo.id for servo in find_any(bus, rates)] == [1]
+            assert find_servo(bus, 1, rates).id == 1
+        found = scan_port(SerialPort(desk.path, BAUD), rates).found
+        assert [(device.id, device.baud) for device in found] == [(1, BAUD)]
+
+
+def test_servos_of_another_protocol_are_found_at_the_second_rate():
+    with serving_desk((1, "AX-12A"), (3, "AX-12A")) as desk:
+        found = scan_port(SerialPort(desk.path, BAUD), (57_600, BAUD)).found
+        assert [(device.id, device.baud) for device in found] == [(1, BAUD), (3, BAUD)]
+        with opening(desk) as bus:
+            assert [servo.id for servo in find_any(bus, (57_600, BAUD))] == [1, 3]
 
 
 def test_servos_of_two_protocols_on_a_port_are_refused_in_one_line():

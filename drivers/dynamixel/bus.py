@@ -212,6 +212,11 @@ class DynamixelBus:
         status = self.request(request, tries).get(device)
         return None if status is None else decode_identity(self.wire, status)
 
+    def hears(self, device: int) -> bool:
+        """Return whether a device replies to a ping, as one does that replies to nothing else."""
+        length = PING_DATA if self.wire is PROTOCOL_2 else 0
+        return device in self.request(self.ask(protocol2.ping(device), length))
+
     def read(self, device: int, span: Span, tries: int = 1) -> Status | None:
         """Read registers of a device; ``None`` if it is silent."""
         return self.request(self.group({device: span}), tries).get(device)

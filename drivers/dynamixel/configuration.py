@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.control_table import ControlTable, DriveMode, OperatingMode
+from drivers.dynamixel.control_table import ControlTable, DriveMode, Item, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.goal_ranges import SLOPES, has_slope, to_slope
-from drivers.dynamixel.protocol2 import Span, is_confirmed
+from drivers.dynamixel.protocol2 import Span, Status, is_confirmed
 from robots.servo import TICKS_PER_TURN, LimitMode
 
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
@@ -116,9 +116,10 @@ class ServoSetup:
             return self._clear(bus, tries)
         name, value = self._left[0]
         item = self._servo.table[name]
-        status = bus.write(self._servo.id, item.address, item.encode(value), tries)
-        if name == "status_return_level" and status is None:  # it has not confirmed before
-            status = bus.read(self._servo.id, item.span, tries)
+        if self._is_muted or name == "status_return_level":
+            status = self._write_unconfirmed(bus, item, value, tries)
+        else:
+            status = bus.write(self._servo.id, item.address, item.encode(value), tries)
         if status is None or status.number:
             what = "silent" if status is None else f"error {status.number}"
             self.failed = f"{name} = {value} is not confirmed ({what})"
@@ -144,6 +145,8 @@ class ServoSetup:
         lock = self._servo.table.keeps_by_lock
         kept = list(list_eeprom_settings(self._servo, self._limit_by).items())
         self._is_locked = False
+        level = self._servo.table["status_return_level"]
+        self._is_muted = self._servo.registers.get(level.name, level.upper) != level.upper
         self._left = [
             ("torque_enable", 0),
             *([(lock, 0)] if lock and kept else []),
@@ -151,6 +154,16 @@ class ServoSetup:
             *([(lock, 1)] if lock else []),
             *list_ram_settings(self._servo, self._limit_by).items(),
         ]
+
+    def _write_unconfirmed(
+        self, bus: DynamixelBus, item: Item, value: int, tries: int
+    ) -> Status | None:
+        """Write to a servo that may not confirm it, and read it back then."""
+        for _ in range(tries):
+            status = bus.write(self._servo.id, item.address, item.encode(value))
+            if status is not None or bus.read_item(self._servo.id, item, tries=1) == value:
+                return status or Status(self._servo.id)
+        return None
 
     def _clear(self, bus: DynamixelBus, tries: int) -> bool:
         """Bring the position back into one turn; the torque is off since the diagnosis."""

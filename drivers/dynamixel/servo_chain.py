@@ -11,7 +11,7 @@ import numpy as np
 from drivers.dynamixel.background_read import BackgroundRead, has_time
 from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
-from drivers.dynamixel.control_table import table_named
+from drivers.dynamixel.control_table import Item, table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.goal_ranges import goal_range
@@ -94,10 +94,22 @@ class ServoChain:
         return self.bus.write_item(servo.id, servo.table["goal_position"], goal)
 
     def unmute(self) -> None:
-        """Make all servos confirm instructions, where that is not kept without power."""
+        """Make all servos confirm instructions, but where that is kept without power.
+
+        There those that reply to pings alone are made to; torque must be off.
+        """
         item = table_named(self.joints[0].servo.model.name)["status_return_level"]
         if not item.eeprom:
             self.writer.write_all(item.name, item.upper or 0)
+            return
+        for device in (joint.servo.id for joint in self.joints):
+            if self.bus.ping(device) is None or self.bus.read_item(device, item) is None:
+                self._unmute_one(device, item)
+
+    def _unmute_one(self, device: int, item: Item) -> None:
+        if self.bus.hears(device):
+            self.bus.write_item(device, item, item.upper or 0, tries=1)
+            self.eeprom_writes += 1
 
     # Reading ----------------------------------------------------------------------------------
 

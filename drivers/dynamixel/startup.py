@@ -133,8 +133,8 @@ def diagnose_robot(
     await_servos((chain.bus, joint) for chain in chains for joint in chain.joints)
     servos = []
     for chain in chains:
-        chain.unmute()
         chain.writer.write_all("torque_enable", 0)
+        chain.unmute()
         diagnostics = diagnose(chain.bus, chain.joints)
         servos += diagnostics.servos
         findings += diagnostics.findings

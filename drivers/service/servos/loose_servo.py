@@ -136,7 +136,8 @@ class LooseServo:
             )
         with self.unlocked(item):
             status = self.bus.write(self.id, item.address, item.encode(value), TRIES)
-            _check_status(self, f"{register} = {value}", status)
+            if status is not None:  # it may be set to reply to reads alone
+                _check_status(self, f"{register} = {value}", status)
         if (found := self.read(register)) != value:
             raise ServoError(f"{self.name}: {register} reads {found} after {value} was written")
 
@@ -165,15 +166,21 @@ class LooseServo:
         Raises:
             ServoError: if it does not confirm that; it is locked then, if it can be reached.
         """
-        lock = self.table.keeps_by_lock
-        if lock is not None and not self.bus.write_item(self.id, self.table[lock], 0):
+        if not self._set_lock(0):
             self.try_lock()
-            raise ServoError(f"{self.name}: {lock} = 0 is not confirmed: nothing is written")
+            raise ServoError(
+                f"{self.name}: {self.table.keeps_by_lock} = 0 is not confirmed: nothing is written"
+            )
 
     def try_lock(self) -> bool:
         """Close that lock again; return whether it is closed, or there is none."""
+        return self._set_lock(1)
+
+    def _set_lock(self, value: int) -> bool:
         lock = self.table.keeps_by_lock
-        return lock is None or self.bus.write_item(self.id, self.table[lock], 1)
+        if lock is None or self.bus.write_item(self.id, self.table[lock], value):
+            return True
+        return self.bus.read_item(self.id, self.table[lock]) == value
 
     def check_instruction(self, instruction: Instruction, what: str, instead: str) -> None:
         """Check that it knows an instruction.

@@ -5,7 +5,10 @@ from collections.abc import Callable
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
 
+from drivers.dynamixel import startup
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.bus import TRIES, DynamixelBus
+from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Reset, Status
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
@@ -100,11 +103,46 @@ def test_nothing_changes_where_a_feetech_does_not_confirm_that_it_is_unlocked(
 ):
     with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
         servo = find_servo(bus, 1, (BAUD,))
-        write = DynamixelBus.write_item
-        monkeypatch.setattr(DynamixelBus, "write_item", lambda *args: write(*args) and args[3] != 0)
+        set_lock = LooseServo._set_lock
+        monkeypatch.setattr(
+            LooseServo, "_set_lock", lambda servo, value: set_lock(servo, value) and value != 0
+        )
         with pytest.raises(ServoError, match="eeprom_lock = 0 is not confirmed: nothing is writ"):
             change_id(servo, 5)
         assert (desk.peek("id"), desk.peek("eeprom_lock")) == ([1], [1])
+
+
+@pytest.mark.parametrize(
+    ("model", "level"),
+    [("AX-12A", 0), ("XL-320", 0), ("AX-12A", 1), ("XL-320", 1), ("STS3215-C018", 0)],
+)
+def test_a_servo_that_does_not_confirm_what_is_written_is_set_up(
+    model: str, level: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(startup, "BOOT_TIME", 0.1)
+    with serving_desk((1, model)) as desk:
+        desk.poke("servo_1", "status_return_level", level)
+        backend = DynamixelBackend(
+            desk.robot, desk.path, clock=CycleClock(), without_imu=True,
+            options=DriverOptions(answer_margin=0.03),
+        )  # fmt: skip
+        backend.connect()
+        table = backend.diagnostics.servos[0].table
+        assert desk.peek("status_return_level") == [table.all_answered]
+        assert desk.peek("return_delay_time") == [0]
+        backend.close()
+        assert backend.unreleased == ()
+
+
+def test_a_servo_that_replies_to_reads_alone_can_be_made_to_confirm():
+    for model in ("AX-12A", "STS3215-C018"):
+        with serving_desk((1, model)) as desk:
+            desk.poke("servo_1", "status_return_level", 1 if model == "AX-12A" else 0)
+            with opening(desk) as bus:
+                servo = find_servo(bus, 1, (BAUD,))
+                servo.write("status_return_level", servo.table.all_answered)
+                servo.write("temperature_limit", 60)
+            assert desk.peek("temperature_limit") == [60]
 
 
 def test_a_lock_that_stays_open_is_an_error(monkeypatch: pytest.MonkeyPatch):

@@ -98,14 +98,17 @@ class CommandConverter:
             share = np.minimum(torque / robot.max_torque, share)
         scales = self._scales
         pwm = np.minimum(count_pwm(share, scales.full_scale), self.pwm_limit)
-        gain = np.rint(robot.p_gain * np.minimum(np.maximum(command.gain_scale, 0.0), 1.0))
-        gain = np.where(scales.has_slope, round_gain(gain), gain)
+        scale = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
+        gain = np.rint(robot.p_gain * scale)
+        # The softest slope still holds: without a gain such a servo has no torque.
+        is_limp = scales.has_slope & (scale == 0.0)
+        gain = np.where(scales.has_slope & ~is_limp, round_gain(gain), gain)
         return RegisterCommands(
             goal=np.clip(goal, scales.lowest, scales.highest),
             p_gain=gain.astype(int),
             pwm=pwm.astype(int),
             current=current.astype(int),
-            torque=(pwm > 0) & (current > 0) & (torque > 0.0),
+            torque=(pwm > 0) & (current > 0) & (torque > 0.0) & ~is_limp,
         )
 
     def to_command(self, registers: RegisterCommands, requested: Command) -> Command:

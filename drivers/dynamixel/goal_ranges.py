@@ -41,7 +41,7 @@ def round_gain(gain: Counts) -> Counts:
 
 
 def to_slope(gain: Counts) -> Counts:
-    """Convert gains to compliance slopes."""
+    """Convert gains to compliance slopes; that of gain 0 is the softest."""
     return STIFFEST // round_gain(gain)
 
 

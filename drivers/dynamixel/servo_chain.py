@@ -83,12 +83,17 @@ class ServoChain:
         return setup.failed
 
     def reset_goal(self, row: int) -> bool:
-        """Make a servo's present position its goal; return whether it confirms."""
+        """Make a servo's present position its goal; return whether it confirms.
+
+        One without a watchdog gets its goal with its torque: it may switch torque on by a goal.
+        """
         servo = self._facts[row]
         ticks = self.bus.read_item(servo.id, servo.table["present_position"])
         if ticks is None:
             return False
         self.writer.forget()
+        if not servo.table.has_watchdog:
+            return True
         lowest, highest = goal_range(servo.table, self._limit_by)
         goal = min(max(ticks, lowest), highest)
         return self.bus.write_item(servo.id, servo.table["goal_position"], goal)

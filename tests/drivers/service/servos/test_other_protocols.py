@@ -1,7 +1,9 @@
 """AX, XL-320 and Feetech servos on a port: found, set up and refused as their kind needs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
 
@@ -26,6 +28,12 @@ from drivers.service.servos.loose_servo import (
 )
 from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
 from drivers.service.sweep import ProtocolError, sweep
+from drivers.state import Command
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.serving.server import TimeMode
+from drivers.virtual_bus.virtual_ports import VirtualPorts
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 
 KINDS = {"AX-12A": "1.0", "MX-28(1.0)": "1.0", "XL-320": "2.0", "STS3215-C018": "feetech"}
 
@@ -132,6 +140,33 @@ def test_a_servo_that_does_not_confirm_what_is_written_is_set_up(
         assert desk.peek("return_delay_time") == [0]
         backend.close()
         assert backend.unreleased == ()
+
+
+def test_a_servo_whose_goal_switches_torque_on_stays_limp_after_its_restart():
+    desk = make_desk((1, "XL-320"))
+    virtual = VirtualRobot(Simulation(desk), quirks=Quirks(goal_switches_torque_on=True))
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        backend = DynamixelBackend(desk, ports.paths, clock=CycleClock(), without_imu=True)
+        backend.connect()
+        backend.read()
+        backend.reboot("servo_1")
+        assert virtual.servos[0].peek("torque_enable") == 0
+        backend.close()
+
+
+def test_an_ax_with_a_gain_of_0_has_no_torque():
+    with serving_desk((1, "AX-12A")) as desk:
+        backend = DynamixelBackend(desk.robot, desk.path, clock=CycleClock(), without_imu=True)
+        backend.connect()
+        start = backend.read().joint_pos
+        for gain, sent_gain, has_torque in ((0.1, 0.25, 1), (0.0, 0.0, 0), (1.0, 1.0, 1)):
+            command = replace(Command.position(desk.robot, start, 1.0), gain_scale=np.array([gain]))
+            sent = backend.write(command)
+            backend.read()
+            assert sent.gain_scale.tolist() == [sent_gain]
+            assert (sent.torque_limit > 0.0).tolist() == [bool(has_torque)]
+            assert desk.peek("torque_enable") == [has_torque]
+        backend.close()
 
 
 def test_a_servo_that_replies_to_reads_alone_can_be_made_to_confirm():

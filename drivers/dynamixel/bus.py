@@ -14,6 +14,7 @@ from drivers.dynamixel.control_table import Item
 from drivers.dynamixel.identity import FIRST, PING_DATA, decode_identity
 from drivers.dynamixel.protocol2 import (
     Damaged,
+    FrameParser,
     Instruction,
     Packet,
     Reset,
@@ -22,7 +23,7 @@ from drivers.dynamixel.protocol2 import (
     is_confirmed,
 )
 from drivers.dynamixel.requests import Replies, Request
-from drivers.dynamixel.wire import PROTOCOL_2, Parser, Wire
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
 from drivers.serial_port import SerialPort
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
@@ -274,7 +275,7 @@ class DynamixelBus:
             if left > WAKE_EARLY:
                 time.sleep(left)
 
-    def _parse(self, parser: Parser, chunk: bytes) -> Iterator[Status]:
+    def _parse(self, parser: FrameParser, chunk: bytes) -> Iterator[Status]:
         self.statistics.bytes_in += len(chunk)
         for item in parser.feed(chunk):
             if isinstance(item, Damaged):

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from drivers.dynamixel.protocol2 import (
     ALERT,
     Damaged,
     ErrorNumber,
+    FrameParser,
     Instruction,
     Packet,
     Reset,
@@ -162,33 +163,11 @@ current that is too high, which stands here as an electrical shock)."""
 
 
 @dataclass
-class FrameParser:
-    """Finds frames in a stream of bytes with noise between them: instructions, or replies."""
+class ChecksumParser(FrameParser):
+    """Finds frames with a checksum in a stream of bytes: instructions, or replies."""
 
-    of_replies: bool
+    of_replies: bool = False
     """Whether the frames are replies; each becomes a status whose error byte is as received."""
-    noise: int = 0
-    """Bytes outside any frame."""
-    damaged: int = 0
-    """Frames whose checksum did not match."""
-    _buffer: bytearray = field(default_factory=bytearray)
-
-    @property
-    def pending(self) -> int:
-        """Return the number of bytes that may still become a frame."""
-        return len(self._buffer)
-
-    def reset(self) -> None:
-        """Drop an incomplete frame."""
-        self._drop(len(self._buffer))
-
-    def feed(self, data: bytes) -> list[Packet | Damaged]:
-        """Parse bytes; return the frames that they complete."""
-        self._buffer += data
-        found: list[Packet | Damaged] = []
-        while (frame := self._next_frame()) is not None:
-            found.append(self._open(frame))
-        return found
 
     def _next_frame(self) -> bytes | None:
         buffer = self._buffer
@@ -218,10 +197,6 @@ class FrameParser:
         if self.of_replies:
             return Packet(device, Instruction.STATUS, bytes((code,)) + params)
         return Packet(device, code, widen(code, params))
-
-    def _drop(self, count: int) -> None:
-        self.noise += count
-        del self._buffer[:count]
 
 
 # The two buses --------------------------------------------------------------------------------
@@ -256,13 +231,13 @@ class Frame1:
         error, alarms = self.errors.decode(packet.params[0])
         return Status(packet.id, error, packet.params[1:], alarms)
 
-    def parse_replies(self) -> FrameParser:
+    def parse_replies(self) -> ChecksumParser:
         """Return a parser of replies."""
-        return FrameParser(of_replies=True)
+        return ChecksumParser(of_replies=True)
 
-    def parse_instructions(self) -> FrameParser:
+    def parse_instructions(self) -> ChecksumParser:
         """Return a parser of instructions."""
-        return FrameParser(of_replies=False)
+        return ChecksumParser()
 
 
 _COMMON = frozenset(

@@ -6,26 +6,7 @@ from typing import Protocol
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
-from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Status
-
-
-class Parser(Protocol):
-    """Finds frames in a stream of bytes with noise between them."""
-
-    noise: int
-    """Bytes outside any frame."""
-
-    @property
-    def pending(self) -> int:
-        """Return the number of bytes that may still become a frame."""
-        ...
-
-    def reset(self) -> None:
-        """Drop an incomplete frame."""
-
-    def feed(self, data: bytes) -> list[Packet | Damaged]:
-        """Parse bytes; return the frames that they complete."""
-        ...
+from drivers.dynamixel.protocol2 import Damaged, FrameParser, Instruction, Packet, Status
 
 
 class Wire(Protocol):
@@ -68,11 +49,11 @@ class Wire(Protocol):
         """Decode a reply that a parser found."""
         ...
 
-    def parse_replies(self) -> Parser:
+    def parse_replies(self) -> FrameParser:
         """Return a parser of replies."""
         ...
 
-    def parse_instructions(self) -> Parser:
+    def parse_instructions(self) -> FrameParser:
         """Return a parser of instructions."""
         ...
 
@@ -98,13 +79,13 @@ class Frame2:
         """Decode a reply that a parser found."""
         return Status.from_packet(packet)
 
-    def parse_replies(self) -> protocol2.FrameParser:
+    def parse_replies(self) -> FrameParser:
         """Return a parser, which tells replies and instructions apart by itself."""
-        return protocol2.FrameParser()
+        return FrameParser()
 
-    def parse_instructions(self) -> protocol2.FrameParser:
+    def parse_instructions(self) -> FrameParser:
         """Return the same parser."""
-        return protocol2.FrameParser()
+        return FrameParser()
 
 
 PROTOCOL_2 = Frame2()

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.cyclic_read import CyclicRead
 from drivers.dynamixel.diagnostics import (
+    READ_SHARE,
     Finding,
     ServoFacts,
     Severity,

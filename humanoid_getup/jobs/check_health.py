@@ -12,13 +12,13 @@ import numpy as np
 from drivers.live_feed.feed import find_feed, list_feeds
 from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import FeedError, LiveHello, LiveSample
+from drivers.safety_limits import GuardLimits
 from drivers.state import HardwareError
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.health import HealthRequest
 
 SLOW = 0.9  # share of the wanted rate below which the computer is late
-HELD_PERIODS = 3  # age of values, in periods, from which the guard holds the targets
-STALE_IMU = 0.1  # s; the guard releases a robot at 0.3
+STALE_IMU = GuardLimits.max_imu_age / 3.0  # s; at the whole the guard releases a robot
 FIRST_SAMPLE = 5.0  # s within which a program has measured once
 
 
@@ -152,4 +152,4 @@ def _find_problems(hello: LiveHello, sample: LiveSample, rate: float) -> list[st
 
 
 def _is_old(age: float, hello: LiveHello) -> bool:
-    return age >= HELD_PERIODS * hello.period
+    return age >= GuardLimits.hold_cycles * hello.period  # from which targets are held

@@ -10,9 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drivers.dynamixel.backend import READ_SHARE
 from drivers.dynamixel.configuration import OPERATING_MODES
-from drivers.dynamixel.diagnostics import Finding, ServoFacts, Severity
+from drivers.dynamixel.diagnostics import READ_SHARE, Finding, ServoFacts, Severity
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError

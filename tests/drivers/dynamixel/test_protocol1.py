@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2 as p2
-from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, FrameParser, seal
+from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, seal
 from drivers.dynamixel.protocol2 import (
     ALERT,
     BROADCAST,
@@ -136,7 +136,7 @@ def test_a_flipped_bit_never_gives_another_reply(status: Status, place: int, bit
     """A sum of bytes finds every single flipped bit."""
     frame = bytearray(PROTOCOL_1.encode_status(status))
     frame[place % len(frame)] ^= 1 << bit
-    found = FrameParser(of_replies=True).feed(bytes(frame))
+    found = ChecksumParser(of_replies=True).feed(bytes(frame))
     whole = [item for item in found if isinstance(item, Packet)]
     assert [item for item in whole if len(item.params) == len(status.data) + 1] == []
 

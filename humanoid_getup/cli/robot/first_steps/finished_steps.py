@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
@@ -56,7 +56,7 @@ class FinishedSteps(msgspec.Struct, frozen=True, kw_only=True):
             )
         return found
 
-    def add(self, step: Step, command: str, *, skipped: bool) -> FinishedSteps:
+    def add(self, step: FirstStep, command: str, *, skipped: bool) -> FinishedSteps:
         """Return the steps with one more, in place of an earlier time that it was done."""
         now = datetime.now().astimezone()
         done = FinishedStep(name=step.name, command=command, skipped=skipped, at=now)
@@ -68,10 +68,10 @@ class FinishedSteps(msgspec.Struct, frozen=True, kw_only=True):
         folder.mkdir(parents=True, exist_ok=True)
         write_atomically(folder / STEPS_FILE, to_json(self))
 
-    def has(self, step: Step) -> bool:
+    def has(self, step: FirstStep) -> bool:
         """Return whether a step is done."""
         return step.name in {each.name for each in self.steps}
 
-    def find_next(self, steps: Sequence[Step]) -> Step | None:
+    def find_next(self, steps: Sequence[FirstStep]) -> FirstStep | None:
         """Return the first step that is not done; None if all are."""
         return next((step for step in steps if not self.has(step)), None)

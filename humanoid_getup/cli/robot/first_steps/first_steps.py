@@ -15,10 +15,10 @@ from humanoid_getup.cli.robot.first_steps.finished_steps import FinishedSteps
 from humanoid_getup.cli.robot.first_steps.own_program import run_getup
 from humanoid_getup.cli.robot.first_steps.robot_steps import (
     DOCTOR_FILE,
-    Connection,
+    RobotAtPort,
     list_robot_steps,
 )
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.cli.robot.first_steps.walk import Walk
 from humanoid_getup.cli.shared.console import console_for
 from humanoid_getup.cli.shared.prompt import open_prompt
@@ -56,7 +56,7 @@ def first_steps(command: FirstSteps) -> int:
     return walk.go(command.step)
 
 
-def _choose_steps(command: FirstSteps) -> tuple[Callable[[Path], Sequence[Step]], str]:
+def _choose_steps(command: FirstSteps) -> tuple[Callable[[Path], Sequence[FirstStep]], str]:
     """Choose the steps of a robot or of loose servos; return their list and its owner's name."""
     if command.desk:
         (port,) = command.port
@@ -65,7 +65,7 @@ def _choose_steps(command: FirstSteps) -> tuple[Callable[[Path], Sequence[Step]]
     name_ports(robot, command.port)
     if isinstance(robot, ServoBench):
         raise BadInputError(f"robot '{robot.name}' is servos on a bench, expected --desk for them")
-    known = Connection(
+    known = RobotAtPort(
         robot=robot,
         chosen=command.robot,
         port=command.port,
@@ -73,7 +73,7 @@ def _choose_steps(command: FirstSteps) -> tuple[Callable[[Path], Sequence[Step]]
         torque_limit=command.torque_limit,
     )
 
-    def list_steps(folder: Path) -> Sequence[Step]:
+    def list_steps(folder: Path) -> Sequence[FirstStep]:
         measured = read_voltage(folder / DOCTOR_FILE)
         return list(list_robot_steps(replace(known, out=folder, voltage=measured)))
 

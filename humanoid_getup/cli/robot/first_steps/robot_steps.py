@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from robots import Robot
 
@@ -15,7 +15,7 @@ SIDE = "supine"  # on which the robot lies for its first rise
 
 
 @dataclass(frozen=True, kw_only=True)
-class Connection:
+class RobotAtPort:
     """A robot on its ports, and what is known of it."""
 
     robot: Robot
@@ -31,7 +31,7 @@ class Connection:
     """Supply that was measured [V]; None if it is not known yet."""
 
 
-def list_robot_steps(known: Connection) -> Iterator[Step]:
+def list_robot_steps(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps in their order."""
     yield from _list_checks(known)
     yield from _list_limp(known)
@@ -39,37 +39,37 @@ def list_robot_steps(known: Connection) -> Iterator[Step]:
     yield from _list_on_the_ground(known)
 
 
-def _on_robot(known: Connection) -> tuple[str, ...]:
+def _on_robot(known: RobotAtPort) -> tuple[str, ...]:
     return ("--robot", known.chosen, "--port", ",".join(known.port))
 
 
-def _list_checks(known: Connection) -> Iterator[Step]:
+def _list_checks(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps that look and set up."""
     first, *_ = known.port
-    yield Step(
+    yield FirstStep(
         name="scan",
         aim="Find the devices on the port: one line for each servo.",
         words=("scan", "--port", first.rpartition("=")[2]),
         before="Supply the servos; close other programs on the port.",
         is_optional=True,
     )
-    yield Step(
+    yield FirstStep(
         name="ids",
         aim="Give each servo its id and baud rate, one at a time.",
         words=("servo", "setup", *_on_robot(known)),
         before="Skip it unless the scan lacks an id, or shows one twice.",
         is_optional=True,
     )
-    yield Step(
+    yield FirstStep(
         name="doctor",
         aim="Check every servo, the IMU and the timing; nothing moves.",
         words=("doctor", *_on_robot(known), "--json", str(known.out / DOCTOR_FILE)),
     )
 
 
-def _list_limp(known: Connection) -> Iterator[Step]:
+def _list_limp(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps with a limp robot in a person's hands."""
-    yield Step(
+    yield FirstStep(
         name="signs",
         aim="Measure which way each servo turns.",
         words=("calibrate", *_on_robot(known), "--signs"),
@@ -79,7 +79,7 @@ def _list_limp(known: Connection) -> Iterator[Step]:
     )
     is_zero_possible = bool(((known.robot.lower <= 0.0) & (known.robot.upper >= 0.0)).all())
     posture = "zero" if is_zero_possible else "standing"
-    yield Step(
+    yield FirstStep(
         name="zeros",
         aim="Measure the zeros of the servos.",
         words=("calibrate", *_on_robot(known), "--at", posture),
@@ -88,7 +88,7 @@ def _list_limp(known: Connection) -> Iterator[Step]:
         at_bus=f"hold {posture}",
         is_optional=True,
     )
-    yield Step(
+    yield FirstStep(
         name="watch",
         aim="Compare angles and IMU with the robot; torque is off.",
         words=("watch", "--backend", "dynamixel", *_on_robot(known)),
@@ -97,17 +97,17 @@ def _list_limp(known: Connection) -> Iterator[Step]:
     )
 
 
-def _list_in_the_air(known: Connection) -> Iterator[Step]:
+def _list_in_the_air(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps with torque of a robot that is held."""
     little = _round(LITTLE * float(known.robot.max_torque.max()))
-    yield Step(
+    yield FirstStep(
         name="wiggle",
         aim="Swing one joint after the other by 5°: the first torque, and little of it.",
         words=("servo", "wiggle", *_on_robot(known), "--torque-limit", little),
         before="Hang the robot up with its limbs free; any key stops it.",
         at_bus="hold zero",
     )
-    yield Step(
+    yield FirstStep(
         name="squat",
         aim="Bend and stretch the legs a little, all joints together.",
         words=("servo", "squat", *_on_robot(known), "--torque-limit", little),
@@ -116,20 +116,20 @@ def _list_in_the_air(known: Connection) -> Iterator[Step]:
     )
 
 
-def _list_on_the_ground(known: Connection) -> Iterator[Step]:
+def _list_on_the_ground(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps to the first rise."""
     robot, motion = known.robot, _find_motion(known.robot)
     gentle = known.torque_limit or GENTLE * float(robot.max_torque.max())
     limit = ("--torque-limit", _round(gentle))
     if motion is None:
-        yield Step(
+        yield FirstStep(
             name="motions",
             aim="Find motions for this body in physics; it takes a while.",
             words=("motions", "discover", "--robot", known.chosen),
         )
         return
     supply = () if known.voltage is None else ("--voltage", f"{known.voltage:.1f}")
-    yield Step(
+    yield FirstStep(
         name="preflight",
         aim=f"Check in simulation that {motion} works with little torque.",
         words=("preflight", motion, "--robot", known.chosen, *supply, *limit),
@@ -138,7 +138,7 @@ def _list_on_the_ground(known: Connection) -> Iterator[Step]:
     out = ("--out", str(known.out / "rise"))
     lie = "Lay the robot on its back, a meter free on all sides, a line above it"
     if robot.imu_kind is None:
-        yield Step(
+        yield FirstStep(
             name="rise",
             aim="Play the motion once; without an IMU, only you see whether it stands.",
             words=("play", motion, *on_robot, "--without-imu", *out),
@@ -146,7 +146,7 @@ def _list_on_the_ground(known: Connection) -> Iterator[Step]:
             at_bus=f"lay {SIDE}",
         )
         return
-    yield Step(
+    yield FirstStep(
         name="rise",
         aim="Get up once, gently; then a key lets the robot sit and lie down.",
         words=("rise", *on_robot, "--attempts", "1", *out),

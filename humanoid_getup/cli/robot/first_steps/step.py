@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class Step:
+class FirstStep:
     """A command of `getup` that belongs to the first connection."""
 
     name: str

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from drivers.service.calibrate import Prompt
 from humanoid_getup.cli.robot.first_steps.finished_steps import FinishedSteps
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.cli.shared.exit_codes import DID_IT, INTERRUPTED
 
 
@@ -20,7 +20,7 @@ class Walk:
 
     def __init__(
         self,
-        list_steps: Callable[[], Sequence[Step]],
+        list_steps: Callable[[], Sequence[FirstStep]],
         folder: Path,
         finished: FinishedSteps,
         *,
@@ -64,7 +64,7 @@ class Walk:
         self._console.print("[bold green]all steps are done[/]; --step NAME repeats one")
         return DID_IT
 
-    def _take(self, step: Step) -> int | None:
+    def _take(self, step: FirstStep) -> int | None:
         """Take a step, as often as the person wants; None to go on, else the exit code."""
         self._introduce(step)
         code = DID_IT
@@ -85,7 +85,7 @@ class Walk:
                 f"[bold red]{step.name} is not done[/]: it ended with exit code {code}, see above"
             )
 
-    def _introduce(self, step: Step) -> None:
+    def _introduce(self, step: FirstStep) -> None:
         steps = [each.name for each in self._list_steps()]
         place = f"{steps.index(step.name) + 1} of {len(steps)}"
         self._console.print(f"\n[bold]step {place}, {step.name}[/]: {escape(step.aim)}")
@@ -95,7 +95,7 @@ class Walk:
             self._console.print(f"  virtual robot: type at getup bus: [bold]{escape(step.at_bus)}")
         self._console.print(f"  [dim]{escape(shlex.join(['getup', *step.words]))}")
 
-    def _ask_for_words(self, step: Step) -> tuple[str, ...] | None:
+    def _ask_for_words(self, step: FirstStep) -> tuple[str, ...] | None:
         """Ask whether to run a step; return its words, () to skip it, None to leave."""
         if step.asks:
             answer = self._prompt.ask(f"  {step.asks}").strip()
@@ -113,13 +113,13 @@ class Walk:
             if answer == "s" and may_skip:
                 return ()
 
-    def _keep(self, step: Step, *, skipped: bool) -> None:
+    def _keep(self, step: FirstStep, *, skipped: bool) -> None:
         command = shlex.join(["getup", *step.words])
         self._finished = self._finished.add(step, command, skipped=skipped)
         self._finished.save(self._folder)
 
 
-def _find_next(steps: Sequence[Step], last: str, finished: FinishedSteps) -> Step | None:
+def _find_next(steps: Sequence[FirstStep], last: str, finished: FinishedSteps) -> FirstStep | None:
     """Return the step after one; after one that is gone, the first that is not done."""
     names = [step.name for step in steps]
     if last not in names:

@@ -10,13 +10,15 @@ from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.first_steps.desk_steps import list_desk_steps
 from humanoid_getup.cli.robot.first_steps.first_steps import read_voltage
-from humanoid_getup.cli.robot.first_steps.robot_steps import Connection, list_robot_steps
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.robot_steps import RobotAtPort, list_robot_steps
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from robots import load_robot
 
 
-def list_steps(name: str, **changes) -> dict[str, Step]:
-    known = Connection(robot=load_robot(name), chosen=name, port=("/dev/ttyUSB0",), out=Path("out"))
+def list_steps(name: str, **changes) -> dict[str, FirstStep]:
+    known = RobotAtPort(
+        robot=load_robot(name), chosen=name, port=("/dev/ttyUSB0",), out=Path("out")
+    )
     return {step.name: step for step in list_robot_steps(replace(known, **changes))}
 
 

@@ -8,14 +8,14 @@ import pytest
 from rich.console import Console
 
 from humanoid_getup.cli.robot.first_steps.finished_steps import FinishedSteps
-from humanoid_getup.cli.robot.first_steps.step import Step
+from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.cli.robot.first_steps.walk import Walk
 from humanoid_getup.jobs.errors import BadInputError
 
 STEPS = (
-    Step(name="scan", aim="Look.", words=("scan",)),
-    Step(name="ids", aim="Set up.", words=("servo", "setup"), is_optional=True),
-    Step(name="rise", aim="Get up.", words=("rise",), at_bus="lay supine"),
+    FirstStep(name="scan", aim="Look.", words=("scan",)),
+    FirstStep(name="ids", aim="Set up.", words=("servo", "setup"), is_optional=True),
+    FirstStep(name="rise", aim="Get up.", words=("rise",), at_bus="lay supine"),
 )
 
 
@@ -97,7 +97,7 @@ def test_a_chosen_step_comes_first_and_done_ones_may_be_skipped(tmp_path: Path):
 
 
 def test_an_answer_becomes_the_last_word_of_a_command(tmp_path: Path):
-    steps = (Step(name="id", aim="Change.", words=("servo", "id"), asks="new id:"),)
+    steps = (FirstStep(name="id", aim="Change.", words=("servo", "id"), asks="new id:"),)
     person = Person("7")
     assert walk(person, tmp_path, steps=steps) == 0
     assert person.ran == [("servo", "id", "7")]

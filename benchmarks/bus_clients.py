@@ -1,14 +1,14 @@
 """Foreign clients, unmodified, at `getup bus`: what fails and how long it takes, idle and busy.
 
-    pip install dynamixel-sdk rustypot dynamixel-python
+    pip install dynamixel-sdk rustypot dynamixel-python feetech-servo-sdk
     pip install --no-deps lerobot deepdiff orderly-set tqdm cachebox
     python benchmarks/bus_clients.py --repeats 500 --json bus_clients.json
 
-An OP3 lies on a virtual bus in real time. One after another, each client pings a servo, reads one
-register of it, writes one, reads the positions of all servos and writes all goals, many times; a
-client that can scan scans once. All is done twice: on an idle computer, and beside one busy process
-a core. An operation that fails is not repeated. `--rises N` gets the robot up N times over the port
-beside the busy processes, too.
+An OP3 lies on a virtual bus in real time; Feetech's clients have 20 STS3215 on a bench. One after
+another, each client pings a servo, reads one register of it, writes one, reads the positions of all
+servos and writes all goals, many times; a client that can scan scans once. All is done twice: on an
+idle computer, and beside one busy process a core. An operation that fails is not repeated.
+`--rises N` gets the robot up N times over the port beside the busy processes, too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,10 @@ FIRST, BOARD = IDS[0], 200
 BAUD = ROBOT.bus.baud if ROBOT.bus else 0  # bit/s
 LED, GOAL, POSITION = 65, 116, 132
 MIDDLE = 2048  # ticks
+FEETECH_BAUD, FEETECH_TORQUE = 1_000_000, 40  # bit/s, register
+FEETECH_GOAL, FEETECH_POSITION = 42, 56
+OP3 = ("--robot", "op3", "--powered")
+FEETECH = ("--servos", f"STS3215-C018:{','.join(map(str, IDS))}")
 SETTLING, RESTING = 3.0, 10.0  # s until the robot rests, and in which its bus is measured
 PAUSE = 0.002  # s between two operations, in which the bus may do something else
 
@@ -50,7 +55,7 @@ Operations = Mapping[str, Callable[[], object]]
 @contextmanager
 def bus_process(*options: str) -> Iterator[subprocess.Popen[str]]:
     """Run `getup bus`."""
-    command = [*GETUP, "bus", "--robot", "op3", "--powered", *options]
+    command = [*GETUP, "bus", *options]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:
@@ -175,12 +180,89 @@ def lerobot(path: str) -> Iterator[Operations]:
     port.disconnect(disable_torque=False)
 
 
-CLIENTS: dict[str, Callable[[str], Any]] = {
-    "bare bytes": bare_bytes,
-    "dynamixel-sdk": dynamixel_sdk,
-    "rustypot": rustypot,
-    "dynamixel-python": dynamixel_python,
-    "lerobot": lerobot,
+@contextmanager
+def easy_sdk(path: str) -> Iterator[Operations]:
+    """Use the classes of servos that ROBOTIS' SDK brings since version 4."""
+    import dynamixel_easy_sdk as sdk
+
+    port = sdk.Connector(path, BAUD)
+    motors = [port.createMotor(servo) for servo in IDS]
+    for motor in motors:  # it sends no goal to a servo with torque off
+        motor.enableTorque()
+    reader, writer = port.createGroupExecutor(), port.createGroupExecutor()
+    for motor in motors:
+        reader.addCmd(motor.stageGetPresentPosition())
+        writer.addCmd(motor.stageSetGoalPosition(motor.getPresentPosition()))
+    first = motors[0]
+    yield {
+        "ping": first.ping,
+        "read": first.getPresentPosition,
+        "write": first.LEDOn,
+        "group read": lambda: None not in reader.executeRead(),
+        "group write": writer.executeWrite,
+        "scan": lambda: set(IDS) <= set(port.broadcastPing()),
+    }
+    port.closePort()
+
+
+@contextmanager
+def scservo_sdk(path: str) -> Iterator[Operations]:
+    """Use Feetech's SDK."""
+    import scservo_sdk as sdk  # pyright: ignore[reportMissingImports]
+
+    port, packets = sdk.PortHandler(path), sdk.PacketHandler(0)
+    assert port.openPort()
+    assert port.setBaudRate(FEETECH_BAUD)
+    reader = sdk.GroupSyncRead(port, packets, FEETECH_POSITION, 2)
+    writer = sdk.GroupSyncWrite(port, packets, FEETECH_GOAL, 2)
+    for servo in IDS:
+        reader.addParam(servo)
+        writer.addParam(servo, MIDDLE.to_bytes(2, "little"))
+    good = sdk.COMM_SUCCESS
+    yield {
+        "ping": lambda: packets.ping(port, FIRST)[1] == good,
+        "read": lambda: packets.read2ByteTxRx(port, FIRST, FEETECH_POSITION)[1] == good,
+        "write": lambda: packets.write1ByteTxRx(port, FIRST, FEETECH_TORQUE, 0)[0] == good,
+        "group read": lambda: reader.txRxPacket() == good,
+        "group write": lambda: writer.txPacket() == good,
+    }
+    port.closePort()
+
+
+@contextmanager
+def rustypot_feetech(path: str) -> Iterator[Operations]:
+    """Use Pollen Robotics' client with servos of Feetech."""
+    import rustypot as peer  # pyright: ignore[reportMissingImports]
+
+    port = peer.Sts3215PyController(path, FEETECH_BAUD, 0.1)
+    yield {
+        "ping": lambda: port.ping(FIRST),
+        "read": lambda: port.read_present_position(FIRST),
+        "write": lambda: port.write_torque_enable(FIRST, False),
+        "group read": lambda: port.sync_read_present_position(IDS),
+        "group write": lambda: port.sync_write_goal_position(IDS, [0.0] * len(IDS)),
+    }
+    port.close()
+
+
+@dataclass(frozen=True)
+class Client:
+    """A program for servos, and the bus that it is for."""
+
+    connect: Callable[[str], AbstractContextManager[Operations]]
+    bus: tuple[str, ...] = OP3
+    """Options of `getup bus`."""
+
+
+CLIENTS = {
+    "bare bytes": Client(bare_bytes),
+    "dynamixel-sdk": Client(dynamixel_sdk),
+    "dynamixel-easy-sdk": Client(easy_sdk),
+    "rustypot": Client(rustypot),
+    "dynamixel-python": Client(dynamixel_python),
+    "lerobot": Client(lerobot),
+    "scservo_sdk, STS3215": Client(scservo_sdk, FEETECH),
+    "rustypot, STS3215": Client(rustypot_feetech, FEETECH),
 }
 
 
@@ -210,7 +292,7 @@ def measure(operation: Callable[[], object], repeats: int) -> dict[str, float]:
 def measure_client(name: str, path: str, repeats: int) -> dict[str, dict[str, float]]:
     """Measure all operations of a client; scans once in a hundred."""
     cases = dict[str, dict[str, float]]()
-    with CLIENTS[name](path) as operations:
+    with CLIENTS[name].connect(path) as operations:
         for operation, work in operations.items():
             count = max(repeats // 100, 1) if operation == "scan" else repeats
             cases[operation] = measure(work, count)
@@ -221,7 +303,7 @@ def measure_client(name: str, path: str, repeats: int) -> dict[str, dict[str, fl
 
 def measure_rest() -> dict[str, float]:
     """Measure which share of a core a bus takes whose limp robot lies still."""
-    with bus_process() as process:
+    with bus_process(*OP3) as process:
         read_path(process)
         time.sleep(SETTLING)
         before = count_processor_time(process.pid)
@@ -246,7 +328,7 @@ def count_rises(count: int) -> int:
     for seed in range(count):
         with (
             tempfile.TemporaryDirectory() as folder,
-            bus("--from", "supine", "--seed", str(seed)) as path,
+            bus(*OP3, "--from", "supine", "--seed", str(seed)) as path,
         ):
             play = [*GETUP, "play", "supine_roll_over", "--backend", "dynamixel", "--port", path]
             ended = subprocess.run(
@@ -271,9 +353,9 @@ def main(*, repeats: int = 500, rises: int = 0, json: Path | None = None) -> Non
     for load in (0, cores):
         kind = "busy" if load else "idle"
         with busy_processes(load):
-            for name in CLIENTS:
+            for name, client in CLIENTS.items():
                 print(f"{name}, {kind}", flush=True)
-                with bus() as path:
+                with bus(*client.bus) as path:
                     try:
                         cases[f"{name}, {kind}"] = measure_client(name, path, repeats)
                     except ImportError as error:

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 
 from msgspec import UNSET, Struct, StructMeta, UnsetType
 
+from humanoid_getup.engines.versions import Versions
 from humanoid_getup.execution.result import RiseFigures, RiseResult
 from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, SummarizedRise
 from robots.servo import LimitMode
@@ -62,6 +63,8 @@ class BenchHead(Struct, metaclass=AbstractStructMeta, frozen=True, kw_only=True)
     torque_limit_nm: float | UnsetType | None = UNSET
     """None for stall torque."""
     limit_by: LimitMode | UnsetType | None = UNSET
+    versions: Versions | UnsetType = UNSET
+    """What the result depends on, by checksum, where workers may have made it."""
 
     @property
     @abstractmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import UNSET, UnsetType, convert
@@ -34,6 +35,25 @@ Report = Callable[[MeasuredRise], None]
 """Called after each rise, with its figures."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class RisePiece:
+    """One of many rises, which depends on nothing but this and its strategy."""
+
+    number: int
+    fall: Fall
+    bench_class: str
+    seed: int
+    """Of all rises; each has its own generator by its number."""
+    preflight: bool = True
+    """Whether the preflight may refuse it."""
+    way: str | UnsetType = UNSET
+    """Name of the strategy, if several are compared."""
+
+
+RunRises = Callable[[Mapping[str, RisePiece], Callable[[str, MeasuredRise], None]], None]
+"""Does rises, by name, anywhere and in any order; hands each over as it ends."""
+
+
 def bench_rise(
     strategy: PlannedRise,
     *,
@@ -41,6 +61,7 @@ def bench_rise(
     each: int = 20,
     report: Report = lambda _: None,
     ledger: Ledger | None = None,
+    run: RunRises | None = None,
 ) -> RiseBench:
     """Rise by plans from ``each`` settled falls of every class on the twin.
 
@@ -50,11 +71,12 @@ def bench_rise(
         each: Falls of each class.
         report: Called after each rise.
         ledger: Keeps every rise; those that it holds already are not repeated.
+        run: Does the rises by an equal strategy; None: one after another, here.
     """
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
-    preflight = strategy.options.filtering
-    rises = rise_all(strategy, falls, seed, report, preflight=preflight, ledger=ledger)
+    pieces = list_pieces(falls, seed, preflight=strategy.options.filtering)
+    rises = rise_all(pieces, run or run_here(strategy), report, ledger)
     return RiseBench(
         name="rise",
         seed=seed,
@@ -103,7 +125,7 @@ def bench_methods(
     falls = _sample(first.world, each, seed)
     cases: dict[str, MethodSummary] = {}
     for name, strategy in strategies.items():
-        rises = rise_all(strategy, falls, seed, report, way=name)
+        rises = rise_all(list_pieces(falls, seed, way=name), run_here(strategy), report)
         hottest: Quantiles | UnsetType = UNSET
         if heat:
             rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
@@ -126,35 +148,61 @@ def _sample(world: World, each: int, seed: int) -> list[Fall]:
     return sample_falls(world, dict.fromkeys(BENCH_CLASSES, each), rng)
 
 
-def rise_all(
-    strategy: Strategy,
-    falls: list[Fall],
+def list_pieces(
+    falls: Sequence[Fall],
     seed: int,
-    report: Report,
     *,
     classes: Sequence[str] = BENCH_CLASSES,
     preflight: bool = True,
     way: str | UnsetType = UNSET,
-    ledger: Ledger | None = None,
-) -> list[MeasuredRise]:
-    """Rise from every fall on a fresh twin, by a method that may have a name.
+) -> dict[str, RisePiece]:
+    """List a rise from every fall; the falls are in the order of the classes, as many of each."""
+    return {
+        str(number): RisePiece(
+            number=number,
+            fall=fall,
+            bench_class=classes[number * len(classes) // len(falls)],
+            seed=seed,
+            preflight=preflight,
+            way=way,
+        )
+        for number, fall in enumerate(falls)
+    }
 
-    The falls are in the order of the classes, as many of each. Rises that the ledger holds are
-    taken from it.
-    """
-    rises = list[MeasuredRise]()
-    for number, fall in enumerate(falls):
-        kept = None if ledger is None else ledger.done.get(str(number))
-        if kept is None:
-            rise = rise_from(strategy, fall, number, seed, preflight=preflight)
-            bench_class = classes[number * len(classes) // len(falls)]
-            rises.append(MeasuredRise(**vars(rise.figures()), bench_class=bench_class, way=way))
-            if ledger is not None:
-                ledger.add(str(number), rises[-1])
-        else:
-            rises.append(convert(kept, MeasuredRise))
-        report(rises[-1])
-    return rises
+
+def rise_all(
+    pieces: Mapping[str, RisePiece], run: RunRises, report: Report, ledger: Ledger | None = None
+) -> list[MeasuredRise]:
+    """Do rises that a ledger does not hold yet; return all, in their order."""
+    kept = ledger.done if ledger is not None else {}
+    rises = {name: convert(kept[name], MeasuredRise) for name in pieces if name in kept}
+    for rise in rises.values():
+        report(rise)
+
+    def end(name: str, rise: MeasuredRise) -> None:
+        rises[name] = rise
+        if ledger is not None:
+            ledger.add(name, rise)
+        report(rise)
+
+    run({name: piece for name, piece in pieces.items() if name not in rises}, end)
+    return [rises[name] for name in pieces]
+
+
+def run_here(strategy: Strategy) -> RunRises:
+    """Do rises one after another in this process."""
+
+    def run(pieces: Mapping[str, RisePiece], end: Callable[[str, MeasuredRise], None]) -> None:
+        for name, piece in pieces.items():
+            end(name, measure_rise(strategy, piece))
+
+    return run
+
+
+def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:
+    """Rise on a fresh twin, by a method that may have a name."""
+    rise = rise_from(strategy, piece.fall, piece.number, piece.seed, preflight=piece.preflight)
+    return MeasuredRise(**vars(rise.figures()), bench_class=piece.bench_class, way=piece.way)
 
 
 def rise_from(

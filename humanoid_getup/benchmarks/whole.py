@@ -20,7 +20,14 @@ from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import bench_disturbed
 from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
-from humanoid_getup.benchmarks.rise import Report, rise_all, rise_from, summarize_classes
+from humanoid_getup.benchmarks.rise import (
+    Report,
+    list_pieces,
+    rise_all,
+    rise_from,
+    run_here,
+    summarize_classes,
+)
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
 from humanoid_getup.benchmarks.world_change import WorldChange
@@ -145,14 +152,10 @@ class Whole:
 
     def _rise(self, method: RiseMethod, cap: TorqueCap, report: Report) -> MethodRises:
         falls = self.falls
-        rises = rise_all(
-            method.make(self.world, cap.limit),
-            falls.falls,
-            self.seed,
-            report,
-            classes=falls.classes,
-            preflight=method.preflight,
+        pieces = list_pieces(
+            falls.falls, self.seed, classes=falls.classes, preflight=method.preflight
         )
+        rises = rise_all(pieces, run_here(method.make(self.world, cap.limit)), report)
         kept = convert(rises, list[KeptRise], from_attributes=True)
         return MethodRises(classes=falls.classes, missing=falls.missing, rises=kept)
 

@@ -20,6 +20,7 @@ from humanoid_getup.benchmarks import (
 )
 from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.benchmarks.rise_method import RiseMethod
+from humanoid_getup.engines.versions import find_versions
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
 from humanoid_getup.jobs.measure_bodies import measure_bodies
@@ -40,6 +41,7 @@ from humanoid_getup.jobs.requests.bench import (
     BenchSoak,
 )
 from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions, accept_kind
+from humanoid_getup.jobs.rise_pieces import make_planner, spread_rises
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
 from humanoid_getup.playback.stand_holder import make_stand
@@ -49,7 +51,7 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Body
 
@@ -81,26 +83,16 @@ def benchmark(
 
 def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> BenchHead:
     """Rise from many settled falls."""
-    world, database = _load(request)
-    planner = PlannedRise(
-        world,
-        database,
-        torque_limit=make_torque_limit(request, world.robot),
-        prefer=request.prefer,
-        search_budget=request.search_budget,
-        options=PlannerOptions(
-            planning=request.planning,
-            filtering=request.filtering,
-            assistance=request.assistance,
-        ),
-    )
+    planner = make_planner(request)
     with refusing():
         ledger = _open_ledger(request, planner)
     if ledger is not None and ledger.done:
         monitor.tell(f"{len(ledger.done)} rises are finished")
     rises = len(rise.BENCH_CLASSES) * request.n
-    bench = partial(rise.bench_rise, planner, ledger=ledger)
-    return _count(request, monitor, bench, count=rises, of="rises")
+    run = spread_rises(request, planner, monitor)
+    bench = partial(rise.bench_rise, planner, ledger=ledger, run=run)
+    result = _count(request, monitor, bench, count=rises, of="rises")
+    return replace(result, versions=find_versions(request.robot))
 
 
 def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:

@@ -37,7 +37,7 @@ from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot
 
 POLL_TIME = 0.2  # s between two reads of the workers' progress
-LOG, BEST, KEYS, STRIP = ".json", ".npz", ".toml", ".png"
+LOG, BEST, KEYS, STRIP = ".jsonl", ".npz", ".toml", ".png"
 """Files of an unfinished motion: search log, best try, keys, picture."""
 
 _progress: Queue | None = None

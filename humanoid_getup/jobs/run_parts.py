@@ -22,7 +22,7 @@ Results = dict[str, PartResult]
 
 def is_begun(request: BenchAll | BenchBodies) -> bool:
     """Return whether there is a stored part of a benchmark."""
-    return any((request.out / PARTS).glob("*.json"))
+    return any((request.out / PARTS).glob("*.jsonl"))
 
 
 def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
@@ -33,7 +33,7 @@ def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
     """
     short = re.sub(r"[^a-z0-9]+", "_", part.name.lower()).strip("_")[:60]
     digest = hashlib.sha256(part.name.encode("utf-8", "replace")).hexdigest()[:6]
-    path = folder / f"{short}_{digest}.json"  # names that differ have files that differ
+    path = folder / f"{short}_{digest}.jsonl"  # names that differ have files that differ
     return Ledger.resume(path, part.depends) if resume else Ledger(path, part.depends)
 
 
@@ -47,7 +47,7 @@ def run_parts(
         CancelledError: if it is canceled; the parts that were finished are kept.
     """
     if not resume:
-        for path in folder.glob("*.json"):
+        for path in folder.glob("*.jsonl"):
             path.unlink()
     with refusing():
         ledgers = {part.name: open_part(folder, part, resume=resume) for part in parts}

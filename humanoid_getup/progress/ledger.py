@@ -8,27 +8,36 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.storage.encoding import as_kept, to_json
+from robots.storage.encoding import as_kept, to_json_line
 from robots.storage.files import write_atomically
 from robots.storage.validation import parse_file
 
 STARTS_OVER = "without --resume it starts over"
+RECIPE, PART, RESULT, CHECKSUM = "recipe", "part", "result", "sha256"
+"""Keys of the lines."""
+MOST_BYTES = 2**30
 
 
 class Ledger:
-    """The finished parts of some work by name, and the recipe on which they depend."""
+    """The finished parts of some work by name, and the recipe on which they depend.
+
+    Each part is one line of the file, added as it ends, and carries a checksum of itself and of all
+    lines before it. A last line that is cut off, by a program that was killed, does not count.
+    """
 
     def __init__(self, path: Path, recipe: object) -> None:
         """Begin an empty ledger; the file appears with the first part.
 
         Args:
-            path: The file; a part that is added replaces it.
+            path: The file, which the first part replaces.
             recipe: What the results depend on, as a dataclass or a mapping.
         """
         self.path = path
         self.recipe: dict[str, Any] = as_kept(recipe)
         self.done: dict[str, Any] = {}
         """Results in the form of JSON, in the order in which they were added."""
+        self._written = 0  # bytes of the file
+        self._digest = hashlib.sha256()
 
     @classmethod
     def resume(cls, path: Path, recipe: object) -> Ledger:
@@ -39,36 +48,75 @@ class Ledger:
         """
         ledger = cls(path, recipe)
         if path.exists():
-            ledger.done = _load(path, ledger.recipe)
+            ledger._read()
         return ledger
 
     def add(self, name: str, result: object) -> Any:
         """Store the result of a part; return it as stored."""
         self.done[name] = as_kept(result)
-        content = {"recipe": self.recipe, "sha256": _hash(self.done), "done": self.done}
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(self.path, to_json(content))
+        part = {PART: name, RESULT: self.done[name]}
+        if self._written:
+            self._append(self._seal(part))
+        else:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            content = self._seal({RECIPE: self.recipe}) + self._seal(part)
+            write_atomically(self.path, content)
+            self._written = len(content)
         return self.done[name]
 
+    def _append(self, line: bytes) -> None:
+        """Add a line in place of what follows the last whole one."""
+        with self.path.open("r+b") as file:
+            file.truncate(self._written)
+            file.seek(self._written)
+            file.write(line)
+        self._written += len(line)
 
-def _load(path: Path, recipe: Mapping[str, Any]) -> dict[str, Any]:
-    """Load the parts of a ledger.
+    def _seal(self, content: Mapping[str, Any]) -> bytes:
+        """Write a line with the checksum of all lines up to it."""
+        self._digest.update(to_json_line(content))
+        return to_json_line({**content, CHECKSUM: self._digest.hexdigest()})
+
+    def _read(self) -> None:
+        """Read the parts of the file.
+
+        Raises:
+            ValueError: if they are damaged, or of another recipe.
+        """
+        try:
+            rows = parse_file(self.path, "JSON Lines", _parse_lines, MOST_BYTES)
+        except ValueError as error:
+            raise ValueError(f"{self.path}: {error} ({STARTS_OVER})") from error
+        if not rows or not isinstance(rows[0].get(RECIPE), dict):
+            raise ValueError(f"{self.path}: keeps no work, expected a {RECIPE} ({STARTS_OVER})")
+        if any(not isinstance(row.get(PART), str) or RESULT not in row for row in rows[1:]):
+            raise ValueError(
+                f"{self.path}: a line keeps no work, expected a {PART} and its {RESULT} "
+                f"({STARTS_OVER})"
+            )
+        for row in rows:
+            checksum = row.pop(CHECKSUM, None)
+            self._written += len(self._seal(row))
+            if checksum != self._digest.hexdigest():
+                raise ValueError(
+                    f"{self.path}: its checksum differs, expected the parts as written "
+                    f"({STARTS_OVER})"
+                )
+        check_recipe(self.path, self.recipe, rows[0][RECIPE], STARTS_OVER)
+        self.done = {row[PART]: row[RESULT] for row in rows[1:]}
+
+
+def _parse_lines(text: str) -> list[dict[str, Any]]:
+    """Parse all lines but one that is cut off at the end.
 
     Raises:
-        ValueError: if they are damaged, or of another recipe.
+        ValueError: if a line is no JSON object.
     """
-    try:
-        content = parse_file(path, "JSON", json.loads)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error} ({STARTS_OVER})") from error
-    if not isinstance(content, dict) or not isinstance(content.get("recipe"), dict):
-        raise ValueError(f"{path}: keeps no work, expected the key recipe ({STARTS_OVER})")
-    if not isinstance(done := content.get("done"), dict) or content.get("sha256") != _hash(done):
-        raise ValueError(
-            f"{path}: its checksum differs, expected the parts as written ({STARTS_OVER})"
-        )
-    check_recipe(path, recipe, content["recipe"], STARTS_OVER)
-    return done
+    *lines, cut = text.split("\n")
+    rows = [json.loads(line) for line in (lines if lines else [cut])]
+    if any(not isinstance(row, dict) for row in rows):
+        raise ValueError("a line is no object")
+    return rows
 
 
 def check_recipe(
@@ -88,7 +136,3 @@ def _compare(key: str, now: Any, before: Any) -> str:
     """List the differences of recipes, with values except for checksums."""
     is_long = any(len(str(value)) >= 32 for value in (now, before))
     return key if is_long else f"{key} ({before}, now {now})"
-
-
-def _hash(done: Mapping[str, Any]) -> str:
-    return hashlib.sha256(to_json(done).encode()).hexdigest()

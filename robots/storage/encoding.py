@@ -10,11 +10,12 @@ import msgspec
 
 def to_json(value: Any) -> str:
     """Write a value as indented JSON text; numbers that are not finite become null."""
-    try:
-        text = msgspec.json.encode(value, enc_hook=_simplify)
-    except UnicodeEncodeError:  # the name of a file that is not UTF-8
-        text = msgspec.json.encode(_replace_surrogates(to_plain(value)))
-    return msgspec.json.format(text, indent=1).decode() + "\n"
+    return msgspec.json.format(_encode(value), indent=1).decode() + "\n"
+
+
+def to_json_line(value: Any) -> bytes:
+    """Write a value as one line of JSON Lines."""
+    return _encode(value) + b"\n"
 
 
 def to_plain(value: Any) -> Any:
@@ -25,6 +26,13 @@ def to_plain(value: Any) -> Any:
 def as_kept(value: Any) -> Any:
     """Return a value as it would be after JSON."""
     return msgspec.json.decode(to_json(value))
+
+
+def _encode(value: Any) -> bytes:
+    try:
+        return msgspec.json.encode(value, enc_hook=_simplify)
+    except UnicodeEncodeError:  # the name of a file that is not UTF-8
+        return msgspec.json.encode(_replace_surrogates(to_plain(value)))
 
 
 def _simplify(value: Any) -> Any:

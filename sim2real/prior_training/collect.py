@@ -31,7 +31,7 @@ PRIOR_SEED = 7_003  # makes these falls differ from those of trainings and evalu
 LONGEST = 8.0  # s of a policy's rollout
 AFTER = 4  # frames of the stand that belong to a rise
 SHORTEST = 12  # frames of a rise
-LEDGER = "ledger.json"
+LEDGER = "ledger.jsonl"
 """Ledger of the planned rises and of whether each stands."""
 PHYSICS_STEP = 0.002  # s, the twin's
 

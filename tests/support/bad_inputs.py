@@ -692,7 +692,7 @@ GROUPS: dict[str, list[Case]] = {
         case("motions build --robot bent_keyframes", "joint 'l_knee' of key number 1 is +900.000"),
         case(
             f"motions build {MOTION} --resume --robot broken_search",
-            f"{MOTION}.json: not JSON",
+            f"{MOTION}.jsonl: not JSON",
         ),
     ],
     "policy files": [
@@ -915,7 +915,7 @@ def make_files(folder: Path, robot: Robot) -> None:
         "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
     )
     digest = hashlib.sha256(b"plan, stall torque").hexdigest()[:6]
-    begun = folder / "begun" / "parts" / f"plan_stall_torque_{digest}.json"
+    begun = folder / "begun" / "parts" / f"plan_stall_torque_{digest}.jsonl"
     begun.parent.mkdir(parents=True)
     begun.write_text("half a part")
     _make_styles(folder)
@@ -1164,7 +1164,7 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     (copy("bent_keyframes", "motions") / "keyframes.toml").write_text(wave)
     search = copy("broken_search", "motions") / "unfinished"
     search.mkdir()
-    (search / f"{MOTION}.json").write_text("{")
+    (search / f"{MOTION}.jsonl").write_text("{")
     toml = copy("one_legged", "motions", "keyframes.toml") / "robot.toml"
     text = toml.read_text("utf-8").replace('["l_sole", "r_sole"]', '["l_sole"]')
     toml.write_text(text, "utf-8")

@@ -13,6 +13,7 @@ from humanoid_getup.jobs.requests.files import READ, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
+    EngineOptions,
     MotionName,
     PreferenceOptions,
     RobotOption,
@@ -103,7 +104,7 @@ class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(PreferenceOptions, FallsOptions):
+class BenchRise(EngineOptions, PreferenceOptions, FallsOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     planning: bool = True

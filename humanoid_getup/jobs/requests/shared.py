@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from humanoid_getup.engines.engine import Engine
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.files import READ, ROBOT, find_output_problems
 from humanoid_getup.jobs.requests.values import (
@@ -166,6 +167,28 @@ class TorqueOptions(JobRequest):
     limit_by: Literal["current", "pwm", "ideal"] | None = None
     """What the torque limit acts on: the motors' current, in current-based position mode; their
     PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineOptions(JobRequest):
+    """What runs independent pieces of work."""
+
+    engine: Annotated[str, arg(metavar="local|ray|dask|slurm[:N]")] = "local"
+    """What runs the pieces, with N workers: processes of this machine (by default as many as it has
+    processors, and this process alone for a few pieces), Ray, Dask, or Dask's workers as jobs of
+    Slurm. No result depends on it."""
+    address: Annotated[str, arg(metavar="ADDRESS")] = ""
+    """Address of a Ray or Dask cluster that is running; default: one of this machine, which ends
+    with the work."""
+
+    def find_problems(self) -> list[str]:
+        """Report an unknown engine as well."""
+        problems = super().find_problems()
+        try:
+            Engine.parse(self.engine, self.address)
+        except ValueError as error:
+            problems.append(f"--{error}")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

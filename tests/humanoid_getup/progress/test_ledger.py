@@ -1,6 +1,5 @@
 """What is done of long work is kept as it is, and never taken for that of another recipe."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ RECIPE: dict[str, Any] = {"seed": 0, "world": "a" * 32}
 
 @given(parts=st.dictionaries(st.text(max_size=9), JSON, min_size=1, max_size=4))
 def test_what_is_loaded_is_what_was_kept(tmp_path_factory, parts):
-    path = tmp_path_factory.mktemp("work") / "new" / "ledger.json"
+    path = tmp_path_factory.mktemp("work") / "new" / "ledger.jsonl"
     ledger = Ledger.resume(path, RECIPE)
     assert ledger.done == {}
     kept = {name: ledger.add(name, result) for name, result in parts.items()}
@@ -30,7 +29,7 @@ def test_what_is_loaded_is_what_was_kept(tmp_path_factory, parts):
 
 
 def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_path: Path):
-    path = tmp_path / "ledger.json"
+    path = tmp_path / "ledger.jsonl"
     Ledger(path, RECIPE).add("one", 1)
     ledger = Ledger(path, {"seed": 7})
     assert Ledger.resume(path, RECIPE).done == {"one": 1}
@@ -48,23 +47,50 @@ def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_pat
     ],
 )
 def test_the_work_of_another_recipe_is_refused_by_what_differs(tmp_path: Path, recipe, message):
-    Ledger(tmp_path / "ledger.json", RECIPE).add("one", 1)
+    Ledger(tmp_path / "ledger.jsonl", RECIPE).add("one", 1)
     with pytest.raises(ValueError, match=message):
-        Ledger.resume(tmp_path / "ledger.json", recipe)
+        Ledger.resume(tmp_path / "ledger.jsonl", recipe)
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"recipe": 3}', '{"recipe": {}}'])
 def test_a_damaged_ledger_is_refused_in_one_line(tmp_path: Path, damage: str):
-    path = tmp_path / "ledger.json"
+    path = tmp_path / "ledger.jsonl"
     path.write_text(damage)
     with pytest.raises(ValueError, match="without --resume it starts over") as message:
         Ledger.resume(path, RECIPE)
     assert str(message.value).isprintable()
 
 
-def test_a_result_that_was_changed_is_refused(tmp_path: Path):
-    path = tmp_path / "ledger.json"
-    Ledger(path, RECIPE).add("one", {"rises": 3})
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"done": {"one": {"rises": 4}}}))
+@pytest.mark.parametrize("change", [('"rises":3', '"rises":4'), ('"one"', '"six"')])
+def test_a_result_that_was_changed_is_refused(tmp_path: Path, change: tuple[str, str]):
+    path = keep_two(tmp_path)
+    path.write_text(path.read_text().replace(*change))
     with pytest.raises(ValueError, match="its checksum differs"):
         Ledger.resume(path, RECIPE)
+
+
+def test_a_line_that_was_removed_is_missed(tmp_path: Path):
+    path = keep_two(tmp_path)
+    head, _first, second = path.read_text().splitlines(keepends=True)
+    path.write_text(head + second)
+    with pytest.raises(ValueError, match="its checksum differs"):
+        Ledger.resume(path, RECIPE)
+
+
+@given(cut=st.integers(1, 50))
+def test_a_last_line_that_is_cut_off_is_done_again(tmp_path_factory, cut: int):
+    path = keep_two(tmp_path_factory.mktemp("work"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-cut])
+    ledger = Ledger.resume(path, RECIPE)
+    assert ledger.done == {"one": {"rises": 3}}
+    ledger.add("two", [0.5])
+    assert path.read_bytes() == whole
+
+
+def keep_two(folder: Path) -> Path:
+    """Keep two parts."""
+    ledger = Ledger(folder / "ledger.jsonl", RECIPE)
+    ledger.add("one", {"rises": 3})
+    ledger.add("two", [0.5])
+    return ledger.path

@@ -1,6 +1,5 @@
 """`getup motions import`, `record`, `preview` and `build`: from a file or a hand to a motion."""
 
-import json
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -211,10 +210,10 @@ def test_a_build_that_fails_keeps_its_best_try_and_continues(run: Run, op3_folde
     code, out, _ = run(*build, "--generations", "2", "--resume")
     assert code == 1
     assert "kick continues after generation 1" in out
-    assert len(json.loads((unfinished / "kick.json").read_text())["generations"]) == 2
+    assert len((unfinished / "kick.jsonl").read_text().splitlines()) == 1 + 2
     code, _, error = run(*build, "--resume", "--seed", "5")
     assert code == 2
-    assert "kick.json: made with another seed" in error
+    assert "kick.jsonl: made with another seed" in error
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ def test_an_interrupted_build_prints_the_command_that_continues_it_if_anything_w
     unfinished = copied_op3 / "unfinished"
     unfinished.mkdir()
     if is_kept:
-        (unfinished / "squat_to_stand.json").touch()
+        (unfinished / "squat_to_stand.jsonl").touch()
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

@@ -1,0 +1,1 @@
+"""Engines that run independent pieces of work: this process, processes, Ray, Dask, Slurm."""

@@ -1,0 +1,101 @@
+"""Dask as an engine: a cluster that is running, one of this machine, or jobs of Slurm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager
+from shutil import which
+from typing import Any, TypeVar
+
+from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.errors import EngineError, WorkerLostError
+from humanoid_getup.engines.forwarded import forward
+from humanoid_getup.engines.local_processes import TRIES
+from humanoid_getup.engines.workers import Workers
+
+CONNECT_TIME = 10.0  # s
+SLURM_WORKERS = 8
+MEMORY = "4GB"  # of a worker; one takes 0.6 GB
+
+Result = TypeVar("Result")
+
+
+@contextmanager
+def start_dask(engine: Engine, _pieces: int) -> Iterator[Workers]:
+    """Start Dask on this machine, or connect to a cluster.
+
+    Raises:
+        EngineError: if it does not answer, or has no workers.
+    """
+    from dask.distributed import Client, LocalCluster
+
+    with ExitStack() as stack:
+        if not engine.address:
+            cluster = LocalCluster(
+                n_workers=engine.workers, threads_per_worker=1, dashboard_address=None
+            )
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+            yield _count_workers(client)
+            return
+        try:
+            client = stack.enter_context(Client(engine.address, timeout=CONNECT_TIME))
+        except (OSError, ValueError) as error:
+            raise EngineError(
+                f"no Dask scheduler answers at {engine.address}, expected one that "
+                "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
+            ) from error
+        workers = _count_workers(client)
+        if not workers.count:
+            raise EngineError(
+                f"the Dask scheduler at {engine.address} has no workers, expected some that "
+                "`dask worker` runs"
+            )
+        yield workers
+
+
+@contextmanager
+def start_slurm(engine: Engine, _pieces: int) -> Iterator[Workers]:
+    """Start workers as jobs of Slurm; each does pieces when its job runs.
+
+    Raises:
+        EngineError: if there is no Slurm.
+    """
+    from dask.distributed import Client
+    from dask_jobqueue import SLURMCluster
+
+    if which("sbatch") is None:
+        raise EngineError("there is no `sbatch`, expected a machine that submits jobs to Slurm")
+    count = engine.workers or SLURM_WORKERS
+    with ExitStack() as stack:
+        cluster = stack.enter_context(SLURMCluster(cores=1, processes=1, memory=MEMORY))
+        cluster.scale(count)
+        client = stack.enter_context(Client(cluster))
+        yield Workers(executor=DaskExecutor(client), count=count)
+
+
+def _count_workers(client: Any) -> Workers:
+    """Count the threads of the workers of a cluster."""
+    return Workers(executor=DaskExecutor(client), count=sum(client.nthreads().values()))
+
+
+class DaskExecutor(Executor):
+    """Submits each piece as a task of Dask, which tries it again if its worker is lost."""
+
+    def __init__(self, client: Any) -> None:
+        """Submit to the cluster of a client."""
+        from dask.distributed import KilledWorker
+
+        self._lost = KilledWorker
+        self._inner = client.get_executor(pure=False)
+
+    def submit(
+        self, work: Callable[..., Result], /, *arguments: Any, **options: Any
+    ) -> Future[Result]:
+        """Submit a piece."""
+        return forward(self._inner.submit(work, *arguments, **options), self._translate)
+
+    def _translate(self, error: BaseException) -> BaseException:
+        if isinstance(error, self._lost):
+            return WorkerLostError(TRIES, "Dask gave it up")
+        return error

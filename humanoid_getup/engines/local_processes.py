@@ -1,0 +1,226 @@
+"""Executors of this machine: this process itself, and worker processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import queue
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from multiprocessing.connection import Connection, wait
+from typing import Any, TypeVar
+
+from humanoid_getup.engines.errors import WorkerLostError
+from humanoid_getup.progress.worker_pool import SPAWN
+
+TRIES = 3  # of a piece whose worker ends
+EXIT = 5.0  # s that a terminated worker has to end
+
+Result = TypeVar("Result")
+Task = tuple[Future, Callable[..., Any], tuple[Any, ...]]
+
+
+class ThisProcess(Executor):
+    """Runs each piece when it is submitted."""
+
+    def submit(
+        self, work: Callable[..., Result], /, *arguments: Any, **options: Any
+    ) -> Future[Result]:
+        """Run a piece; the future is done when it is returned.
+
+        Errors other than exceptions, such as `KeyboardInterrupt`, are raised here.
+        """
+        future = Future[Result]()
+        try:
+            future.set_result(work(*arguments, **options))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class LocalProcesses(Executor):
+    """Runs pieces in processes of this machine, each of which does one at a time.
+
+    A piece whose process ends, such as one that is killed, is tried again in a new process; the
+    others do not notice.
+    """
+
+    def __init__(self, workers: int) -> None:
+        """Start threads that start a process each with their first piece."""
+        self._tasks = queue.SimpleQueue[Task | None]()
+        self._ended = threading.Event()
+        self._workers: set[WorkerProcess] = set()
+        self._threads = [
+            threading.Thread(target=self._serve, name=f"worker {number}", daemon=True)
+            for number in range(workers)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(
+        self, work: Callable[..., Result], /, *arguments: Any, **options: Any
+    ) -> Future[Result]:
+        """Queue a piece: a function of a module and its arguments, which are pickled.
+
+        Raises:
+            RuntimeError: after `shutdown`.
+        """
+        if self._ended.is_set():
+            raise RuntimeError("the executor was shut down, expected one that runs")
+        if options:
+            raise TypeError("pieces have no keyword arguments, expected a partial function")
+        future = Future[Result]()
+        self._tasks.put((future, work, arguments))
+        return future
+
+    @property
+    def process_ids(self) -> list[int]:
+        """Return the numbers of its processes."""
+        return [worker.pid for worker in tuple(self._workers)]
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End; what is waiting is done before, unless it is cancelled and processes are ended."""
+        for _ in self._threads:
+            self._tasks.put(None)
+        if cancel_futures:
+            self._ended.set()
+            for worker in tuple(self._workers):
+                worker.end()
+        if wait:
+            for thread in self._threads:
+                thread.join()
+        self._ended.set()
+
+    def _serve(self) -> None:
+        """Do pieces in a process until there are no more."""
+        worker: WorkerProcess | None = None
+        while (task := self._tasks.get()) is not None:
+            future, work, arguments = task
+            if self._ended.is_set():
+                future.cancel()
+            elif future.set_running_or_notify_cancel():
+                worker = self._do(worker, future, work, arguments)
+        self._drop(worker)
+
+    def _do(
+        self,
+        worker: WorkerProcess | None,
+        future: Future,
+        work: Callable[..., Any],
+        arguments: tuple[Any, ...],
+    ) -> WorkerProcess | None:
+        """Try a piece until its worker survives; return the worker."""
+        reason = ""
+        for _ in range(TRIES):
+            if worker is None:
+                worker = WorkerProcess()
+                self._workers.add(worker)
+            try:
+                result = worker.call(work, arguments)
+            except EOFError:
+                reason = worker.end()
+                worker = self._drop(worker)
+                if self._ended.is_set():
+                    break
+            except BaseException as error:
+                future.set_exception(error)
+                return worker
+            else:
+                future.set_result(result)
+                return worker
+        future.set_exception(WorkerLostError(TRIES, reason))
+        return worker
+
+    def _drop(self, worker: WorkerProcess | None) -> None:
+        if worker is not None:
+            worker.end()
+            self._workers.discard(worker)
+
+
+class WorkerProcess:
+    """A fresh process that does one piece after another; it ends with this one at the latest."""
+
+    def __init__(self) -> None:
+        self._pipe, theirs = SPAWN.Pipe()
+        self._process = SPAWN.Process(target=_work, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid or 0
+
+    def call(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """Do a piece; return its result, or raise its error.
+
+        Raises:
+            EOFError: if the process ends.
+        """
+        message = pickle.dumps((work, arguments))
+        try:
+            self._pipe.send_bytes(message)
+            succeeded, result = self._pipe.recv()
+        except OSError as error:
+            raise EOFError from error
+        if succeeded:
+            return result
+        raise result
+
+    def end(self) -> str:
+        """End the process; return how it ended."""
+        self._process.terminate()
+        self._process.join(EXIT)
+        self._process.kill()
+        self._process.join()
+        return describe_exit(self._process.exitcode)
+
+
+def describe_exit(code: int | None) -> str:
+    """Describe how a process ended."""
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    name = signal.Signals(-code).name
+    return f"{name}, which a system without memory sends" if -code == signal.SIGKILL else name
+
+
+def _work(pipe: Connection) -> None:
+    """Do pieces until the other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    while True:
+        try:
+            message = pipe.recv_bytes()
+        except (EOFError, OSError):
+            return
+        pipe.send_bytes(_answer(message))
+
+
+def _answer(message: bytes) -> bytes:
+    """Do a piece; return whether it succeeded, and its result or its error."""
+    try:
+        work, arguments = pickle.loads(message)
+        return pickle.dumps((True, work(*arguments)))
+    except BaseException as error:
+        return _write_error(error)
+
+
+def _write_error(error: BaseException) -> bytes:
+    """Pickle an error; one that cannot be pickled becomes a `RuntimeError` of its text."""
+    try:
+        content = pickle.dumps((False, error))
+        pickle.loads(content)
+    except Exception:
+        content = pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+    return content
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent does, however that ends."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

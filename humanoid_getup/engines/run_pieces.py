@@ -1,0 +1,96 @@
+"""Runs independent pieces of work on an engine; each result is handed over as it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
+from itertools import islice
+from typing import TypeVar
+
+from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.local_processes import LocalProcesses, ThisProcess
+from humanoid_getup.engines.workers import Workers
+from humanoid_getup.progress.callback import ProgressMonitor
+
+POLL_TIME = 0.2  # s between two looks whether the work is canceled
+QUEUED = 4  # pieces per worker that are submitted, so that none waits for this process
+
+Piece = TypeVar("Piece")
+Result = TypeVar("Result")
+Ended = Callable[[str, Result], None]
+"""Receives the name of a piece and its result."""
+
+
+@contextmanager
+def start_workers(engine: Engine, pieces: int) -> Iterator[Workers]:
+    """Start the workers of an engine, or connect to them; they end with the block.
+
+    Raises:
+        EngineError: if it is not reachable.
+        ModuleNotFoundError: if it is not installed.
+    """
+    if engine.kind == "ray":
+        from humanoid_getup.engines.ray_cluster import start_ray as start
+    elif engine.kind == "dask":
+        from humanoid_getup.engines.dask_cluster import start_dask as start
+    elif engine.kind == "slurm":
+        from humanoid_getup.engines.dask_cluster import start_slurm as start
+    else:
+        start = _start_processes
+    with start(engine, pieces) as workers:
+        yield workers
+
+
+@contextmanager
+def _start_processes(engine: Engine, pieces: int) -> Iterator[Workers]:
+    """Start processes of this machine; a single one is this process."""
+    count = engine.choose_workers(pieces)
+    if count == 1:
+        yield Workers(executor=ThisProcess(), count=0)
+        return
+    executor = LocalProcesses(count)
+    try:
+        yield Workers(executor=executor, count=count)
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def run_pieces(
+    work: Callable[[Piece], Result],
+    pieces: Mapping[str, Piece],
+    workers: Workers,
+    ended: Ended[Result],
+    monitor: ProgressMonitor | None = None,
+) -> None:
+    """Run pieces; call ``ended`` in this thread with each result, in whatever order they end.
+
+    Args:
+        work: Function of a module, or a partial one, that does a piece. It must not depend on what
+            was done before.
+        pieces: What to do, by name; pickled, as the results are.
+        workers: Where to do it.
+        ended: Receives each result.
+        monitor: Ends the work between two pieces if it is canceled.
+
+    Raises:
+        CancelledError: if the work is canceled.
+        EngineError: if a worker is lost with the same piece repeatedly.
+    """
+    waiting = iter(pieces.items())
+    running = dict[Future[Result], str]()
+    most = max(QUEUED * workers.count, 1)
+    try:
+        while True:
+            for name, piece in islice(waiting, most - len(running)):
+                running[workers.executor.submit(work, piece)] = name
+            if not running:
+                return
+            done, _ = wait(running, POLL_TIME, FIRST_COMPLETED)
+            for future in done:
+                ended(running.pop(future), future.result())
+            if monitor is not None:
+                monitor.check()
+    finally:
+        for future in running:
+            future.cancel()

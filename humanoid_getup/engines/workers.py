@@ -1,0 +1,15 @@
+"""Workers of an engine."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """Workers of an engine, and what gives them pieces."""
+
+    executor: Executor
+    count: int
+    """How many pieces they do at the same time; 0 for the process that submits them."""

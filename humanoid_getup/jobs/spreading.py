@@ -1,0 +1,61 @@
+"""Spreads the pieces of a job over the engine of its request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
+from humanoid_getup.engines.versions import CheckedWork, find_versions
+from humanoid_getup.engines.workers import Workers
+from humanoid_getup.jobs.errors import needing
+from humanoid_getup.jobs.requests.shared import EngineOptions, SceneOptions
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.scenes.named_scenes import SUFFIX
+from robots import list_robots
+
+Piece = TypeVar("Piece")
+Result = TypeVar("Result")
+Place = TypeVar("Place", bound=SceneOptions)
+
+
+@contextmanager
+def starting(request: EngineOptions, pieces: int) -> Iterator[Workers]:
+    """Start the workers of a request's engine for a number of pieces.
+
+    Raises:
+        BadInputError: if a package is missing.
+        EngineError: if it does not answer.
+    """
+    engine = Engine.parse(request.engine, request.address)
+    with ExitStack() as stack:
+        with needing(engine.kind):
+            workers = stack.enter_context(start_workers(engine, pieces))
+        yield workers
+
+
+def spread(
+    work: Callable[[Piece], Result],
+    pieces: Mapping[str, Piece],
+    workers: Workers,
+    ended: Ended[Result],
+    monitor: ProgressMonitor,
+    robot: str,
+) -> None:
+    """Do pieces with workers that have the versions of this process and its robot."""
+    checked = CheckedWork(work, robot, find_versions(robot))
+    run_pieces(checked, pieces, workers, ended, monitor)
+
+
+def name_absolutely(request: Place) -> Place:
+    """Name robot and scene so that a worker finds them from its own folder."""
+    robot, scene = request.robot, request.scene
+    return replace(
+        request,
+        robot=robot if robot in list_robots() else str(Path(robot).resolve()),
+        scene=str(Path(scene).resolve()) if scene.endswith(SUFFIX) else scene,
+    )

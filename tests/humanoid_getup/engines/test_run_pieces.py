@@ -1,0 +1,95 @@
+"""Pieces give the same results wherever they are done, and a lost worker costs one of them."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from counted_work import (
+    TRACE,
+    die,
+    die_once,
+    fail_stubbornly,
+    name_process,
+    refuse,
+    square,
+    square_slowly,
+)
+
+from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.errors import WorkerLostError
+from humanoid_getup.engines.run_pieces import run_pieces, start_workers
+from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
+
+ENGINES = ["local:1", "local:2", "local:3"]
+
+
+def run(engine: str, work: Callable[[Any], int], pieces: list[Any], **options: Any) -> list[int]:
+    """Run pieces; return their results in the order of the pieces."""
+    done = dict[str, int]()
+    with start_workers(Engine.parse(engine), len(pieces)) as workers:
+        named = {str(number): piece for number, piece in enumerate(pieces)}
+        run_pieces(work, named, workers, done.__setitem__, **options)
+    return [done[name] for name in named]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_results_do_not_depend_on_number_and_order_of_workers(engine: str):
+    assert run(engine, square_slowly, [*range(11)]) == [n * n for n in range(11)]
+
+
+def test_one_worker_is_this_process_and_two_are_others():
+    assert set(run("local:1", name_process, [0] * 3)) == {os.getpid()}
+    others = set(run("local:2", name_process, [0] * 8))
+    assert os.getpid() not in others
+    assert len(others) <= 2
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_no_pieces_are_no_work(engine: str):
+    assert run(engine, square, []) == []
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_error_of_a_piece_is_raised_as_it_is(engine: str):
+    with pytest.raises(ValueError, match=r"^number is 7, expected another$"):
+        run(engine, refuse, [7])
+
+
+def test_an_error_that_cannot_travel_arrives_as_its_text():
+    with pytest.raises(RuntimeError, match="StubbornError: number is 7"):
+        run("local:2", fail_stubbornly, [7, 7])
+
+
+def test_a_killed_worker_costs_one_piece(tmp_path: Path):
+    pieces = [(tmp_path, number) for number in range(9)]
+    assert run("local:2", die_once, pieces) == [n * n for n in range(9)]
+    tries = [len((tmp_path / f"{TRACE}_{number}").read_text()) for number in range(9)]
+    assert tries == [1, 1, 1, 2, 1, 1, 1, 1, 1]
+
+
+def test_a_piece_that_always_ends_its_worker_is_given_up_in_one_line():
+    with pytest.raises(WorkerLostError, match=r"3 tries of a piece \(SIGKILL") as problem:
+        run("local:2", die, [1, 2])
+    assert str(problem.value).isprintable()
+
+
+def test_canceled_work_ends_between_two_pieces_and_ends_its_workers():
+    done = list[str]()
+    monitor = ProgressMonitor(cancel=lambda: len(done) >= 3)
+    with (
+        pytest.raises(CancelledError),
+        start_workers(Engine.parse("local:2"), 1000) as workers,
+    ):
+        pieces = {str(number): number for number in range(1000)}
+        try:
+            run_pieces(square_slowly, pieces, workers, lambda name, _: done.append(name), monitor)
+        finally:
+            numbers = workers.executor.process_ids  # type: ignore[attr-defined]
+    assert 3 <= len(done) < 20
+    assert len(numbers) == 2
+    for number in numbers:
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, signal.SIG_DFL)

@@ -1,0 +1,59 @@
+"""Work of workers in tests: it leaves traces in a folder."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+TRACE = "tried"
+
+
+def square(number: int) -> int:
+    """Square a number."""
+    return number * number
+
+
+def square_slowly(number: int) -> int:
+    """Square a number, the first ones last."""
+    time.sleep(0.02 * (5 - number % 5))
+    return number * number
+
+
+def name_process(_piece: int) -> int:
+    """Return the number of the process."""
+    return os.getpid()
+
+
+def refuse(number: int) -> int:
+    """Refuse a number."""
+    raise ValueError(f"number is {number}, expected another")
+
+
+def die_once(piece: tuple[Path, int]) -> int:
+    """Square a number; the first try of number 3 ends its process."""
+    folder, number = piece
+    with (folder / f"{TRACE}_{number}").open("a") as file:
+        file.write("x")
+    if number == 3 and len((folder / f"{TRACE}_3").read_text()) == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+
+
+def die(_number: int) -> int:
+    """End the process."""
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+
+class StubbornError(Exception):
+    """An error that cannot be unpickled."""
+
+    def __init__(self, name: str, value: int) -> None:
+        super().__init__(f"{name} is {value}")
+
+
+def fail_stubbornly(number: int) -> int:
+    """Raise an error that cannot be unpickled."""
+    raise StubbornError("number", number)

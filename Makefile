@@ -11,7 +11,7 @@ TORCH ?= torch==2.13.0
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rise check test test-times test-train test-studio test-lerobot test-slow wheel-test docs docs-serve fuzz mutants clean
+.PHONY: help setup rise check test test-times test-train test-studio test-scale test-lerobot test-slow wheel-test docs docs-serve fuzz mutants clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
@@ -34,6 +34,10 @@ $(VENV)/train: $(VENV)/dev
 
 $(VENV)/studio: $(VENV)/dev
 	$(BIN)/pip install -q -e ".[studio,studio-test]"
+	touch $@
+
+$(VENV)/scale: $(VENV)/dev
+	$(BIN)/pip install -q -e ".[ray,dask]"
 	touch $@
 
 $(VENV)/docs: $(VENV)/core
@@ -70,10 +74,10 @@ check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/lint-imports
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
-	$(PYTEST) -m "not slow and not train and not realtime and not studio"
+	$(PYTEST) -m "not slow and not train and not realtime and not studio and not scale"
 
 test-times: setup  ## Run the same tests in one process; list the largest processor times.
-	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime and not studio"
+	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime and not studio and not scale"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
 	$(PYTEST) -m "train and not slow"
@@ -82,6 +86,9 @@ test-studio: $(VENV)/studio  ## Install the studio and Chromium; run the tests o
 	command -v chromium > /dev/null || { apt-get -q update && apt-get -qy install chromium; } \
 		> /dev/null || echo "Chromium cannot be installed: the tests of the page are skipped"
 	$(BIN)/pytest -m "studio and not slow"
+
+test-scale: $(VENV)/scale  ## Install Ray and Dask; run the tests of work on many processes.
+	$(BIN)/pytest -m "scale and not slow"
 
 test-lerobot: $(LEROBOT_VENV)/ready  ## Install LeRobot; run the tests of its plugin.
 	PYTHONPATH=$(CURDIR)/plugins/lerobot_robot_getup/tests/cpu_torchvision \

@@ -19,7 +19,7 @@ SECTIONS = {
         "health",
         "bus",
     ),
-    "look": ("studio", "replay", "log", "bench"),
+    "look": ("studio", "replay", "log", "bench", "sweep"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
 
@@ -203,6 +203,12 @@ COMMANDS = {
     ),
     "bench soak": TableEntry(
         "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench", json=True
+    ),
+    "sweep": TableEntry(
+        "Get up with many designs, to see where one stops getting up.",
+        "requests.sweep.SweepRequest",
+        "sweep.sweep",
+        json=True,
     ),
     "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"

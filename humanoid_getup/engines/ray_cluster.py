@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -14,6 +17,11 @@ from humanoid_getup.engines.local_processes import TRIES
 from humanoid_getup.engines.workers import Workers
 
 Result = TypeVar("Result")
+MOST_SHOWN = 200  # characters of a reason
+CONNECT_TIME = 5.0  # s
+FOUND = "auto"
+"""Address that lets Ray find a cluster of this machine."""
+EXPECTED = "expected one that `ray start` runs, such as 127.0.0.1:6379"
 
 
 @contextmanager
@@ -25,23 +33,23 @@ def start_ray(engine: Engine, _pieces: int) -> Iterator[Workers]:
     """
     import ray
 
+    where: dict[str, Any] = {"address": engine.address}
+    if not engine.address:
+        # Its workers are no children of this process: they find modules by this path.
+        path = {"env_vars": {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}}
+        where = {
+            "address": "local",
+            "num_cpus": engine.workers,
+            "include_dashboard": False,
+            "runtime_env": path,
+        }
+    if engine.address not in ("", FOUND):
+        _check_answer(engine.address)
     try:
-        if engine.address:
-            ray.init(address=engine.address, log_to_driver=False, logging_level="ERROR")
-        else:
-            ray.init(
-                address="local",
-                num_cpus=engine.workers,
-                include_dashboard=False,
-                log_to_driver=False,
-                logging_level="ERROR",
-            )
+        ray.init(**where, log_to_driver=False, logging_level="ERROR")
     except Exception as error:
-        where = f" at {engine.address}" if engine.address else ""
-        raise EngineError(
-            f"no Ray cluster answers{where} ({' '.join(str(error).split())[:200]}), expected one "
-            "that `ray start` runs, or no --address"
-        ) from error
+        reason = " ".join(str(error).split())[:MOST_SHOWN]
+        raise EngineError(f"no Ray cluster at {where['address']} ({reason}), {EXPECTED}") from error
     try:
         count = int(ray.cluster_resources().get("CPU", 0))
         if not count:
@@ -49,6 +57,19 @@ def start_ray(engine: Engine, _pieces: int) -> Iterator[Workers]:
         yield Workers(executor=RayExecutor(ray), count=count)
     finally:
         ray.shutdown()
+
+
+def _check_answer(address: str) -> None:
+    """Check that something answers at an address: Ray itself waits for minutes.
+
+    Raises:
+        EngineError: if nothing does.
+    """
+    host, _, port = address.rpartition("//")[2].rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), CONNECT_TIME).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise EngineError(f"no Ray cluster answers at {address} ({error}), {EXPECTED}") from error
 
 
 class RayExecutor(Executor):
@@ -61,6 +82,7 @@ class RayExecutor(Executor):
             ray.exceptions.NodeDiedError,
             ray.exceptions.OutOfMemoryError,
         )
+        self._system_error = ray.exceptions.RaySystemError
         self._run = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_call)
 
     def submit(
@@ -72,6 +94,12 @@ class RayExecutor(Executor):
     def _translate(self, error: BaseException) -> BaseException:
         if isinstance(error, self._lost):
             return WorkerLostError(TRIES, type(error).__name__)
+        if isinstance(error, self._system_error):
+            reason = str(error).splitlines()[0].removeprefix("System error: ")
+            return EngineError(
+                f"a worker of Ray cannot read a piece ({reason}), expected the same release of "
+                "humanoid-getup on each machine"
+            )
         return getattr(error, "cause", error)  # of the error of a task
 
 

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
 from humanoid_getup.engines.versions import CheckedWork, find_versions
 from humanoid_getup.engines.workers import Workers
 from humanoid_getup.jobs.errors import needing
-from humanoid_getup.jobs.requests.shared import EngineOptions, SceneOptions
+from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import SUFFIX
 from robots import list_robots
 
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
-Place = TypeVar("Place", bound=SceneOptions)
+Request = TypeVar("Request", bound=RobotOption)
 
 
 @contextmanager
@@ -51,11 +51,22 @@ def spread(
     run_pieces(checked, pieces, workers, ended, monitor)
 
 
-def name_absolutely(request: Place) -> Place:
-    """Name robot and scene so that a worker finds them from its own folder."""
-    robot, scene = request.robot, request.scene
-    return replace(
-        request,
-        robot=robot if robot in list_robots() else str(Path(robot).resolve()),
-        scene=str(Path(scene).resolve()) if scene.endswith(SUFFIX) else scene,
-    )
+def share(kind: type[Request], request: Request, **changes: Any) -> Request:
+    """Make the request that workers get: of the class that they know, with absolute paths.
+
+    Args:
+        kind: A class of `jobs.requests`; a command line's request is of one made from it.
+        request: The request.
+        changes: Fields that no result depends on, as workers get them.
+    """
+    values = {field.name: getattr(request, field.name) for field in fields(kind)} | changes
+    if values["robot"] not in list_robots():
+        values["robot"] = str(Path(values["robot"]).resolve())
+    if "scene" in values:
+        values["scene"] = make_scene_absolute(values["scene"])
+    return kind(**values)
+
+
+def make_scene_absolute(scene: str) -> str:
+    """Return a scene's name, or the absolute path of its file."""
+    return str(Path(scene).resolve()) if scene.endswith(SUFFIX) else scene

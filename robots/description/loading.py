@@ -181,11 +181,11 @@ def _build_robot(
             )
             for row in table.couplings
         ),
-        limit_by=table.limit_by or _choose_limit_mode(servos[row.servo] for row in rows),
+        limit_by=table.limit_by or choose_limit_mode(servos[row.servo] for row in rows),
     )
 
 
-def _choose_limit_mode(motors: Iterable[ServoModel]) -> LimitMode:
+def choose_limit_mode(motors: Iterable[ServoModel]) -> LimitMode:
     """Limit torque by current where every servo senses it."""
     all_sense = all(motor.has_current_mode for motor in motors)
     return "current" if all_sense else "pwm"

@@ -21,6 +21,7 @@ FIGURES = {
     "all": ("n", "stood", "stood_interval_95", *LOAD_FIGURES, "torque_use", "head_impact_m_s"),
     "bodies": ("n", "stood", "stood_interval_95", "head_in_time", "head_at_end", *LOAD_FIGURES),
     "rise": ("n", "planned", "stood", "stood_interval_95", *LOAD_FIGURES, "self_collisions"),
+    "sweep": ("n", "stood", "stood_interval_95", *LOAD_FIGURES),
     "methods": ("n", "stood", *LOAD_FIGURES, "head_impact_m_s", "hottest_after_ten_rises_c"),
     "disturbed": ("n", "stood", "stood_interval_95", "refused", *LOAD_FIGURES, "head_impact_m_s"),
     "scenes": ("n", "planned", "stood", "stood_interval_95", "refused", *LOAD_FIGURES),

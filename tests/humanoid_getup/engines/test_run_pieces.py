@@ -2,9 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from counted_work import (
@@ -17,6 +15,7 @@ from counted_work import (
     square,
     square_slowly,
 )
+from engine_runs import run
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.errors import WorkerLostError
@@ -24,15 +23,6 @@ from humanoid_getup.engines.run_pieces import run_pieces, start_workers
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 
 ENGINES = ["local:1", "local:2", "local:3"]
-
-
-def run(engine: str, work: Callable[[Any], int], pieces: list[Any], **options: Any) -> list[int]:
-    """Run pieces; return their results in the order of the pieces."""
-    done = dict[str, int]()
-    with start_workers(Engine.parse(engine), len(pieces)) as workers:
-        named = {str(number): piece for number, piece in enumerate(pieces)}
-        run_pieces(work, named, workers, done.__setitem__, **options)
-    return [done[name] for name in named]
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -1,20 +1,12 @@
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rise_figures_of import read_rises
 from run_getup import Run
 
 from humanoid_getup.benchmarks import rise
 from humanoid_getup.execution.result import RiseResult
-
-WALL_TIMES = ("plan_s", "filter_s", "late_p99_s", "busy_p99_s")
-
-
-def read_rises(file: Path) -> list[dict[str, Any]]:
-    """Read the rises of a benchmark without the wall times of their plans."""
-    rises = json.loads(file.read_text())["rises"]
-    return [{k: v for k, v in one.items() if k not in WALL_TIMES} for one in rises]
 
 
 def test_interrupted_rises_are_resumed_from_their_ledger(
@@ -40,7 +32,7 @@ def test_interrupted_rises_are_resumed_from_their_ledger(
     assert code == 0
     assert "2 rises are finished" in out
     assert risen == [0, 1, 2, 2]
-    assert read_rises(resumed) == read_rises(whole)
+    assert read_rises(resumed.read_text()) == read_rises(whole.read_text())
     code, _, error = run(*kept, "--resume", "--torque-limit", "3")
     assert code == 2
     assert "made with another torque_limit_nm" in error

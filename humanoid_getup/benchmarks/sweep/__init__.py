@@ -1,0 +1,1 @@
+"""Sweeps over designs: where does a robot stop getting up?"""

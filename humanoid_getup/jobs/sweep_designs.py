@@ -1,0 +1,201 @@
+"""Sweeps over designs: gets up with each, and writes where a design stops getting up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from pathlib import Path
+
+from msgspec import convert
+
+from humanoid_getup.benchmarks.sweep.design import (
+    Design,
+    build_robot,
+    build_world,
+    limit_torque,
+    list_designs,
+)
+from humanoid_getup.benchmarks.sweep.swept_design import (
+    Sweep,
+    SweptClass,
+    SweptDesign,
+    list_axes,
+    measure_class,
+)
+from humanoid_getup.engines.versions import find_versions
+from humanoid_getup.experiments.starts.falls import CLASSES
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.policies import load_policy
+from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.sweep import (
+    SWEEP_ARTEFACTS,
+    SWEEP_FIGURES,
+    SWEEP_LEDGER,
+    SWEEP_PAGE,
+    SWEEP_PLOT,
+    SweepRequest,
+)
+from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.ledger import Ledger
+from humanoid_getup.reporting.sweep_page import write_sweep_page
+from humanoid_getup.reporting.sweep_plot import save_sweep
+from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
+from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.track_record import PLAN
+from robots.storage.encoding import to_json
+from robots.storage.files import write_atomically
+
+Piece = tuple[Design, str]
+"""A design, and a class of falls."""
+
+
+def sweep(
+    request: SweepRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> Sweep:
+    """Get up with every design of a request; write the page, the figures and the plot.
+
+    Raises:
+        BadInputError: if a design cannot be built, or the ledger is of another sweep.
+        CancelledError: if ``cancel`` ended it; what was finished is kept in the ledger.
+    """
+    SweepRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    designs = list_designs(
+        request.bodies,
+        request.servos or ("",),
+        request.torque_limits,
+        request.scenes,
+        request.ways,
+    )
+    monitor.begin("loading")
+    check_designs(request, designs)
+    found = _measure_all(request, designs, monitor)
+    result = _summarize(request, designs, found)
+    with staging(request.out, SWEEP_ARTEFACTS) as folder:
+        save_sweep(result, folder / SWEEP_PLOT)
+        write_atomically(folder / SWEEP_FIGURES, to_json(result))
+        write_atomically(folder / SWEEP_PAGE, write_sweep_page(result))
+    return result
+
+
+def is_begun(request: SweepRequest) -> bool:
+    """Return whether there is a sweep to resume."""
+    return (request.out / SWEEP_LEDGER).exists()
+
+
+def check_designs(request: SweepRequest, designs: Sequence[Design]) -> None:
+    """Build the robot of every design, and load every scene and policy.
+
+    Raises:
+        BadInputError: naming each that cannot be had.
+    """
+    load_robot(request)
+    problems = list[str]()
+    for design in designs:
+        try:
+            with refusing():
+                robot = build_robot(request.robot, design)
+                limit_torque(design, request.limit_by, robot)
+        except BadInputError as error:
+            problems += error.problems
+    if problems:
+        raise BadInputError(*dict.fromkeys(problems))
+    for design in {(each.scene, each.way): each for each in designs}.values():
+        with refusing():
+            robot = build_world(request.robot, design, request.seed).robot
+        if design.way not in (PLAN, NEAREST, STRAIGHT):
+            load_policy(robot, design.way, design.torque_limit)
+
+
+def _measure_all(
+    request: SweepRequest, designs: Sequence[Design], monitor: ProgressMonitor
+) -> dict[str, SweptClass]:
+    """Measure the classes of all designs that a ledger does not hold yet."""
+    shared = share(SweepRequest, request, out=Path(), resume=False, engine="local", address="")
+    versions = find_versions(shared.robot)
+    recipe = {
+        "versions": versions,
+        "seed": request.seed,
+        "n": request.n,
+        "search_budget": request.search_budget,
+        "limit_by": request.limit_by,
+    }
+    path = request.out / SWEEP_LEDGER
+    with refusing():
+        ledger = Ledger.resume(path, recipe) if request.resume else Ledger(path, recipe)
+    pieces = {name_part(design, side): (design, side) for design in designs for side in CLASSES}
+    left = {name: piece for name, piece in pieces.items() if name not in ledger.done}
+    if request.resume:
+        monitor.tell(f"{len(pieces) - len(left)} of {len(pieces)} classes are finished")
+    advance = monitor.count("classes", len(left))
+
+    def end(name: str, found: SweptClass) -> None:
+        ledger.add(name, found)
+        advance(1)
+
+    with refusing(), starting(request, len(left)) as workers:
+        threads = 1 if workers.count else 0
+        work = partial(measure_piece, shared, threads)
+        spread(work, left, workers, end, monitor, shared.robot)
+    return {name: convert(ledger.done[name], SweptClass) for name in pieces}
+
+
+def name_part(design: Design, side: str) -> str:
+    """Name the rises of a design from a side, as the ledger does."""
+    return f"{design.name}: {side}"
+
+
+def measure_piece(request: SweepRequest, threads: int, piece: Piece) -> SweptClass:
+    """Measure a class of a design, in a worker."""
+    design, side = piece
+    strategy = _make_strategy(request, threads, design)
+    preflight = design.way not in (NEAREST, STRAIGHT)
+    return measure_class(strategy, side, request.seed, request.n, preflight=preflight)
+
+
+@lru_cache(maxsize=1)
+def _make_strategy(request: SweepRequest, threads: int, design: Design) -> Strategy:
+    """Make the strategy of a design; the pieces of one follow each other."""
+    world = build_world(request.robot, design, request.seed)
+    limit = limit_torque(design, request.limit_by, world.robot)
+    if design.way == PLAN:
+        return PlannedRise(
+            world,
+            torque_limit=limit,
+            search_budget=request.search_budget,
+            options=PlannerOptions(threads=threads),
+        )
+    return make_strategy(world, design.way, torque_limit=limit)
+
+
+def _summarize(
+    request: SweepRequest, designs: Sequence[Design], found: Mapping[str, SweptClass]
+) -> Sweep:
+    cases = {
+        design.name: SweptDesign.join(
+            design, {side: found[name_part(design, side)] for side in CLASSES}
+        )
+        for design in designs
+    }
+    return Sweep(
+        name="sweep",
+        seed=request.seed,
+        n=request.n,
+        robot=load_robot(request).name,
+        limit_by=request.limit_by,
+        versions=find_versions(request.robot),
+        search_budget_s=request.search_budget,
+        axes=list_axes(cases.values()),
+        cases=cases,
+        command=write_command("sweep", _forget_place(request)),
+    )
+
+
+def _forget_place(request: SweepRequest) -> SweepRequest:
+    """Return the request without what no result depends on."""
+    return replace(request, engine="local", address="", out=SweepRequest().out, resume=False)

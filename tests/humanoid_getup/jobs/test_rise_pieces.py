@@ -1,0 +1,80 @@
+"""The rises of a benchmark are the same on every engine, whatever happens to its workers."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rise_figures_of import read_rises
+
+from humanoid_getup.engines.local_processes import LocalProcesses
+from humanoid_getup.jobs.benchmark import benchmark
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.bench import BenchRise
+from humanoid_getup.progress.callback import CancelledError
+from robots.storage.encoding import to_json
+
+QUICK: dict[str, Any] = {"n": 1, "seed": 4, "planning": False, "filtering": False}
+
+
+@pytest.fixture(scope="module")
+def here() -> list[dict[str, Any]]:
+    """Rise in this process."""
+    return read_rises(to_json(benchmark(BenchRise(engine="local:1", **QUICK))))
+
+
+def test_processes_give_what_one_gives(here: list[dict[str, Any]]):
+    assert len(here) == 3
+    assert read_rises(to_json(benchmark(BenchRise(engine="local:2", **QUICK)))) == here
+
+
+def test_a_killed_process_changes_nothing(
+    here: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+):
+    started = list[LocalProcesses]()
+    begin = LocalProcesses.__init__
+
+    def note(self: LocalProcesses, workers: int) -> None:
+        begin(self, workers)
+        started.append(self)
+
+    monkeypatch.setattr(LocalProcesses, "__init__", note)
+    killed = threading.Event()
+
+    def kill_one() -> None:
+        while not (started and len(started[0].process_ids) == 2):
+            time.sleep(0.01)
+        os.kill(started[0].process_ids[0], signal.SIGKILL)
+        killed.set()
+
+    threading.Thread(target=kill_one, daemon=True).start()
+    found = read_rises(to_json(benchmark(BenchRise(engine="local:2", **QUICK))))
+    assert killed.is_set()
+    assert found == here
+
+
+def test_a_ledger_goes_on_with_another_engine(here: list[dict[str, Any]], tmp_path: Path):
+    ledger = tmp_path / "rises.jsonl"
+    shown = list[float]()
+
+    with pytest.raises(CancelledError):
+        benchmark(
+            BenchRise(engine="local:1", ledger=ledger, **QUICK),
+            lambda progress: shown.append(progress.done),
+            lambda: 2.0 in shown,
+        )
+    assert len(ledger.read_text().splitlines()) == 1 + 2
+    rest = BenchRise(engine="local:2", ledger=ledger, resume=True, **QUICK)
+    assert read_rises(to_json(benchmark(rest))) == here
+
+
+@pytest.mark.parametrize(
+    ("engine", "message"),
+    [("cloud", "--engine is 'cloud', expected local, ray, dask or slurm"), ("local:0", "1 to")],
+)
+def test_an_unknown_engine_is_refused(engine: str, message: str):
+    with pytest.raises(BadInputError, match=message):
+        benchmark(BenchRise(engine=engine, **QUICK))

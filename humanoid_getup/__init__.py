@@ -103,8 +103,10 @@ if TYPE_CHECKING:
         ImportRequest,
     )
     from humanoid_getup.jobs.requests.style import ExtractRequest
+    from humanoid_getup.jobs.requests.sweep import SweepRequest
     from humanoid_getup.jobs.requests.watch import WatchRequest
     from humanoid_getup.jobs.retarget_motions import retarget
+    from humanoid_getup.jobs.sweep_designs import sweep
     from humanoid_getup.jobs.train_policy import export, train
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -179,6 +181,7 @@ _HOMES = {
     "Style": "humanoid_getup.style.style",
     "StyleCurves": "humanoid_getup.style.curves",
     "StyledRise": "humanoid_getup.strategies.styled_rise",
+    "SweepRequest": "humanoid_getup.jobs.requests.sweep",
     "TorqueLimit": "robots.torque_limit",
     "TrainRequest": "humanoid_getup.jobs.requests.learning",
     "Twin": "drivers.twin.backend",
@@ -217,6 +220,7 @@ _HOMES = {
     "run_policy": "humanoid_getup.jobs.get_up.rise",
     "sample_fall": "humanoid_getup.experiments.starts.falls",
     "sit": "humanoid_getup.jobs.get_up.stand",
+    "sweep": "humanoid_getup.jobs.sweep_designs",
     "train": "humanoid_getup.jobs.train_policy",
     "watch": "humanoid_getup.jobs.get_up.watch",
 }
@@ -277,6 +281,7 @@ __all__ = [
     "Style",
     "StyleCurves",
     "StyledRise",
+    "SweepRequest",
     "TorqueLimit",
     "TrainRequest",
     "Twin",
@@ -315,6 +320,7 @@ __all__ = [
     "run_policy",
     "sample_fall",
     "sit",
+    "sweep",
     "train",
     "watch",
 ]

@@ -32,9 +32,8 @@ def start_dask(engine: Engine, _pieces: int) -> Iterator[Workers]:
 
     with ExitStack() as stack:
         if not engine.address:
-            cluster = LocalCluster(
-                n_workers=engine.workers, threads_per_worker=1, dashboard_address=None
-            )
+            local: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None}
+            cluster = LocalCluster(n_workers=engine.workers, **local)
             client = stack.enter_context(Client(stack.enter_context(cluster)))
             yield _count_workers(client)
             return
@@ -62,14 +61,14 @@ def start_slurm(engine: Engine, _pieces: int) -> Iterator[Workers]:
         EngineError: if there is no Slurm.
     """
     from dask.distributed import Client
-    from dask_jobqueue import SLURMCluster
+    from dask_jobqueue.slurm import SLURMCluster
 
     if which("sbatch") is None:
         raise EngineError("there is no `sbatch`, expected a machine that submits jobs to Slurm")
     count = engine.workers or SLURM_WORKERS
     with ExitStack() as stack:
-        cluster = stack.enter_context(SLURMCluster(cores=1, processes=1, memory=MEMORY))
-        cluster.scale(count)
+        cluster: Any = SLURMCluster(cores=1, processes=1, memory=MEMORY)
+        stack.enter_context(cluster).scale(count)
         client = stack.enter_context(Client(cluster))
         yield Workers(executor=DaskExecutor(client), count=count)
 

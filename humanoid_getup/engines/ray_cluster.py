@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import sys
@@ -46,7 +47,7 @@ def start_ray(engine: Engine, _pieces: int) -> Iterator[Workers]:
     if engine.address not in ("", FOUND):
         _check_answer(engine.address)
     try:
-        ray.init(**where, log_to_driver=False, logging_level="ERROR")
+        ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
     except Exception as error:
         reason = " ".join(str(error).split())[:MOST_SHOWN]
         raise EngineError(f"no Ray cluster at {where['address']} ({reason}), {EXPECTED}") from error

@@ -102,7 +102,7 @@ def test_the_end_is_between_the_values_where_half_stand_and_do_not():
 
 def make_design(limit: float, stood: int) -> SweptDesign:
     """Make a design of which some of four rises stood."""
-    numbers = dict.fromkeys(("planned", "self_collisions", "ground_penetrations", "limit_violations"), 0)
+    counts = ("planned", "self_collisions", "ground_penetrations", "limit_violations", "clips")
     spreads = dict.fromkeys(
         (
             "stand_time_s",
@@ -118,8 +118,7 @@ def make_design(limit: float, stood: int) -> SweptDesign:
         n=4,
         stood=stood,
         stood_interval_95=(0.0, 1.0),
-        clips=0,
-        **numbers,
+        **dict.fromkeys(counts, 0),
         **spreads,  # type: ignore[arg-type]
         body="",
         servo="",

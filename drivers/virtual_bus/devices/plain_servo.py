@@ -8,10 +8,10 @@ from drivers.dynamixel.control_table import OperatingMode, table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
+from drivers.virtual_bus.devices.device import Addressing
 from drivers.virtual_bus.devices.maintenance import reset, reset_ram
 from drivers.virtual_bus.devices.motor_command import MotorCommand
-from drivers.virtual_bus.devices.protection import Protection
+from drivers.virtual_bus.devices.motor_servo import MotorServo
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import Measured
@@ -20,7 +20,7 @@ from robots.description.servo_catalog import servo_models
 MOST_LOAD = 1000  # counts of a load, which is a share in thousandths
 
 
-class PlainServo(VirtualDevice):
+class PlainServo(MotorServo):
     """Replies like a servo with one position loop; physics reads `motor_command`, calls `sense`.
 
     Turning without end (wheel mode) is not modelled: there it makes no torque. The speed limit of
@@ -42,18 +42,14 @@ class PlainServo(VirtualDevice):
         ``model`` names a type of servo; ``baud`` is in bit/s. ``stall_current`` [A] is that of its
         type where a robot does not say otherwise.
         """
-        table = table_named(model)
-        super().__init__(table, servo_id, firmware, baud, quirks or Quirks())
-        figures = servo_models()[model]
-        stall = figures.stall_current if stall_current is None else stall_current
+        table, figures, quirks = table_named(model), servo_models()[model], quirks or Quirks()
+        super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
         self._last_tick, self._rad_per_tick = figures.last_tick, figures.rad_per_tick
-        self._protection = Protection(self.registers, self.quirks, stall)
         self._full_scale = full_scale(table)
         self._kept = bytes(self.registers.memory)
         self._alarms, self._is_shut_down = 0, False
         self._measured = Measured(ticks=figures.middle_tick, voltage=figures.nominal_voltage)
         self._target = float(figures.middle_tick)
-        self._motor_command: MotorCommand | None = None
         if Instruction.FACTORY_RESET in table.instructions:
             self._handlers[Instruction.FACTORY_RESET] = self._handle_reset
         if table.wire.name == "2.0":
@@ -119,12 +115,6 @@ class PlainServo(VirtualDevice):
         if self._powered:
             self._protect()
 
-    def motor_command(self) -> MotorCommand:
-        """Return the present command to the motor."""
-        if self._motor_command is None:
-            self._motor_command = self._compute_motor_command()
-        return self._motor_command
-
     def trip(self, error: HardwareError) -> None:
         """Set a hardware error; where the shutdown register has it, torque goes off."""
         self._set_alarms(self._alarms | error)
@@ -139,15 +129,14 @@ class PlainServo(VirtualDevice):
         """Restart with RAM at its defaults."""
         self._boot()
 
-    def advance(self, now: float) -> None:
-        """Advance to a bus time [s]: the way to the goal, and overload."""
-        duration, self.now = now - self.now, now
-        if not self._powered or now < self._booted_at:
-            return
+    @property
+    def _motor_current(self) -> float:
+        return self._measured.current
+
+    def _run(self, duration: float) -> None:
+        """Move on to the goal."""
         if self.has_profile:
             self._approach(duration)
-        if self._protection.overload.advance(self._measured.current, duration):
-            self.trip(HardwareError.OVERLOAD)
 
     # Motion -------------------------------------------------------------------------------------
 
@@ -277,10 +266,6 @@ class PlainServo(VirtualDevice):
         del params, addressing
         self.reboot()
         return ErrorNumber.NONE
-
-    def _boot(self) -> None:
-        super()._boot()
-        self._restart()
 
     def _lose_power(self) -> None:
         super()._lose_power()

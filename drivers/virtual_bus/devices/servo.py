@@ -8,7 +8,6 @@ from functools import partial
 from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
 from drivers.dynamixel.protocol2 import ALERT, MAX_ID
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.maintenance import (
     GAINS,
     PROFILE,
@@ -18,8 +17,8 @@ from drivers.virtual_bus.devices.maintenance import (
     reset_ram,
 )
 from drivers.virtual_bus.devices.motor_command import MotorCommand
+from drivers.virtual_bus.devices.motor_servo import MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
-from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured, Sensors
@@ -31,7 +30,7 @@ TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
 
 
-class VirtualServo(VirtualDevice):
+class VirtualServo(MotorServo):
     """Replies like an X-series servo; physics reads `motor_command` and calls `sense`."""
 
     def __init__(
@@ -50,15 +49,12 @@ class VirtualServo(VirtualDevice):
         its type where a robot does not say otherwise.
         """
         quirks, table = quirks or Quirks(), table_named(model, firmware)
-        super().__init__(table, servo_id, firmware, baud, quirks)
+        figures = servo_models()[model]
+        super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
         self._control, self._backup = PositionControl(self.registers), Backup()
         self._sensors = Sensors(self.registers, self._control, quirks)
-        stall = servo_models()[model].stall_current if stall_current is None else stall_current
-        self._protection = Protection(self.registers, quirks, stall)
         self._farthest_goal = table["goal_position"].upper or 0
-        self._at_tick = table["realtime_tick"].address
         self._at_secondary = table["secondary_id"].address
-        self._motor_command: MotorCommand | None = None
         self._connect_rules()
         self._restart()
 
@@ -120,12 +116,6 @@ class VirtualServo(VirtualDevice):
         if self._powered:
             self._protect()
 
-    def motor_command(self) -> MotorCommand:
-        """Return the present command to the motor."""
-        if self._motor_command is None:
-            self._motor_command = self._compute_motor_command()
-        return self._motor_command
-
     def trip(self, error: HardwareError) -> None:
         """Set a hardware error; if the shutdown register has it, torque is off until a reboot."""
         self._set_hardware_error(self._hardware_error | error)
@@ -145,16 +135,15 @@ class VirtualServo(VirtualDevice):
         self._sensors.fold()
         self._seed_goal()
 
-    def advance(self, now: float) -> None:
-        """Advance to a bus time [s]: clock, watchdog, profile, overload."""
-        duration, self.now = now - self.now, now
-        if not self._powered or now < self._booted_at:
-            return
+    @property
+    def _motor_current(self) -> float:
+        return self._sensors.measured.current
+
+    def _run(self, duration: float) -> None:
+        """Finish a restart, watch the bus, follow a profile."""
+        now = self.now
         if self._is_booting:
             self._finish_boot()
-        tick = int((now - self._boot_start) * 1000.0)
-        memory, at = self.registers.memory, self._at_tick
-        memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
         if self._torque_on:
             if self._watchdog > 0 and now - self._traffic_at > self._watchdog * WATCHDOG_UNIT:
                 self._trip_watchdog()
@@ -162,8 +151,6 @@ class VirtualServo(VirtualDevice):
                 self._control.advance(now, duration)
                 self._motor_command = None
                 self._sensors.write_flags()
-        if self._protection.overload.advance(self._sensors.measured.current, duration):
-            self.trip(HardwareError.OVERLOAD)
 
     def _compute_motor_command(self) -> MotorCommand:
         registers, sign = self.registers, self._sensors.sign
@@ -336,10 +323,6 @@ class VirtualServo(VirtualDevice):
 
     # Restart -----------------------------------------------------------------------------------
 
-    def _boot(self) -> None:
-        super()._boot()
-        self._restart()
-
     def _lose_power(self) -> None:
         super()._lose_power()
         self._release()
@@ -353,7 +336,7 @@ class VirtualServo(VirtualDevice):
             registers["backup_ready"] = int(self._backup.is_ready)
         if startup & RESTORE_AT_BOOT:
             self._backup.restore(registers, eeprom=False)
-        self._is_booting, self._boot_start = True, max(self._booted_at, self.now)
+        self._is_booting = True
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._traffic_at = False, self.now
         self._protection.overload.heat = 0.0

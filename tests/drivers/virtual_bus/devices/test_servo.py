@@ -1,5 +1,8 @@
 """A virtual servo's registers: who may write what, when, and what a status says of it."""
 
+from collections.abc import Callable
+from functools import partial
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +13,7 @@ from drivers.dynamixel.control_table import OperatingMode, known_models, table_n
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset
 from drivers.virtual_bus.devices.device import Addressing
 from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS, RESTORE_BACKUP, STORE_BACKUP
+from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.quirks import Quirks, UndefinedRegisters
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -432,11 +436,14 @@ def test_by_its_secondary_id_a_servo_obeys_silently_and_leaves_eeprom_alone():
 # Clock --------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("make", [VirtualServo, partial(PlainServo, model="MX-28(1.0)")])
 @given(time=st.floats(0.0, 1e5))
-def test_the_realtime_tick_counts_milliseconds_and_wraps(time: float):
-    servo = VirtualServo(1)
+def test_the_realtime_tick_counts_milliseconds_and_wraps(
+    make: Callable[[int], VirtualServo | PlainServo], time: float
+):
+    servo = make(1)
     servo.advance(time)
-    assert read(servo, "realtime_tick") == int(time * 1000.0) % 32768
+    assert servo.peek("realtime_tick") == int(time * 1000.0) % 32768
 
 
 def test_a_mode_change_brings_back_gains_profile_and_goals():

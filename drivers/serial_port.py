@@ -16,7 +16,7 @@ from pathlib import Path
 
 import serial
 
-from drivers.errors import SetupError
+from drivers.errors import DriverError, SetupError
 
 CHUNK = 4096  # bytes, more than any reply
 # Longest wait for the system to accept bytes to send [s]. It accepts them at once unless the
@@ -26,7 +26,7 @@ REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
 UNIX98_SLAVES = range(136, 144)  # major numbers of pseudo-terminals (Linux, devices.txt)
 
 
-class PortError(SetupError):
+class PortError(DriverError):
     """A serial port cannot be used."""
 
     def __init__(self, path: str, text: str) -> None:
@@ -34,8 +34,12 @@ class PortError(SetupError):
         self.path = path
 
 
+class PortRefusedError(PortError, SetupError):
+    """A port does not open."""
+
+
 class PortLostError(PortError):
-    """A port went away while it was in use."""
+    """A port went away while it was in use: a fault of the hardware."""
 
     def __init__(self, path: str) -> None:
         super().__init__(path, "lost; is the adapter still plugged in?")
@@ -66,7 +70,7 @@ class SerialPort:
         """Open and lock the device; harmless if it is open.
 
         Raises:
-            PortError: if it is missing, busy, forbidden, or not a serial port.
+            PortRefusedError: if it is missing, busy, forbidden, or not a serial port.
         """
         if self.is_open:
             return
@@ -77,7 +81,8 @@ class SerialPort:
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
         except (OSError, ValueError, termios.error) as error:
             self.close()
-            raise PortError(self.path, explain_refusal(self.path, self.baud, error)) from error
+            reason = explain_refusal(self.path, self.baud, error)
+            raise PortRefusedError(self.path, reason) from error
 
     def close(self) -> None:
         """Unlock and close the device; harmless if it is closed."""

@@ -13,7 +13,7 @@ from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.imu.build import build_imu_source
 from drivers.imu.source import ImuSource
-from drivers.serial_port import MakePort, PortError, SerialPort
+from drivers.serial_port import MakePort, PortRefusedError, SerialPort
 from robots import Joint, Robot
 from robots.imu import IMU_PORT
 
@@ -81,14 +81,14 @@ def open_ports(buses: Sequence[DynamixelBus]) -> None:
     """Open the ports of some buses; after a failure, some stay open.
 
     Raises:
-        SetupError: if some do not open; a `PortError` if it is one.
+        SetupError: if some do not open; a `PortRefusedError` if it is one.
     """
-    errors: list[PortError] = []
+    errors: list[PortRefusedError] = []
     for bus in buses:
         bus.return_delay = FACTORY_RETURN_DELAY
         try:
             bus.port.open()
-        except PortError as error:
+        except PortRefusedError as error:
             errors.append(error)
     if len(errors) == 1:
         raise errors[0]

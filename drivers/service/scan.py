@@ -14,7 +14,7 @@ from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
 from drivers.errors import DriverError
-from drivers.serial_port import PortError, PortLostError, SerialPort, read_latency_timer
+from drivers.serial_port import PortRefusedError, SerialPort, read_latency_timer
 from drivers.service.sweep import ALIKE, list_speakers
 from robots.bus_settings import BAUD_RATES
 
@@ -113,7 +113,8 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
     Only pings and reads are sent: nothing changes.
 
     Raises:
-        PortError: if the port does not open at any of the rates.
+        PortRefusedError: if the port does not open at any of the rates.
+        PortLostError: if it goes away meanwhile.
     """
     tried: list[int] = []
     refused: list[int] = []
@@ -125,9 +126,7 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
             try:
                 port.set_baud(rate)
                 port.open()
-            except PortLostError:
-                raise
-            except PortError as refusal:
+            except PortRefusedError as refusal:
                 refused.append(rate)
                 error = error or refusal
                 continue

@@ -72,6 +72,10 @@ class Served:
         physics = self.virtual.physics
         self._ports.main.call(lambda: physics.advance(physics.time + seconds))
 
+    def unplug(self) -> None:
+        """Unplug the adapter."""
+        self._ports.main.unplug()
+
     def add(self, device) -> None:
         """Hang one more device on the bus."""
         self._ports.main.call(lambda: self._chain.devices.append(device))

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.imu.build import build_i2c_source, build_imu_source
 from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
-from drivers.serial_port import PortError, PortLostError
+from drivers.serial_port import PortLostError, PortRefusedError
 from drivers.virtual_bus.imu.build import build_virtual_imu
 from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
@@ -53,7 +53,7 @@ class SensorPort:
 
     def open(self) -> None:
         if self.unplugged:
-            raise PortError(self.path, "does not exist")
+            raise PortRefusedError(self.path, "does not exist")
         self.is_open = True
 
     def close(self) -> None:

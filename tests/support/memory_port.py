@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from drivers.dynamixel.protocol2 import Packet
 from drivers.dynamixel.wire import PROTOCOL_2
-from drivers.serial_port import PortError, PortLostError
+from drivers.serial_port import PortLostError, PortRefusedError
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.exchange import expects_reply
 from drivers.virtual_bus.serving.interfaces import Physics
@@ -44,7 +44,7 @@ class MemoryPort:
     def open(self) -> None:
         """Open the port."""
         if self.unplugged:
-            raise PortError(self.path, "does not exist")
+            raise PortRefusedError(self.path, "does not exist")
         self.opened += not self.is_open
         self.is_open = True
 

@@ -16,7 +16,7 @@ from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.startup import BOOT_MARGIN, BOOT_TIME, SETUP_MARGIN
 from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.errors import DriverError, SetupError
-from drivers.serial_port import PortError, SerialPort
+from drivers.serial_port import PortRefusedError, SerialPort
 from drivers.service.scan import COMMON_RATES, check_rate
 from drivers.service.sweep import choose_wires, sweep
 
@@ -285,7 +285,7 @@ def find_any(
         for rate in rates:
             try:
                 bus.port.set_baud(rate)
-            except PortError:
+            except PortRefusedError:
                 continue  # the adapter does not have it
             if found := find(bus, ids):
                 return found

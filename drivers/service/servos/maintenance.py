@@ -9,7 +9,7 @@ from drivers.dynamixel.diagnostics import GARBLED, read_items
 from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
 from drivers.errors import SetupError
-from drivers.serial_port import PortError
+from drivers.serial_port import PortRefusedError
 from drivers.service.scan import TELLTALES
 from drivers.service.servos.loose_servo import NOT_LOCKED, LooseServo, ServoError
 
@@ -82,7 +82,7 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
     before = port.baud
     try:
         port.set_baud(new)
-    except PortError as error:
+    except PortRefusedError as error:
         raise SetupError(f"{error}; nothing is written") from error
     finally:
         port.set_baud(before)

@@ -4,7 +4,7 @@ import pytest
 
 from drivers.imu.serial_link import SerialLink
 from drivers.imu.source import ImuError
-from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
+from drivers.serial_port import REOPEN_EVERY, PortLostError, PortRefusedError
 
 
 class Port:
@@ -19,7 +19,7 @@ class Port:
 
     def open(self) -> None:
         if self.is_gone:
-            raise PortError(self.path, "does not exist")
+            raise PortRefusedError(self.path, "does not exist")
         self.opened += 1
         self.is_open = True
 

@@ -4,7 +4,7 @@ import pytest
 from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.serial_port import PortError
+from drivers.serial_port import PortRefusedError
 from drivers.service.scan import FoundDevice, check_rate, find_devices, scan_port
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
@@ -77,7 +77,7 @@ class PickyPort(MemoryPort):
 
     def open(self) -> None:
         if self.baud != BAUD:
-            raise PortError(self.path, "is refused")
+            raise PortRefusedError(self.path, "is refused")
         super().open()
 
     def set_baud(self, baud: int) -> None:
@@ -88,7 +88,7 @@ def test_rates_that_the_adapter_refuses_are_listed():
     scan = scan_port(PickyPort(Chain([servo(1)]), BAUD), (57_600, BAUD))
     assert (scan.rates, scan.refused_rates) == ((BAUD,), (57_600,))
     assert [device.id for device in scan.found] == [1]
-    with pytest.raises(PortError, match="is refused"):
+    with pytest.raises(PortRefusedError, match="is refused"):
         scan_port(PickyPort(Chain([]), BAUD), (57_600,))
 
 

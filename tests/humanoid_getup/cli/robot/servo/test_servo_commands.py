@@ -12,6 +12,7 @@ from terminal import in_terminal
 
 from drivers.dynamixel import bus as bus_module
 from drivers.service.servos import port_finder
+from drivers.service.servos.gauges import Gauges
 from drivers.service.servos.validation import Check
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
@@ -141,6 +142,20 @@ def test_a_monitored_range_is_saved_and_nothing_is_changed(desk, tmp_path: Path)
     ranges = json.loads(saved.read_text())
     assert ranges["1"]["range_min"] == ranges["1"]["range_max"] == 1024
     assert (desk.peek("torque_enable"), desk.peek("return_delay_time")) == before
+
+
+def test_an_adapter_unplugged_while_servos_are_watched_is_a_hardware_fault(
+    desk, capsys, monkeypatch
+):
+    read = Gauges.read
+
+    def read_and_unplug(gauges: Gauges) -> None:
+        read(gauges)
+        desk.unplug()
+
+    monkeypatch.setattr(Gauges, "read", read_and_unplug)
+    assert main(("servo", "monitor", *port(desk), "--seconds", "60")) == 3
+    assert "lost; is the adapter still plugged in?" in capsys.readouterr().err
 
 
 def test_bars_go_from_the_least_to_the_largest_value():

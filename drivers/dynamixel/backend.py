@@ -33,7 +33,7 @@ from drivers.errors import NotConnectedError, SetupError
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
-from drivers.serial_port import MakePort, PortError, SerialPort
+from drivers.serial_port import MakePort, PortError, SerialPort, is_pseudo_terminal
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
 from robots import Joint, Robot
@@ -43,6 +43,7 @@ FRESH = 2.5  # periods; torque does not begin from an older position
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
+STILL = 0.1  # s in which the clock of a servo, which counts milliseconds, must have moved on
 
 
 class RebootError(SetupError):
@@ -300,6 +301,26 @@ class DynamixelBackend(Backend):
         return sum(count.bytes_in + count.bytes_out for count in counts)
 
     # Services ---------------------------------------------------------------------------------
+
+    def waits_for_commands(self) -> bool:
+        """Return whether time stands still in the servos while they get no commands.
+
+        So it is on a virtual bus in lock-step, served by any process: there a driver needs a
+        `CycleClock`. It is seen by the servos' own clocks (Realtime Tick), which AX, XL-320 and
+        Feetech's lack: of those it is not known, and not said. A port that is no pseudo-terminal
+        leads to real servos.
+        """
+        self._check_connected()
+        if not all(is_pseudo_terminal(chain.bus.port.path) for chain in self.chains):
+            return False
+        with using_margin((chain.bus for chain in self.chains), SETUP_MARGIN):
+            for _ in range(TRIES):
+                before = [chain.read_tick() for chain in self.chains]
+                time.sleep(STILL)
+                after = [chain.read_tick() for chain in self.chains]
+                if None not in before + after:
+                    return before == after
+        return False
 
     def reboot(self, joint: str) -> None:
         """Restart a joint's servo and configure it, torque off, its goal at its position.

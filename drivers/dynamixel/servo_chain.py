@@ -116,6 +116,14 @@ class ServoChain:
             self.bus.write_item(device, item, item.upper or 0, tries=1)
             self.eeprom_writes += 1
 
+    def read_tick(self) -> int | None:
+        """Read the clock of the first servo [ms]; None if it has none, or is silent."""
+        joint = self.joints[0]
+        table = table_named(joint.servo.model.name)
+        if "realtime_tick" not in table:
+            return None
+        return self.bus.read_item(joint.servo.id, table["realtime_tick"], tries=1)
+
     # Reading ----------------------------------------------------------------------------------
 
     def begin_cyclic(self) -> None:

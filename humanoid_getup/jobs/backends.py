@@ -39,6 +39,7 @@ def open_backend(
 ) -> Iterator[BackendChoice]:
     """Open the backend of a request, ready to connect; remove what was created at the end.
 
+    A virtual bus of another process may be in lock-step: its driver counts periods then.
     ``without_imu`` is True for a robot that has none.
     """
     robot, realtime, limit_by = world.robot, request.is_realtime, torque_limit.mode
@@ -50,8 +51,12 @@ def open_backend(
         ports = name_ports(robot, request.port)
         driver = DynamixelBackend(robot, ports, limit_by=limit_by, without_imu=without_imu)
         with driver:  # a problem of the port or of servos is reported before anything is planned
-            pass
-        yield BackendChoice(backend=driver, realtime=realtime)
+            waits = driver.waits_for_commands()
+        if waits:
+            driver = DynamixelBackend(
+                robot, ports, clock=CycleClock(), limit_by=limit_by, without_imu=without_imu
+            )
+        yield BackendChoice(backend=driver, realtime=request.realtime or not waits)
         return
     simulation, rng = Simulation(world), np.random.default_rng(request.seed)
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP

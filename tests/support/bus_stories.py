@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -71,6 +72,10 @@ class Served:
         """Let time pass without a byte on the bus [s]."""
         physics = self.virtual.physics
         self._ports.main.call(lambda: physics.advance(physics.time + seconds))
+
+    def stall(self, seconds: float) -> None:
+        """Keep the bus from serving for some seconds of wall time, as a busy computer does."""
+        self._ports.main.call(lambda: time.sleep(seconds))
 
     def unplug(self) -> None:
         """Unplug the adapter."""

@@ -1,0 +1,57 @@
+"""The backend of a request, and whose time it keeps."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from bus_stories import Served, serving
+from paths import TINY
+
+from drivers import Command
+from drivers.virtual_bus.serving.server import TimeMode
+from humanoid_getup.jobs.backends import open_backend
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.jobs.requests.watch import WatchRequest
+from robots import FULL_TORQUE
+
+STALL = 0.05  # s, many times the margin of a reply in wall time
+
+
+def open_served(served: Served, *, realtime: bool = False):
+    """Open the backend of a bus that another program serves."""
+    request = WatchRequest(
+        robot=str(TINY), backend="dynamixel", port=(served.path,), realtime=realtime
+    )
+    world = load_world(request)
+    return open_backend(request, world, FULL_TORQUE.on(world.robot))
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_behind_a_bus_in_lock_step_a_cycle_takes_a_period_and_no_reply_is_late(realtime: bool):
+    with serving(TINY) as served, open_served(served, realtime=realtime) as choice:
+        assert choice.realtime is realtime
+        with choice.backend as backend:
+            robot, times, ages = backend.robot, list[float](), list[float]()
+            for _ in range(4):
+                busy = threading.Thread(target=served.stall, args=(STALL,))
+                busy.start()
+                state = backend.read()
+                backend.write(Command.limp(robot.n))
+                busy.join()
+                times.append(state.time)
+                ages.append(float(state.joint_age.max()))
+    np.testing.assert_allclose(np.diff(times), backend.period)
+    assert max(ages) == 0.0
+
+
+def test_behind_a_bus_in_real_time_the_clock_of_the_wall_counts():
+    with (
+        serving(TINY, time_mode=TimeMode.REAL_TIME) as served,
+        open_served(served) as choice,
+    ):
+        assert choice.realtime
+        with choice.backend as backend:
+            before = backend.read().time
+            time.sleep(STALL)
+            assert backend.read().time >= before + STALL

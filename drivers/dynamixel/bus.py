@@ -24,7 +24,7 @@ from drivers.dynamixel.protocol2 import (
 )
 from drivers.dynamixel.requests import Replies, Request
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-from drivers.serial_port import SerialPort
+from drivers.serial_port import CHUNK, SerialPort
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit
 # Beyond the bytes' own time on the wire: the servo's turnaround, the USB adapter's latency
@@ -35,6 +35,7 @@ FACTORY_RETURN_DELAY = 250 * 2e-6  # s (e-manual, Return Delay Time)
 TRIES = 3  # of a request outside the control cycle
 PING_SLOT = 0.003  # s that each of 253 ids has for its reply to a broadcast ping
 TAIL_TIMEOUT = 0.001  # s for the rest of a fast reply whose beginning is missing
+LONGEST_NOISE = 1.0  # s for which to wait until a line is silent
 WAKE_EARLY = 200e-6  # s before the end of a reply at which to be awake
 
 
@@ -88,6 +89,8 @@ class DynamixelBus:
     unsent: set[int] = field(default_factory=set)
     """Ids that the last request had no time to read: not sent, or cut off by a cycle's limit
     before the reply was late."""
+    repeated: set[int] = field(default_factory=set)
+    """Ids that replied more than once to the last ping of all."""
     _limit: float = np.inf  # time of the monotonic clock after which `request` does not wait
     _quiet_at: float = 0.0  # when the last byte sent has left the wire
     _deadline: float = 0.0  # of the open request
@@ -207,11 +210,14 @@ class DynamixelBus:
 
     def ping(self, device: int, tries: int = 1) -> Status | None:
         """Read the model and firmware of a device; ``None`` if it is silent."""
-        request = self.ask(protocol2.read(device, FIRST), FIRST.length)
-        if self.wire is PROTOCOL_2:
-            request = self.ask(protocol2.ping(device), PING_DATA)
-        status = self.request(request, tries).get(device)
+        status = self.request(self.ask_identity(device), tries).get(device)
         return None if status is None else decode_identity(self.wire, status)
+
+    def ask_identity(self, device: int) -> Request:
+        """Build the request that reads the model and firmware of a device."""
+        if self.wire is PROTOCOL_2:
+            return self.ask(protocol2.ping(device), PING_DATA)
+        return self.ask(protocol2.read(device, FIRST), FIRST.length)
 
     def hears(self, device: int) -> bool:
         """Return whether a device replies to a ping, as one does that replies to nothing else."""
@@ -254,6 +260,7 @@ class DynamixelBus:
 
         Each id replies in its own slot: until the end of the last one, more may come.
         """
+        self.repeated = set()
         self.port.flush()
         self.send(PROTOCOL_2.encode(protocol2.ping()))
         slot = PING_SLOT + (PROTOCOL_2.overhead + PING_DATA) * self.byte_time
@@ -262,10 +269,29 @@ class DynamixelBus:
         while chunk := self.port.read(limit):
             for status in self._parse(parser, chunk):
                 if len(status.data) == PING_DATA:
+                    self.repeated |= {status.id} & found.keys()
                     found[status.id] = status
         return found
 
     # Bytes ------------------------------------------------------------------------------------
+
+    def await_silence(self) -> None:
+        """Drop what comes until nothing has come for the answer margin, or the line never rests."""
+        until = time.monotonic() + LONGEST_NOISE
+        while (now := time.monotonic()) < until:
+            if not (chunk := self.port.read(now + self.answer_margin)):
+                return
+            self.statistics.bytes_in += len(chunk)
+            self.statistics.stale += 1
+
+    def listen(self, request: Request) -> Iterator[bytes]:
+        """Send a request to one device; yield all that has come so far, until its deadline."""
+        self.begin(request)
+        heard = b""
+        while len(heard) < CHUNK and (chunk := self.port.read(self._deadline)):
+            self.statistics.bytes_in += len(chunk)
+            heard += chunk
+            yield heard
 
     def _sleep(self, limit: float) -> None:
         """Sleep until just before the replies can be complete."""

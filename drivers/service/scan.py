@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from serial.tools import list_ports
 
 from drivers.dynamixel.bus import PING_DATA, TRIES, BusStatistics, DynamixelBus
-from drivers.dynamixel.control_table import UnknownModelError, table_for
+from drivers.dynamixel.control_table import ControlTable, UnknownModelError, table_for
 from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
+from drivers.dynamixel.requests import Request
+from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
 from drivers.errors import DriverError
 from drivers.serial_port import PortRefusedError, SerialPort, read_latency_timer
@@ -20,7 +22,8 @@ from robots.bus_settings import BAUD_RATES
 
 COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Baud rates of most robots, and the one as shipped [bit/s]."""
-GARBLED_REPLIES = 2  # garbled replies in a row that are not a coincidence
+GARBLED_REPLIES = 3  # garbled replies in a row, on a silent line, that are not a coincidence
+CONFIRM_MARGIN = 0.05  # s; longer than an adapter or a busy computer holds back a reply
 PONG = OVERHEAD + 1 + PING_DATA  # bytes of a reply to a ping
 ONBOARD_PORT = re.compile(r"/ttyS\d+$")  # on the mainboard, not a USB adapter
 
@@ -67,7 +70,7 @@ class FoundDevice:
     protocol: str = PROTOCOL_2.name
     """What it speaks; both names if it may be either."""
     doubled: bool = False
-    """Whether its replies are garbled, as by two devices of one id."""
+    """Whether its replies are garbled again and again, as by two devices of one id."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +162,8 @@ def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
     bus.wire = PROTOCOL_2
     statuses = bus.ping_all()
     is_garbled = _count_garbled_bytes(bus, before) > len(statuses) * PONG
-    found = [_examine(bus, status) for status in statuses.values()]
+    repeated = set(bus.repeated)
+    found = [_examine(bus, s, is_suspect=s.id in repeated) for s in statuses.values()]
     if is_garbled:
         found += _ping_others(bus, statuses.keys())
     return sorted(found, key=lambda device: device.id), not found
@@ -175,10 +179,12 @@ def _examine_at(bus: DynamixelBus, device: int, wire: Wire | None) -> FoundDevic
         either = " or ".join(alike.name for alike in ALIKE)
         return FoundDevice(id=device, baud=bus.port.baud, protocol=either)
     bus.wire = wire
-    status = bus.ping(device, TRIES)
-    if status is None:
-        return FoundDevice(id=device, baud=bus.port.baud, doubled=True)
-    return _examine(bus, status)
+    with using_margin((bus,), CONFIRM_MARGIN):
+        status = bus.ping(device, TRIES)
+    if status is not None:
+        return _examine(bus, status)
+    doubled = _is_doubled(bus, [bus.ask_identity(device)])
+    return FoundDevice(id=device, baud=bus.port.baud, protocol=wire.name, doubled=doubled)
 
 
 def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevice]:
@@ -186,16 +192,36 @@ def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevi
     for device in range(MAX_ID + 1):
         if device in known:
             continue
-        for _ in range(GARBLED_REPLIES):
-            before = replace(bus.statistics)
-            status = bus.ping(device)
-            if status is not None:
-                yield _examine(bus, status)
-                break
-            if not _count_garbled_bytes(bus, before):
-                break
-        else:
-            yield FoundDevice(id=device, baud=bus.port.baud, doubled=True)
+        before = replace(bus.statistics)
+        status = bus.ping(device)
+        if status is None and _count_garbled_bytes(bus, before):
+            if _is_doubled(bus, [bus.ask_identity(device)]):
+                yield FoundDevice(id=device, baud=bus.port.baud, doubled=True)
+                continue
+            status = bus.ping(device, TRIES)
+        if status is not None:
+            yield _examine(bus, status)
+
+
+def _is_doubled(bus: DynamixelBus, requests: Iterable[Request]) -> bool:
+    """Tell whether two devices reply to one of some requests to a single id.
+
+    Their replies overlap, which damages them, or one follows the other, in every exchange. One
+    whole reply, and then silence, is that of one device: what came before was late, or came twice.
+    """
+    with using_margin((bus,), CONFIRM_MARGIN):
+        return any(
+            all(_is_crowded(bus, request) for _ in range(GARBLED_REPLIES)) for request in requests
+        )
+
+
+def _is_crowded(bus: DynamixelBus, request: Request) -> bool:
+    """Return whether more, or other bytes than one whole reply come on a line that was silent."""
+    bus.await_silence()
+    parser = bus.wire.parse_replies()
+    *_, heard = [b"", *bus.listen(request)]
+    found = parser.feed(heard.removeprefix(request.frame))  # an adapter may echo what is sent
+    return bool(len(found) > 1 or parser.damaged or parser.noise or parser.pending)
 
 
 def _count_garbled_bytes(bus: DynamixelBus, before: BusStatistics) -> int:
@@ -204,7 +230,8 @@ def _count_garbled_bytes(bus: DynamixelBus, before: BusStatistics) -> int:
     return 0 if passed.bytes_in == passed.bytes_out else passed.bytes_in
 
 
-def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
+def _examine(bus: DynamixelBus, status: Status, *, is_suspect: bool = False) -> FoundDevice:
+    """Read what a device measures; of a suspect one, find out whether it is two."""
     number, firmware = read_identity(status)
     baud = bus.port.baud
     try:
@@ -215,7 +242,11 @@ def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
         )
     before = replace(bus.statistics)
     values = read_items(bus, status.id, table, TELLTALES)
-    is_doubled = values is None and _count_garbled_bytes(bus, before) > 0
+    is_suspect = is_suspect or (values is None and _count_garbled_bytes(bus, before) > 0)
+    is_doubled = is_suspect and _is_doubled(bus, _list_requests(bus, status.id, table))
+    if values is None and not is_doubled:
+        with using_margin((bus,), CONFIRM_MARGIN):
+            values = read_items(bus, status.id, table, TELLTALES)
     values = values or {}
 
     def scaled(name: str) -> float | None:
@@ -233,3 +264,9 @@ def _examine(bus: DynamixelBus, status: Status) -> FoundDevice:
         protocol=table.wire.name,
         doubled=is_doubled,
     )
+
+
+def _list_requests(bus: DynamixelBus, device: int, table: ControlTable) -> list[Request]:
+    """List what two devices of one id answer differently, or at different times."""
+    reads = [bus.group({device: table[name].span}) for name in TELLTALES if name in table]
+    return [bus.ask_identity(device), *reads]

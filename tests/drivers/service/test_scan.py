@@ -1,9 +1,12 @@
 """Devices found on a port, whatever the robot."""
 
+from collections import deque
+
 import pytest
 from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.protocol2 import BROADCAST, ErrorNumber, Instruction, Packet, Status
 from drivers.serial_port import PortRefusedError
 from drivers.service.scan import FoundDevice, check_rate, find_devices, scan_port
 from drivers.virtual_bus.devices.board import VirtualBoard
@@ -56,6 +59,49 @@ def test_a_model_without_a_table_is_listed_by_its_number():
 def test_two_servos_of_one_id_are_one_doubled_device():
     (found,) = find_devices(DynamixelBus(port_of(servo(4), servo(4, model="XM540-W270"))))
     assert (found.id, found.doubled, found.model) == (4, True, None)
+
+
+def test_two_servos_of_one_id_of_which_one_waits_longer_are_one_doubled_device():
+    """Return delays of 0 and 500 us: the second reply begins after the first has ended."""
+    port = port_of(servo(4))
+    port.spoil = lambda _, replies: replies * 2
+    (found,) = find_devices(DynamixelBus(port))
+    assert (found.id, found.doubled) == (4, True)
+
+
+def test_a_reply_to_the_broadcast_ping_that_comes_twice_doubles_no_device():
+    port = port_of(servo(4))
+    port.spoil = lambda packet, replies: replies * 2 if packet.id == BROADCAST else replies
+    (found,) = find_devices(DynamixelBus(port))
+    assert (found.id, found.doubled, found.voltage) == (4, False, 11.9)
+
+
+def test_a_late_reply_doubles_no_other_device():
+    """The replies to the first reads come three requests late, so in the time of the next id."""
+    port, waiting = port_of(servo(3), servo(4)), deque[list[bytes]]()
+
+    def delay(packet: Packet, replies: list[bytes]) -> list[bytes]:
+        if packet.instruction != Instruction.READ or len(port.frames(Instruction.READ)) > 6:
+            return replies
+        waiting.append(replies)
+        return waiting.popleft() if len(waiting) > 3 else []
+
+    port.spoil = delay
+    found = find_devices(DynamixelBus(port))
+    assert [(device.id, device.doubled) for device in found] == [(3, False), (4, False)]
+    assert [device.temperature for device in found] == [34.0, 35.0]
+
+
+def test_a_servo_that_refuses_to_be_read_is_no_doubled_device():
+    port = port_of(servo(4))
+
+    def refuse(packet: Packet, replies: list[bytes]) -> list[bytes]:
+        is_read = packet.instruction == Instruction.READ
+        return [Status(4, ErrorNumber.ACCESS).encode()] if is_read else replies
+
+    port.spoil = refuse
+    (found,) = find_devices(DynamixelBus(port))
+    assert (found.id, found.doubled, found.voltage) == (4, False, None)
 
 
 def test_an_echo_of_the_adapter_is_no_device():

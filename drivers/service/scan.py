@@ -71,6 +71,8 @@ class FoundDevice:
     """What it speaks; both names if it may be either."""
     doubled: bool = False
     """Whether its replies are garbled again and again, as by two devices of one id."""
+    only_pings: bool = False
+    """Whether it replies to pings alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +186,13 @@ def _examine_at(bus: DynamixelBus, device: int, wire: Wire | None) -> FoundDevic
     if status is not None:
         return _examine(bus, status)
     doubled = _is_doubled(bus, [bus.ask_identity(device)])
-    return FoundDevice(id=device, baud=bus.port.baud, protocol=wire.name, doubled=doubled)
+    return FoundDevice(
+        id=device,
+        baud=bus.port.baud,
+        protocol=wire.name,
+        doubled=doubled,
+        only_pings=not doubled and bus.hears(device),
+    )
 
 
 def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevice]:

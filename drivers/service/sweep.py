@@ -1,14 +1,17 @@
-"""Finds servos of Protocol 1.0 and of Feetech's, which share a frame: reads one id at a time."""
+"""Finds servos of Protocol 1.0 and of Feetech's, which share a frame: pings one id at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from drivers.dynamixel.bus import ANSWER_MARGIN, DynamixelBus
+from drivers.dynamixel import protocol2
+from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.identity import AT_ID, FIRST, decode_identity
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
-from drivers.dynamixel.protocol2 import Status, read, read_identity
+from drivers.dynamixel.protocol2 import Status, read_identity
+from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
 from drivers.errors import SetupError
@@ -18,8 +21,8 @@ ALIKE = (PROTOCOL_1, FEETECH)
 """Protocols whose frames are the same."""
 LATENCY_MARGIN = 0.002  # s beyond an adapter's latency timer
 SWEPT = range(PROTOCOL_1.max_id + 1)
-"""Ids that are read where none is named."""
-READS = 2  # of an id, so that one damaged reply hides no servo
+"""Ids that are pinged where none is named."""
+ROUNDS = 2  # of ids that are silent, so that one damaged or late reply hides no servo
 
 
 class ProtocolError(SetupError):
@@ -42,7 +45,7 @@ def choose_wires(protocol: str | None) -> tuple[Wire, ...]:
 def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = None) -> list[int]:
     """Find the ids, all or some, that reply in one of the protocols; the bus speaks it afterwards.
 
-    Only reads are sent: nothing changes.
+    Only pings and reads are sent: nothing changes.
 
     Raises:
         ProtocolError: if it cannot be known which protocol they speak, or they speak two.
@@ -69,7 +72,8 @@ def list_speakers(
 ) -> dict[int, Wire | None]:
     """List the ids, all or some, that reply in one of the protocols; None if it may be either.
 
-    The bus speaks Protocol 2.0 afterwards.
+    Silent ids are pinged again, but not where nothing at all came. The bus speaks Protocol 2.0
+    afterwards.
     """
     wanted = [wire for wire in ALIKE if wire in wires]
     if not wanted:
@@ -78,20 +82,49 @@ def list_speakers(
     latency = (read_latency_timer(bus.port.path) or 0) * 1e-3
     margin = max(ANSWER_MARGIN, latency + LATENCY_MARGIN)
     found: dict[int, Wire | None] = {}
+    sought, before = list(SWEPT if ids is None else ids), replace(bus.statistics)
     try:
         with using_margin([bus], margin if ids is None else max(margin, bus.answer_margin)):
-            for device in SWEPT if ids is None else ids:
-                status = _read_first(bus, device, 1 if ids is None else READS)
-                if status is not None:
-                    found[device] = _choose(status, wanted)
+            for _ in range(ROUNDS):
+                for device in [device for device in sought if device not in found]:
+                    found |= _identify(bus, device, wanted)
+                traffic = bus.statistics - before
+                if ids is None and not (traffic.bytes_in or traffic.stale):
+                    break
     finally:
         bus.wire = PROTOCOL_2
-    return found
+    return dict(sorted(found.items()))
 
 
-def _read_first(bus: DynamixelBus, device: int, tries: int) -> Status | None:
-    request = bus.ask(read(device, FIRST), FIRST.length)
-    return bus.request(request, tries).get(device)
+def _identify(bus: DynamixelBus, device: int, wanted: Sequence[Wire]) -> dict[int, Wire | None]:
+    """Find what a device speaks, by its id; nothing if it is silent.
+
+    At Status Return Level 0 a servo of Protocol 1.0 replies to pings alone, a Feetech to reads too.
+    """
+    ping = bus.ask(protocol2.ping(device))
+    heard = _hear(bus, ping, device)
+    if not heard:
+        return {}
+    status = _read_first(bus, device)
+    if status is not None:
+        return {device: _choose(status, wanted)}
+    replies = [packet.id for packet in bus.wire.parse_replies().feed(heard)]
+    is_pong = replies == [device] and heard != ping.frame  # which an adapter may echo
+    return {device: PROTOCOL_1} if is_pong and PROTOCOL_1 in wanted else {}
+
+
+def _read_first(bus: DynamixelBus, device: int) -> Status | None:
+    request = bus.ask(protocol2.read(device, FIRST), FIRST.length)
+    return bus.request(request, TRIES).get(device)
+
+
+def _hear(bus: DynamixelBus, request: Request, device: int) -> bytes:
+    """Return what comes after a request, up to the first frame of a device."""
+    heard = b""
+    for heard in bus.listen(request):
+        if any(packet.id == device for packet in bus.wire.parse_replies().feed(heard)):
+            break
+    return heard
 
 
 def _choose(status: Status, wanted: Sequence[Wire]) -> Wire | None:

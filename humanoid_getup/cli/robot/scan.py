@@ -121,6 +121,11 @@ def _print(
                     f" [red]✗[/] id {device.id} at {device.baud} bit/s: replies are garbled, as "
                     "by two devices of one id; unplug one at a time and give each its own id"
                 )
+            if device.only_pings:
+                console.print(
+                    f" [yellow]![/] id {device.id} at {device.baud} bit/s: replies to pings alone, "
+                    "as at status return level 0; connecting to its robot sets that to 2"
+                )
     if advice:
         console.print(f"[bold]{advice}")
 

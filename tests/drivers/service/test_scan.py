@@ -6,11 +6,14 @@ import pytest
 from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.protocol1 import PROTOCOL_1, ChecksumParser
 from drivers.dynamixel.protocol2 import BROADCAST, ErrorNumber, Instruction, Packet, Status
 from drivers.serial_port import PortRefusedError
+from drivers.service import sweep
 from drivers.service.scan import FoundDevice, check_rate, find_devices, scan_port
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 
@@ -142,3 +145,49 @@ def test_a_rate_that_no_servo_has_is_refused():
     check_rate(57_600)
     with pytest.raises(ValueError, match="baud is 1234 bit/s, expected 9600, 57600"):
         check_rate(1234)
+
+
+# Protocols without a broadcast ping --------------------------------------------------------
+
+
+def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.MonkeyPatch):
+    """At Status Return Level 0 an AX answers no read (e-manual)."""
+    monkeypatch.setattr(sweep, "SWEPT", range(4))
+    ax, other = (PlainServo(i, "AX-12A", baud=BAUD) for i in (1, 3))
+    ax.poke("status_return_level", 0)
+    found = find_devices(DynamixelBus(port_of(ax, other)))
+    assert [(d.id, d.model, d.only_pings) for d in found] == [(1, None, True), (3, "AX-12A", False)]
+    assert {device.protocol for device in found} == {"1.0"}
+    assert not any(device.doubled for device in found)
+
+
+def test_an_id_whose_reply_comes_late_is_found_in_the_second_round(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(sweep, "SWEPT", range(4))
+    port, waiting = port_of(PlainServo(1, "AX-12A", baud=BAUD)), list[bytes]()
+
+    def delay(packet: Packet, replies: list[bytes]) -> list[bytes]:
+        if packet.id == 1 and len([sent for sent in port.sent if sent.id == 1]) == 1:
+            waiting.extend(replies)
+            return []
+        late, waiting[:] = list(waiting), []
+        return [*late, *replies]
+
+    port.spoil = delay
+    assert [device.id for device in find_devices(DynamixelBus(port))] == [1]
+
+
+def test_silent_ids_are_pinged_once_where_nothing_replies(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sweep, "SWEPT", range(4))
+    port = port_of()
+    port.chain.wire, port._parser = PROTOCOL_1, ChecksumParser()
+    assert sweep.list_speakers(DynamixelBus(port), sweep.ALIKE) == {}
+    assert [packet.id for packet in port.sent] == [0, 1, 2, 3]
+
+
+def test_an_adapter_that_echoes_pings_makes_no_servo(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sweep, "SWEPT", range(4))
+    port = port_of(PlainServo(1, "AX-12A", baud=BAUD))
+    port.spoil = lambda packet, replies: [PROTOCOL_1.encode(packet), *replies]
+    assert list(sweep.list_speakers(DynamixelBus(port), sweep.ALIKE)) == [1]

@@ -225,7 +225,7 @@ def test_a_bench_of_found_servos_has_the_range_of_their_positions(model: str):
 def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.MonkeyPatch):
     data = bytes((12, 0, 9, 9, 3, 9))  # an AX-12A (12) of id 9, or a Feetech 777 of id 9
     monkeypatch.setattr(sweep_module, "_read_first", lambda *_: Status(9, 0, data))
-    with serving_desk((1, "AX-12A")) as desk, opening(desk) as bus:
+    with serving_desk((9, "AX-12A")) as desk, opening(desk) as bus:
         with pytest.raises(ProtocolError, match=r"id 9 may be .*--protocol 1\.0 or --"):
             sweep(bus, bus.searched, (9,))
         assert sweep(bus, [sweep_module.FEETECH], (9,)) == [9]
@@ -240,7 +240,7 @@ def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_uncl
         read = sweep_module._read_first
         unclear = Status(4, 0, bytes((44, 1, 9, 4, 3, 4)))  # an AX-12W, or a Feetech 772
         monkeypatch.setattr(
-            sweep_module, "_read_first", lambda bus, i, n: unclear if i == 4 else read(bus, i, n)
+            sweep_module, "_read_first", lambda bus, i: unclear if i == 4 else read(bus, i)
         )
         found = find_devices(bus)
         assert [(d.id, d.number, d.model, d.protocol) for d in found] == [
@@ -254,7 +254,7 @@ def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_uncl
 def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr(sweep_module, "_read_first", lambda *_: pytest.fail("an id is swept"))
+    monkeypatch.setattr(sweep_module, "_hear", lambda *_: pytest.fail("an id is swept"))
     with serving_desk((1, "XL430-W250")) as desk:
         rates = (57_600, BAUD)
         with opening(desk) as bus:

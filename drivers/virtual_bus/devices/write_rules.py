@@ -11,6 +11,7 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 
 TRIPPED = -1  # value of bus_watchdog after it stopped the servo
+PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
@@ -39,6 +40,8 @@ def make_checks(registers: Registers, quirks: Quirks) -> dict[str, Callable[[int
     ranges: dict[str, Callable[[int], object]] = {
         "operating_mode": lambda mode: mode in registers.table.modes,
         "drive_mode": lambda bits: not bits & ~drive_bits,
+        # A real one speaks Protocol 1.0 after it was set to 1; a virtual one cannot, and refuses.
+        "protocol_type": lambda kind: kind == PROTOCOL_2_TYPE,
         "bus_watchdog": lambda value: not value or registers["bus_watchdog"] != TRIPPED,
         "profile_velocity": fits_profile,
         "profile_acceleration": fits_profile,

@@ -100,6 +100,10 @@ def test_every_item_has_its_access_and_its_range(model: str):
                 assert error == ErrorNumber.DATA_LIMIT
             elif item.name == "operating_mode" and bound not in servo.table.modes:
                 assert error == ErrorNumber.DATA_RANGE
+            elif item.name == "protocol_type" and bound == 1:
+                # A virtual servo speaks Protocol 2.0 alone, and does not pretend otherwise.
+                assert error == ErrorNumber.DATA_RANGE
+                assert servo.peek(item.name) == 2
             else:
                 assert error == 0, (item.name, bound)
                 assert servo.peek(item.name) == bound

@@ -19,6 +19,15 @@ FILES = ("control_tables.toml", "protocol1_tables.toml", "feetech_tables.toml")
 SI_DIGITS = 9
 """Decimals of a value converted to SI: far below every unit of a register."""
 
+POSITIONS = (
+    "goal_position",
+    "present_position",
+    "min_position_limit",
+    "max_position_limit",
+    "position_trajectory",
+)
+"""Items that are positions of the horn: 0 rad is the middle of the turn."""
+
 FIRST_MAPPED = 64
 """Least register that an indirect address may name: the first of the RAM."""
 
@@ -210,6 +219,12 @@ class ControlTable:
     def all_answered(self) -> int:
         """Return the status return level at which every instruction is confirmed."""
         return self["status_return_level"].upper or 0
+
+    def to_si(self, name: str, count: int) -> float:
+        """Convert an item's count to its unit; a position to the angle from the middle [rad]."""
+        if name in POSITIONS:
+            count -= ((self["max_position_limit"].upper or 0) + 1) // 2
+        return self[name].to_si(count)
 
     def baud_code(self, baud: int) -> int:
         """Return the value of the item ``baud_rate`` for a baud rate [bit/s].

@@ -48,7 +48,7 @@ class Gauge:
         """Return a register's newest value in its unit; None if it has none."""
         if register not in self.values:
             return None
-        return self.servo.table[register].to_si(self.values[register])
+        return self.servo.table.to_si(register, self.values[register])
 
     def note(self, values: dict[str, int]) -> None:
         """Note what was read, in counts."""
@@ -67,9 +67,7 @@ class Gauge:
 
     def to_angle(self, ticks: int) -> float:
         """Convert a position to the angle from the middle of its turn [rad]."""
-        table = self.servo.table
-        middle = ((table["max_position_limit"].upper or 0) + 1) // 2
-        return table["present_position"].to_si(ticks - middle)
+        return self.servo.table.to_si("present_position", ticks)
 
 
 class Gauges:

@@ -342,7 +342,8 @@ def _describe(servo: LooseServo, item: Item) -> str:
     lower, upper = item.lower or 0, item.upper or 0
     if not item.unit:
         return f"{lower} to {upper}"
-    return f"{lower} to {upper} ({item.to_si(lower):g} to {item.to_si(upper):g} {item.unit})"
+    ends = [servo.table.to_si(item.name, count) for count in (lower, upper)]
+    return f"{lower} to {upper} ({ends[0]:g} to {ends[1]:g} {item.unit})"
 
 
 def _check_status(servo: LooseServo, what: str, status: Status | None) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.table import Table
 
-from drivers.dynamixel.control_table import Item
 from drivers.service.scan import COMMON_RATES
 from drivers.service.servos.gauges import Gauge, Gauges
 from drivers.service.servos.loose_servo import LooseServo, find_any, open_bus, open_servo
@@ -33,7 +32,7 @@ class RegisterRow:
     value: int
     """[counts]"""
     si: float
-    """The same in its unit."""
+    """The same in its unit; a position is an angle from the middle of the turn."""
     unit: str
     lower: int | None
     """Least value that may be written [counts]; None if it can only be read."""
@@ -134,9 +133,7 @@ def _show(
     values: Mapping[str, int],
     command: ShowTable | ReadRegisters | WriteRegisters,
 ) -> None:
-    write_json(
-        {name: _describe(servo.table[name], count) for name, count in values.items()}, command
-    )
+    write_json({name: _describe(servo, name, count) for name, count in values.items()}, command)
     console: Console = console_for(command)
     console.print(f"[bold]{servo.name}[/], firmware {servo.firmware}")
     table = make_table(
@@ -150,19 +147,20 @@ def _show(
             str(item.address),
             str(item.size),
             str(count),
-            f"{item.to_si(count):.6g} {item.unit}" if item.unit else "",
+            f"{servo.table.to_si(name, count):.6g} {item.unit}" if item.unit else "",
             f"{item.lower} to {item.upper}" if item.writable else "read only",
             "yes" if item.eeprom else "",
         )
     console.print(table)
 
 
-def _describe(item: Item, count: int) -> RegisterRow:
+def _describe(servo: LooseServo, name: str, count: int) -> RegisterRow:
+    item = servo.table[name]
     return RegisterRow(
         address=item.address,
         size=item.size,
         value=count,
-        si=item.to_si(count),
+        si=servo.table.to_si(name, count),
         unit=item.unit,
         lower=item.lower if item.writable else None,
         upper=item.upper if item.writable else None,

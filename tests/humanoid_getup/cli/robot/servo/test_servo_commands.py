@@ -73,7 +73,7 @@ def test_registers_are_read_in_counts_and_units(desk, capsys):
     code, read = run_json("servo", "read", *names, "--id", "3", *port(desk), capsys=capsys)
     assert code == 0
     assert read["present_position"]["value"] == 3072
-    assert read["present_position"]["si"] == pytest.approx(3072 * 6.283185 / 4096)
+    assert read["present_position"]["si"] == pytest.approx(1.570796), "as +90° of servo list"
     assert read["temperature_limit"] == {
         "address": 31,
         "size": 1,
@@ -234,6 +234,7 @@ def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
     code, moved = run_json("servo", "wiggle", "--swing", "6", *where, capsys=capsys)
     assert code == 0
     assert list(moved) == ["servo_1", "servo_3"]
+    assert [joint["current_is_estimated"] for joint in moved.values()] == [True, False]
     for joint in moved.values():
         up, down, _ = (angle - joint["start_deg"] for angle in joint["reached_deg"])
         assert 3.0 < up < 9.0

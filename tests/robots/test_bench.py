@@ -115,6 +115,8 @@ def test_servos_of_a_command_line_are_models_with_their_ids():
     [
         (("1", "XL430-W250:2"), "has '1', expected MODEL:ID"),
         (("XL999:1",), "has 'XL999:1', expected MODEL:ID"),
+        (("XL43-W250:1",), "MODEL:ID with a model of XL430-W250, "),
+        (("ax12a:1",), "MODEL:ID with a model of AX-12A, "),
         (("XL430-W250:253",), "expected an id from 0 to 252"),
         (("XL430-W250:one",), "expected an id from 0 to 252"),
         (("XL430-W250:1", "1"), "has the id 1 twice"),

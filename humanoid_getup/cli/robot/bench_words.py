@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 from drivers.dynamixel.control_table import table_named, table_names, types_of
 from humanoid_getup.jobs.errors import refusing
@@ -39,8 +40,9 @@ def list_bench_servos(words: Sequence[str]) -> list[Joint]:
         before, colon, number = word.rpartition(":")
         model = _find_type(before) if colon else model
         if model not in servo_models():
-            known = ", ".join(servo_models())
-            raise ValueError(f"--servos has '{word}', expected MODEL:ID with a model of {known}")
+            raise ValueError(
+                f"--servos has '{word}', expected MODEL:ID with a model of {_list_near(model)}"
+            )
         figures = servo_models()[model]
         if not number.isdecimal() or int(number) > figures.max_id:
             raise ValueError(f"--servos has '{word}', expected an id from 0 to {figures.max_id}")
@@ -49,6 +51,11 @@ def list_bench_servos(words: Sequence[str]) -> list[Joint]:
     if twice := [i for i in ids if ids.count(i) > 1]:
         raise ValueError(f"--servos has the id {twice[0]} twice, expected each once")
     return joints
+
+
+def _list_near(name: str) -> str:
+    """List the models whose names are nearest to one, or all if none is near."""
+    return ", ".join(get_close_matches(name.upper(), servo_models(), n=3) or servo_models())
 
 
 def _find_type(name: str) -> str:

@@ -31,6 +31,11 @@ class GroupLayout:
         load = table["present_load"] if "present_load" in table else table["present_current"]
         return cls(load, velocity, position)
 
+    @property
+    def measures_current(self) -> bool:
+        """Return whether its load is a current, not a share from which one is estimated."""
+        return self.load.name == "present_current"
+
     @cached_property
     def span(self) -> Span:
         """Return the registers from the first of them to the last."""

@@ -212,9 +212,8 @@ def _current_scales(robot: Robot) -> NDArray[np.float64]:
     scales = []
     for joint in robot.joints:
         table = table_named(joint.servo.model.name)
-        load = GroupLayout.of(table).load
-        if load.name == "present_current":
-            scales.append(load.scale)
-        else:  # a servo without a current sensor reports its load as a share of the stall current
-            scales.append(load.scale * joint.servo.model.stall_current)
+        layout = GroupLayout.of(table)
+        # A servo without a current sensor reports its load as a share of the stall current.
+        most = 1.0 if layout.measures_current else joint.servo.model.stall_current
+        scales.append(layout.load.scale * most)
     return np.array(scales)

@@ -14,6 +14,7 @@ from drivers.control_loop import Ending, run
 from drivers.service.servos.jog import JogController
 from drivers.terminal_keys import TerminalKeys
 from humanoid_getup.cli.options.servo import JogServos
+from humanoid_getup.cli.robot.servo.amperes import ESTIMATE, is_estimated
 from humanoid_getup.cli.robot.servo.opening import open_servos, print_end
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -95,6 +96,8 @@ class JogKeys(TerminalKeys):
 
 def _tabulate(robot: Robot, controller: JogController) -> Table:
     table = make_table(("joint", "id", "°", "wanted °", "A", "°C"), left=["joint"])
+    if any(map(is_estimated, robot.joints)):
+        table.caption = f"~ {ESTIMATE}"
     state = controller.state
     if state is None:
         return table
@@ -106,7 +109,7 @@ def _tabulate(robot: Robot, controller: JogController) -> Table:
             str(joint.servo.id),
             f"{math.degrees(state.joint_pos[i]):+.1f}",
             "limp" if wanted is None else f"{math.degrees(wanted):+.1f}",
-            f"{state.joint_current[i] + 0.0:.2f}",
+            f"{'~' if is_estimated(joint) else ''}{state.joint_current[i] + 0.0:.2f}",
             f"{state.temperature[i]:.0f}",
             style="bold cyan" if is_chosen else None,
         )

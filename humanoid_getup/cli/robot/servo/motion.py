@@ -21,6 +21,7 @@ from drivers.service.servos.waypoints import (
 )
 from drivers.terminal_keys import StopKey
 from humanoid_getup.cli.options.servo import MovedOptions, MoveServo, WiggleServos
+from humanoid_getup.cli.robot.servo.amperes import describe_current, is_estimated
 from humanoid_getup.cli.robot.servo.opening import open_servos, print_end
 from humanoid_getup.cli.shared.console import console_for
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -42,6 +43,8 @@ class MovedJoint:
     wanted_deg: tuple[float, ...]
     reached_deg: tuple[float, ...]
     peak_current_a: float
+    current_is_estimated: bool
+    """Whether the servo has no sensor for it, only for its load."""
     moved: bool
     """Whether it arrived, or followed each swing."""
 
@@ -76,7 +79,7 @@ def move(command: MoveServo) -> int:
         console.print(
             f"{name_of(robot.joints[joint])}: {moved.start_deg:+.1f}° to "
             f"{moved.reached_deg[0]:+.1f}° of {moved.wanted_deg[0]:+.1f}°, up to "
-            f"{moved.peak_current_a:.2f} A; torque is off"
+            f"{_describe_peak(moved)}; torque is off"
         )
     if not done.is_whole:
         return HARDWARE_FAULT
@@ -148,6 +151,7 @@ def _describe(robot: Robot, joint: int, done: WaypointRun, *, swing: float | Non
         wanted_deg=tuple(wanted.tolist()),
         reached_deg=tuple(reached.tolist()),
         peak_current_a=max((float(a.current[joint]) for a in done.arrivals), default=0.0),
+        current_is_estimated=is_estimated(robot.joints[joint]),
         moved=moved,
     )
 
@@ -163,5 +167,9 @@ def _print_wiggle(robot: Robot, joint: int, moved: MovedJoint, console: Console)
     places = ", ".join(f"{angle:+.1f}°" for angle in moved.reached_deg)
     console.print(
         f" {mark} {name_of(robot.joints[joint])}: from {moved.start_deg:+.1f}° to {places}, up to "
-        f"{moved.peak_current_a:.2f} A"
+        f"{_describe_peak(moved)}"
     )
+
+
+def _describe_peak(moved: MovedJoint) -> str:
+    return describe_current(moved.peak_current_a, estimated=moved.current_is_estimated)

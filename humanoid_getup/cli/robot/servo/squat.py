@@ -14,6 +14,7 @@ from drivers.service.servos.guarded_motion import MovedServos, choose_servos
 from drivers.service.servos.waypoints import WaypointController, WaypointRun, move_through
 from drivers.terminal_keys import StopKey
 from humanoid_getup.cli.options.servo import SquatRobot
+from humanoid_getup.cli.robot.servo.amperes import describe_current, is_estimated
 from humanoid_getup.cli.robot.servo.opening import print_end
 from humanoid_getup.cli.shared.console import console_for, phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
@@ -42,6 +43,8 @@ class SquatResult:
     worst_deg: float
     """How far it was [°]."""
     peak_current_a: float
+    current_is_estimated: bool
+    """Whether a servo has no sensor for it, only for its load."""
     followed: bool
 
 
@@ -105,6 +108,7 @@ def _describe(servos: MovedServos, done: WaypointRun, neck_share: float) -> Squa
         worst_joint=servos.robot.joint_names[worst],
         worst_deg=float(farthest[worst]),
         peak_current_a=float(max((a.current.max() for a in done.arrivals), default=0.0)),
+        current_is_estimated=any(map(is_estimated, servos.robot.joints)),
         followed=done.is_whole and bool((farthest < LAG).all()),
     )
 
@@ -112,8 +116,9 @@ def _describe(servos: MovedServos, done: WaypointRun, neck_share: float) -> Squa
 def _print(servos: MovedServos, result: SquatResult, console: Console) -> None:
     worst = servos.robot.joints[servos.robot.joint_names.index(result.worst_joint)]
     state = "[bold green]followed[/]" if result.followed else "[bold red]did not follow[/]"
+    peak = describe_current(result.peak_current_a, estimated=result.current_is_estimated)
     console.print(
         f"{state}: squat to {100.0 * result.neck_share:.0f} % of the standing height and back; "
         f"{name_of(worst)} was farthest from its target, by {result.worst_deg:.1f}°; up to "
-        f"{result.peak_current_a:.2f} A; torque is off"
+        f"{peak}; torque is off"
     )

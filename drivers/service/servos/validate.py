@@ -145,7 +145,8 @@ class ServoValidator:
             ]
         torque = self._read_torque(backend, bus, joint)
         if not table_named(device.servo.model.name).has_watchdog:
-            return [torque, _miss(Check.WATCHDOG, longest, "s", NO_WATCHDOG[0])]
+            missing = _miss(Check.WATCHDOG, longest, "s", NO_WATCHDOG[0])
+            return [torque, replace(missing, applies=False)]
         self._pause(longest)
         state = _read(bus, device, "bus_watchdog")
         stopped = state is not None and state & 0xFF == TRIPPED
@@ -208,8 +209,8 @@ def _time_replies(bus: DynamixelBus, device: Joint) -> Validation:
     for _ in range(READS):
         began = time.perf_counter()
         if bus.read_item(device.servo.id, item, tries=1) is None:
-            answered = f"{len(durations)} of {len(durations) + 1} reads are answered"
-            return _miss(Check.REPLY_TIME, LONGEST_REPLY, "ms", answered)
+            remark = f"no reply to read {len(durations) + 1} of {READS}"
+            return _miss(Check.REPLY_TIME, 1000.0 * bus.answer_margin, "ms", remark)
         durations.append(1000.0 * (time.perf_counter() - began))
     traffic = bus.statistics - before
     wire = 1000.0 * (traffic.bytes_in + traffic.bytes_out) / READS * bus.byte_time

@@ -33,13 +33,17 @@ class Validation:
     unit: str
     remark: str = ""
     """What was measured, or why it was not."""
+    applies: bool = True
+    """False where a servo of this kind has nothing to check."""
 
     @property
-    def passed(self) -> bool:
-        """Return whether the value was measured and is within its limit."""
+    def passed(self) -> bool | None:
+        """Return whether the value was measured and is within its limit; None if none applies."""
+        if not self.applies:
+            return None
         return self.measured is not None and self.measured <= self.limit
 
 
 def find_failed(validations: Iterable[Validation]) -> list[Check]:
     """Find the checks that failed."""
-    return [validation.check for validation in validations if not validation.passed]
+    return [validation.check for validation in validations if validation.passed is False]

@@ -26,6 +26,7 @@ from humanoid_getup.cli.shared.output import write_json
 from robots.bus_settings import MAIN_PORT
 
 HEADINGS = ("validation", "measured", "limit", "", "remark")
+MARKS = {True: "[green]✓[/]", False: "[bold red]✗[/]", None: "[dim]not applicable[/]"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +37,8 @@ class ValidationRow:
     """None where it could not be measured."""
     limit: float
     unit: str
-    passed: bool
+    passed: bool | None
+    """None where it is not applicable to a servo of this kind."""
     remark: str
 
 
@@ -84,7 +86,7 @@ def tabulate(validations: Sequence[Validation]) -> Table:
             validation.check.value,
             "-" if validation.measured is None else f"{validation.measured:.3g}",
             f"{validation.limit:.3g} {validation.unit}".rstrip(),
-            "[green]✓[/]" if validation.passed else "[bold red]✗[/]",
+            MARKS[validation.passed],
             validation.remark,
         )
     return table

@@ -10,12 +10,15 @@ from bus_stories import Served, serving
 from desk import make_desk
 from nonempty import nonempty
 
+from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.clock import CycleClock
+from drivers.service.servos import validate as module
 from drivers.service.servos.guarded_motion import choose_servos
 from drivers.service.servos.validate import ServoValidator
 from drivers.service.servos.validation import Check, Validation, find_failed
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from robots import Joint
 from robots.bench import Load, ServoBench
 from robots.bus_settings import MAIN_PORT
 from robots.servo import TICKS_PER_TURN
@@ -174,6 +177,31 @@ def test_an_adapter_that_collects_replies_for_16_ms_fails_by_its_time(monkeypatc
     assert find_failed(results) == [Check.REPLY_TIME]
     # 29 bytes of 10 bits at 1 Mbit/s take 0.29 ms themselves.
     assert results[-1].measured == pytest.approx(16.0 - 0.29)
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "STS3215-C018"])
+def test_a_servo_without_a_watchdog_passes_all_that_applies_to_it(model: str):
+    _, results = validate(make_desk((1, model), (3, model)))
+    (watchdog,) = (result for result in results if result.passed is None)
+    assert watchdog.check is Check.WATCHDOG
+    assert "has no bus watchdog" in watchdog.remark
+    assert find_failed(results) == []
+
+
+def test_a_reply_that_never_comes_is_shown_with_the_time_that_was_waited(monkeypatch):
+    margin = 0.03  # s
+
+    def fall_silent(bus: DynamixelBus, device: Joint) -> Validation:
+        bus.answer_margin = margin
+        monkeypatch.setattr(bus, "read_item", lambda *_, **__: None)
+        return time_replies(bus, device)
+
+    time_replies = module._time_replies
+    monkeypatch.setattr(module, "_time_replies", fall_silent)
+    _, results = validate()
+    assert (results[-1].check, results[-1].passed) == (Check.REPLY_TIME, False)
+    assert (results[-1].limit, results[-1].unit) == (pytest.approx(1000.0 * margin), "ms")
+    assert results[-1].remark == "no reply to read 1 of 100"
 
 
 def test_a_servo_that_falls_silent_fails_all_that_was_not_measured_and_says_why():

@@ -23,6 +23,9 @@ CHUNK = 4096  # bytes, more than any reply
 # adapter hangs.
 SEND_TIMEOUT = 0.1
 REOPEN_EVERY = 0.2  # s between two attempts to open a port that was lost
+# s; an adapter without a latency timer (ttyACM) passes on what came once in a frame of full-speed
+# USB, and a program behind a pseudo-terminal takes its share of such a time.
+USB_FRAME = 0.001
 UNIX98_SLAVES = range(136, 144)  # major numbers of pseudo-terminals (Linux, devices.txt)
 
 
@@ -225,5 +228,6 @@ def read_latency_timer(path: str) -> int | None:
 
 
 def read_latency(path: str) -> float:
-    """Return how long the adapter of a port holds back a reply [s]; 0 if that is unknown."""
-    return (read_latency_timer(path) or 0) * 1e-3
+    """Return how long the adapter of a port holds back a reply [s]; if unknown, a USB frame."""
+    timer = read_latency_timer(path)
+    return USB_FRAME if timer is None else timer * 1e-3

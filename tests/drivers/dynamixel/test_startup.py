@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from memory_rig import Rig
 
+from drivers import serial_port
 from drivers.dynamixel import startup
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
@@ -148,11 +149,12 @@ def test_an_imu_that_cannot_be_read_is_named_and_none_need_be_there(tiny: Robot)
         assert np.isfinite(states.stamp).all()
 
 
+@pytest.mark.parametrize("timer", [1, None], ids=["timer of 1 ms", "unknown: a USB frame"])
 @pytest.mark.parametrize(("model", "refused"), [("AX-12A", True), ("XL430-W250", False)])
 def test_single_reads_that_wait_for_the_adapter_need_a_longer_period(
-    model: str, refused: bool, monkeypatch: pytest.MonkeyPatch
+    model: str, refused: bool, timer: int | None, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(startup, "read_latency", lambda _: 0.001)
+    monkeypatch.setattr(serial_port, "read_latency_timer", lambda _: timer)
     port = SimpleNamespace(path="main", baud=1_000_000)
     bus = SimpleNamespace(port=port, byte_time=10 / port.baud)
     joints = [make_bench_joint(servo_models()[model], i) for i in range(1, 9)]

@@ -25,6 +25,7 @@ COMMON_RATES = (57_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 GARBLED_REPLIES = 3  # garbled replies in a row, on a silent line, that are not a coincidence
 CONFIRM_MARGIN = 0.05  # s; longer than an adapter or a busy computer holds back a reply
 PONG = OVERHEAD + 1 + PING_DATA  # bytes of a reply to a ping
+EITHER = " or ".join(alike.name for alike in ALIKE)  # of which it is not known what it speaks
 ONBOARD_PORT = re.compile(r"/ttyS\d+$")  # on the mainboard, not a USB adapter
 
 # Values that change all the time or differ between servos: two of one id that reply equally
@@ -173,13 +174,19 @@ def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
 
 def _find_swept(bus: DynamixelBus) -> list[FoundDevice]:
     """List what replies in another protocol, one id after the other."""
-    return [_examine_at(bus, *speaker) for speaker in list_speakers(bus, ALIKE).items()]
+    damaged = bus.statistics.damaged
+    speakers = list_speakers(bus, ALIKE)
+    is_garbled = bus.statistics.damaged > damaged
+    found = [_examine_at(bus, *speaker) for speaker in speakers.items()]
+    if is_garbled:
+        bus.wire = ALIKE[0]
+        found += _ping_others(bus, speakers.keys())
+    return sorted(found, key=lambda device: device.id)
 
 
 def _examine_at(bus: DynamixelBus, device: int, wire: Wire | None) -> FoundDevice:
     if wire is None:
-        either = " or ".join(alike.name for alike in ALIKE)
-        return FoundDevice(id=device, baud=bus.port.baud, protocol=either)
+        return FoundDevice(id=device, baud=bus.port.baud, protocol=EITHER)
     bus.wire = wire
     with using_margin((bus,), CONFIRM_MARGIN):
         status = bus.ping(device, TRIES)
@@ -196,7 +203,7 @@ def _examine_at(bus: DynamixelBus, device: int, wire: Wire | None) -> FoundDevic
 
 
 def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevice]:
-    """Ping each id alone that gave no intact reply to the broadcast ping."""
+    """Ping each id alone that gave no intact reply before."""
     for device in range(MAX_ID + 1):
         if device in known:
             continue
@@ -204,7 +211,8 @@ def _ping_others(bus: DynamixelBus, known: Container[int]) -> Iterator[FoundDevi
         status = bus.ping(device)
         if status is None and _count_garbled_bytes(bus, before):
             if _is_doubled(bus, [bus.ask_identity(device)]):
-                yield FoundDevice(id=device, baud=bus.port.baud, doubled=True)
+                protocol = bus.wire.name if bus.wire is PROTOCOL_2 else EITHER
+                yield FoundDevice(id=device, baud=bus.port.baud, protocol=protocol, doubled=True)
                 continue
             status = bus.ping(device, TRIES)
         if status is not None:

@@ -10,7 +10,7 @@ from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
 from drivers.dynamixel.identity import AT_ID, FIRST, decode_identity
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
-from drivers.dynamixel.protocol2 import Status, read_identity
+from drivers.dynamixel.protocol2 import Damaged, Status, read_identity
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
@@ -22,6 +22,7 @@ ALIKE = (PROTOCOL_1, FEETECH)
 LATENCY_MARGIN = 0.002  # s beyond an adapter's latency timer
 SWEPT = range(PROTOCOL_1.max_id + 1)
 """Ids that are pinged where none is named."""
+READ_MARGIN = 0.05  # s for the read of an id that was heard; what is later than that is silent
 ROUNDS = 2  # of ids that are silent, so that one damaged or late reply hides no servo
 
 
@@ -108,14 +109,17 @@ def _identify(bus: DynamixelBus, device: int, wanted: Sequence[Wire]) -> dict[in
     status = _read_first(bus, device)
     if status is not None:
         return {device: _choose(status, wanted)}
-    replies = [packet.id for packet in bus.wire.parse_replies().feed(heard)]
+    frames = bus.wire.parse_replies().feed(heard)
+    replies = [frame.id for frame in frames if not isinstance(frame, Damaged)]
+    bus.statistics.damaged += not replies
     is_pong = replies == [device] and heard != ping.frame  # which an adapter may echo
     return {device: PROTOCOL_1} if is_pong and PROTOCOL_1 in wanted else {}
 
 
 def _read_first(bus: DynamixelBus, device: int) -> Status | None:
     request = bus.ask(protocol2.read(device, FIRST), FIRST.length)
-    return bus.request(request, TRIES).get(device)
+    with using_margin([bus], max(READ_MARGIN, bus.answer_margin)):
+        return bus.request(request, TRIES).get(device)
 
 
 def _hear(bus: DynamixelBus, request: Request, device: int) -> bytes:

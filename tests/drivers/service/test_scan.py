@@ -161,6 +161,14 @@ def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.Monkey
     assert not any(device.doubled for device in found)
 
 
+def test_two_servos_of_one_id_are_one_doubled_device_in_protocol_1_too():
+    """As shipped, all AX have the id 1."""
+    pair = [PlainServo(1, "AX-12A", baud=BAUD), PlainServo(1, "AX-18A", baud=BAUD)]
+    found = find_devices(DynamixelBus(port_of(*pair, PlainServo(3, "AX-12A", baud=BAUD))))
+    assert [(d.id, d.doubled, d.model) for d in found] == [(1, True, None), (3, False, "AX-12A")]
+    assert found[0].protocol == "1.0 or feetech"
+
+
 def test_an_id_whose_reply_comes_late_is_found_in_the_second_round(
     monkeypatch: pytest.MonkeyPatch,
 ):

@@ -10,6 +10,7 @@ from memory_rig import Rig, split
 
 from drivers import Backend, Command
 from drivers.backend import Release
+from drivers.dynamixel import backend as driver_module
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
@@ -750,6 +751,34 @@ def test_no_frame_holds_a_header_inside(op3_rig):
 
 
 # Over a real port ------------------------------------------------------------------------------
+
+
+def test_only_behind_a_pseudo_terminal_time_is_taken_to_wait(rig, monkeypatch):
+    """A robot that is driven without deadlines would run at the speed of its bus."""
+    assert rig.peek("realtime_tick") == rig.peek("realtime_tick")
+    assert not rig.backend.waits_for_commands()
+    monkeypatch.setattr(driver_module, "is_pseudo_terminal", lambda _: True)
+    assert rig.backend.waits_for_commands()
+
+
+def test_time_is_taken_to_wait_only_if_the_servos_clocks_stand_still(rig, monkeypatch):
+    monkeypatch.setattr(driver_module, "is_pseudo_terminal", lambda _: True)
+
+    def pass_a_period(seconds: float) -> None:
+        assert seconds > 0.001
+        rig.virtual.physics.advance(rig.virtual.physics.time + 0.008)
+
+    monkeypatch.setattr(driver_module.time, "sleep", pass_a_period)
+    assert not rig.backend.waits_for_commands()
+
+
+def test_a_lost_reply_is_read_again_before_it_is_known_whether_time_waits(rig, monkeypatch):
+    monkeypatch.setattr(driver_module, "is_pseudo_terminal", lambda _: True)
+    losses = [True, False]
+    rig.port.spoil = lambda _, replies: [] if losses and losses.pop(0) else replies
+    assert rig.backend.waits_for_commands()
+    rig.port.spoil = lambda *_: []
+    assert not rig.backend.waits_for_commands()
 
 
 @pytest.fixture(params=[SerialPort, SdkPort])

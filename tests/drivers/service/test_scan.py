@@ -79,6 +79,21 @@ def test_a_reply_to_the_broadcast_ping_that_comes_twice_doubles_no_device():
     assert (found.id, found.doubled, found.voltage) == (4, False, 11.9)
 
 
+def test_noise_in_one_reply_of_a_suspect_doubles_no_device():
+    port = port_of(servo(4))
+
+    def disturb(packet: Packet, replies: list[bytes]) -> list[bytes]:
+        if packet.id == BROADCAST:
+            return replies * 2  # so that its id is looked at more closely
+        is_first = len([sent for sent in port.sent if sent.id == 4]) == 4
+        return [replies[0][:-1]] if is_first else replies
+
+    port.spoil = disturb
+    (found,) = find_devices(DynamixelBus(port))
+    assert [packet.instruction for packet in port.sent[:5]] == [1, 2, 2, 2, 1]
+    assert (found.id, found.doubled) == (4, False)
+
+
 def test_a_late_reply_doubles_no_other_device():
     """The replies to the first reads come three requests late, so in the time of the next id."""
     port, waiting = port_of(servo(3), servo(4)), deque[list[bytes]]()

@@ -16,7 +16,7 @@ from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError
 from humanoid_getup.cli.options.hardware import Doctor
-from humanoid_getup.cli.shared.console import console_for, make_table, phase
+from humanoid_getup.cli.shared.console import console_for, count_of, make_table, phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.inputs import load_robot, name_ports
@@ -119,15 +119,11 @@ def _describe_servo(servo: ServoFacts) -> ServoRow:
     )
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def print_health(health: HealthCheck, console: Console) -> None:
     """Print findings, remedies and all figures."""
     name, errors, warnings = health.robot.name, len(health.errors), len(health.warnings)
-    state = _count(errors, "error") if errors else "healthy"
-    found = f"{name}: {state}, {_count(warnings, 'warning')}"
+    state = count_of(errors, "error") if errors else "healthy"
+    found = f"{name}: {state}, {count_of(warnings, 'warning')}"
     console.print(f"[bold {'red' if errors else 'green'}]{found}")
     for finding in health.findings:
         mark = "[yellow]![/]" if finding.severity is Severity.WARNING else "[red]✗[/]"

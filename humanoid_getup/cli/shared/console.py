@@ -24,6 +24,11 @@ WIDTH = 120  # characters of a line that goes to no terminal
 LINE_EVERY = 60.0  # s between lines of progress that go to no terminal
 
 
+def count_of(number: int, noun: str) -> str:
+    """Write a number of things: 1 servo, 2 servos."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 class PipeConsole(Console):
     """A console that leaves a closed pipe to `main`; rich would exit with code 1."""
 

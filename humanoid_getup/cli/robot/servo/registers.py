@@ -13,7 +13,7 @@ from drivers.service.servos.gauges import Gauge, Gauges
 from drivers.service.servos.loose_servo import LooseServo, find_any, open_bus, open_servo
 from humanoid_getup.cli.options.servo import ListServos, ReadRegisters, ShowTable, WriteRegisters
 from humanoid_getup.cli.robot.servo.gauge_table import HEADINGS, LEFT, list_cells
-from humanoid_getup.cli.shared.console import console_for, make_table, phase
+from humanoid_getup.cli.shared.console import console_for, count_of, make_table, phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.prompt import is_confirmed
@@ -63,7 +63,7 @@ def list_servos(command: ListServos) -> int:
         gauges.read()
         baud = bus.port.baud
     write_json([_describe_gauge(gauge, baud) for gauge in gauges.all], command)
-    console.print(f"[bold]{command.path}[/]: {len(gauges.all)} servos at {baud} bit/s")
+    console.print(f"[bold]{command.path}[/]: {count_of(len(gauges.all), 'servo')} at {baud} bit/s")
     console.print(tabulate_gauges(gauges.all))
     return DID_IT
 

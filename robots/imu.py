@@ -22,7 +22,7 @@ AxesSetting = Annotated[
 ]
 
 IMU_PORT = "imu"
-"""Name of an IMU's own serial port among the ports of a robot."""
+"""Name of an IMU's own serial port or I2C bus among the ports of a robot."""
 SERIAL_BAUD = 115_200  # bit/s of a BNO055 and of a BNO08x in UART-RVC mode (data sheets)
 MAX_BAUD = 4_000_000  # bit/s, beyond any USB adapter
 MAX_I2C_BUS = 255  # minor numbers of /dev/i2c-N
@@ -95,6 +95,11 @@ class ImuSettings:
     accelerometer_unit: Literal["m/s2", "g"] = "m/s2"
     checksum: Literal["none", "nmea"] = "none"
     """``nmea``: a line ends with * and the XOR of the bytes before it, two hexadecimal digits."""
+
+    @property
+    def has_own_line(self) -> bool:
+        """Return whether it has a serial port or an I2C bus of its own."""
+        return self.kind != "board"
 
     @property
     def is_serial(self) -> bool:

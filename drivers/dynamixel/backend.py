@@ -95,7 +95,8 @@ class DynamixelBackend(Backend):
         Args:
             robot: Robot on the buses, calibrated.
             ports: Device of each port, by its name in the robot's description; ``imu`` for an
-                IMU on another serial port than described. Of a robot with one port, its device.
+                IMU on another serial port or I2C bus than described. Of a robot with one port, its
+                device.
             clock: Clock of the measurements; ``None`` for wall time. With simulated time (a
                 virtual bus in lock-step) no cycle has a deadline.
             limit_by: What torque limits act on: the current, in current-based position mode, or

@@ -79,8 +79,8 @@ def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool)
             f"robot '{robot.name}' has an IMU ({robot.imu_kind}), expected a robot without one, or "
             "without_imu=False"
         )
-    wanted, has_own_port = list(bus.ports), robot.imu is not None and robot.imu.is_serial
-    if sorted(set(ports) - ({IMU_PORT} if has_own_port else set())) != sorted(wanted):
+    wanted, has_own_line = list(bus.ports), robot.imu is not None and robot.imu.has_own_line
+    if sorted(set(ports) - ({IMU_PORT} if has_own_line else set())) != sorted(wanted):
         raise SetupError(
             f"robot '{robot.name}' has the ports {', '.join(wanted)}; "
             f"devices were named for: {', '.join(ports) or 'none'}"

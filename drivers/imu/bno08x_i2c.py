@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from drivers.imu.i2c import I2cChip
+from drivers.imu.i2c import REMEDY, I2cChip
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSource
 from robots.imu import ImuSettings, SensorAxes
@@ -60,8 +60,7 @@ class Bno08xI2c(ImuSource):
             self._set_features()
         except OSError as error:
             self._chip.close()
-            remedy = "check its cable, its address, imu.i2c_bus in robot.toml, and group i2c"
-            raise ImuError(self.name, error.strerror or "silent", remedy) from error
+            raise ImuError(self.name, error.strerror or "silent", REMEDY) from error
 
     def close(self) -> None:
         """Close the bus."""

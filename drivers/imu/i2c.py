@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from smbus2 import SMBus
 
+REMEDY = "check its cable, its address, imu.i2c_bus in robot.toml or --port imu=PATH, and group i2c"
+"""What to do about a bus that does not open, or a chip that does not reply."""
+
 
 class I2cChip(Protocol):
     """Access of a sensor to its chip on an I2C bus; errors are `OSError`."""
@@ -29,8 +32,10 @@ class I2cChip(Protocol):
 class LinuxI2cChip(I2cChip):
     """A chip behind /dev/i2c-N; a transfer waits until it is done."""
 
-    def __init__(self, bus: int, address: int) -> None:
-        self._device, self._address = f"/dev/i2c-{bus}", address
+    def __init__(self, bus: int | str, address: int) -> None:
+        """Name a chip by its bus, N or a path, and its address there."""
+        self._device = f"/dev/i2c-{bus}" if isinstance(bus, int) else bus
+        self._address = address
         self.path = f"{self._device} at 0x{address:02X}"
         self._bus: SMBus | None = None
 

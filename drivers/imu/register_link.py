@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from drivers.imu.i2c import I2cChip
+from drivers.imu.i2c import REMEDY, I2cChip
 from drivers.imu.serial_link import SerialLink
 from drivers.imu.source import ImuError
 
@@ -57,8 +57,7 @@ class I2cRegisters(RegisterLink):
         try:
             self._chip.open()
         except OSError as error:
-            remedy = "check imu.i2c_bus in robot.toml, and that you may use the bus (group i2c)"
-            raise ImuError(self._name, f"{error.strerror}", remedy) from error
+            raise ImuError(self._name, f"{error.strerror}", REMEDY) from error
 
     def close(self) -> None:
         """Close the bus."""

@@ -24,7 +24,7 @@ class ServedRobot(Protocol):
 
     @property
     def imu(self) -> ImuSource | None:
-        """Return the source of a virtual IMU on I2C, which no other program can reach."""
+        """Return the source of an IMU on I2C that keeps step with its client; None without one."""
         ...
 
     @property

@@ -69,7 +69,7 @@ class VirtualDevices:
         """The IMU, if it has a line of its own."""
         self.on_imu_update: Callable[[], None] = lambda: None
         """Called after each measurement of the IMU."""
-        if robot.imu is not None and robot.imu_kind != "board":
+        if robot.imu is not None and robot.imu.has_own_line:
             self.imu = build_virtual_imu(robot.imu)
 
     def _build_board(self, powered: bool) -> VirtualBoard | None:

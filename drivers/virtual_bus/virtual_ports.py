@@ -9,9 +9,10 @@ from typing import Self
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.source import ImuSource
-from drivers.virtual_bus.imu.bno055 import VirtualBno055
-from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
+from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip, VirtualUartImu
+from drivers.virtual_bus.serving.i2c_line import I2cLine
 from drivers.virtual_bus.serving.imu_line import ImuLine
+from drivers.virtual_bus.serving.interfaces import SideLine
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.virtual_devices import VirtualDevices
 from robots.imu import IMU_PORT
@@ -41,7 +42,7 @@ class VirtualPorts:
         self._robot, self._link = robot, None if options.link is None else Path(options.link)
         self._is_real_time = time_mode is TimeMode.REAL_TIME
         self.imu_line = self._make_imu_line()
-        """The IMU's own serial port; None if it has none."""
+        """The IMU's own serial port or I2C bus; None if it has none."""
         self.buses: dict[str, VirtualBus] = {}
         for name, chain in robot.chains.items():
             is_main = name == main
@@ -80,13 +81,14 @@ class VirtualPorts:
 
     @property
     def imu(self) -> ImuSource | None:
-        """Return the source of a virtual IMU on I2C, which no other program can reach."""
+        """Return the source of an IMU on I2C that keeps step with its client; None without one.
+
+        In real time there is none: a driver reads the chip at its path.
+        """
         settings, chip = self._robot.robot.imu, self._robot.imu
-        if settings is None or settings.is_serial:
+        if self._is_real_time or settings is None or settings.is_serial:
             return None
-        if not isinstance(chip, VirtualBno055 | VirtualBno08xI2c):
-            return None
-        return build_i2c_source(settings, chip)
+        return build_i2c_source(settings, chip) if isinstance(chip, VirtualI2cChip) else None
 
     def __enter__(self) -> Self:
         with ExitStack() as opening:
@@ -104,13 +106,16 @@ class VirtualPorts:
         """Return the path of one of several ports, None for a temporary one."""
         return self._link.with_name(f"{self._link.name}-{port}") if self._link else None
 
-    def _make_imu_line(self) -> ImuLine | None:
-        """Plug in the IMU's serial port, if it has one of its own."""
-        imu = self._robot.imu
-        if imu is None or isinstance(imu, VirtualBno08xI2c):
+    def _make_imu_line(self) -> SideLine | None:
+        """Plug in the IMU's serial port or I2C bus, if it has one of its own."""
+        settings, imu = self._robot.robot.imu, self._robot.imu
+        link = self._link_to(IMU_PORT)
+        if settings is None:
             return None
-        if self._robot.robot.imu is None or not self._robot.robot.imu.is_serial:
+        if isinstance(imu, VirtualI2cChip) and not settings.is_serial:
+            return I2cLine(imu, settings.address, link=link)
+        if not isinstance(imu, VirtualUartImu):
             return None
-        line = ImuLine(imu, link=self._link_to(IMU_PORT), repeats=not self._is_real_time)
+        line = ImuLine(imu, link=link, repeats=not self._is_real_time)
         self._robot.on_imu_update = line.pass_on
         return line

@@ -114,13 +114,13 @@ def find_motion(robot: Robot, name: str) -> Motion:
 def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
     """Map the names of a robot's ports to their paths.
 
-    That of an IMU with a serial port of its own may be given too, as ``imu``.
+    That of an IMU with a serial port or an I2C bus of its own may be given too, as ``imu``.
 
     Raises:
         BadInputError: naming the ports that the robot has.
     """
     wanted = list(robot.bus.ports) if robot.bus else []
-    own = [IMU_PORT] if robot.imu is not None and robot.imu.is_serial else []
+    own = [IMU_PORT] if robot.imu is not None and robot.imu.has_own_line else []
     if len(wanted) == 1 and len(ports) == 1 and "=" not in ports[0]:
         return {wanted[0]: ports[0]}
     named = dict(port.split("=", 1) for port in ports if "=" in port)

@@ -229,7 +229,7 @@ def _wrong_imu(table: RobotTable) -> list[str]:
         problems.append(f"imu_site is missing, expected the site of the IMU of [{carrier}]")
     if imu is None:
         return problems
-    if imu.is_serial and bus is not None and IMU_PORT in bus.ports:
+    if imu.has_own_line and bus is not None and IMU_PORT in bus.ports:
         problems.append(f"bus.ports: {shown(IMU_PORT)} is the port of the IMU, expected another")
     return problems + find_imu_problems(imu, has_board=board is not None)
 

@@ -604,7 +604,9 @@ GROUPS: dict[str, list[Case]] = {
         case("servo monitor --port none --seconds 1", "port none", "does not exist"),
         case("servo find-port", "standard input is not a terminal"),
         case("servo setup --port none", "standard input is not a terminal"),
-        case("servo setup --port a,b", "--port is a,b, expected one serial port"),
+        case(
+            "servo setup --port a,b", "--port is a, b, expected for robot 'op3': --port main=PATH"
+        ),
         case("bus --faults none.toml", "none.toml"),
         case("bus --faults /dev/zero", "/dev/zero", "it is a device, expected a file"),
         case("replay /dev/zero", "/dev/zero", "it is a device, expected a file"),

@@ -86,14 +86,14 @@ class VirtualBno055(VirtualI2cChip, VirtualUartImu):
         elif selected == 0 and register == OPR_MODE:
             self.pages[0][OPR_MODE] = value
             self._measure()
-        elif self.mode == CONFIG_MODE:
+        elif self.mode == CONFIG_MODE and register < PAGE_SIZE:
             self.pages[selected][register] = value
 
     # I2C ------------------------------------------------------------------------------------
 
     def exchange(self, data: bytes, count: int) -> bytes:
-        """Write a register's address and values, then read on from there."""
-        register, *values = data
+        """Write a register's address and values, then read on from there; without one, from 0."""
+        register, *values = data or b"\0"
         for place, value in enumerate(values):
             self.write(register + place, value)
         return self.read(register, count)

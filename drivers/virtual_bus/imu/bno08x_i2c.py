@@ -55,9 +55,11 @@ class VirtualBno08xI2c(VirtualI2cChip):
         return self._read_out(count) if count else b""
 
     def _execute(self, cargo: bytes) -> None:
-        if cargo[0] == PRODUCT_REQUEST:
+        """Execute what a packet says; the hub ignores what it does not know."""
+        kind = cargo[0] if cargo else None
+        if kind == PRODUCT_REQUEST:
             self._packets.append((CONTROL, PRODUCT))
-        elif cargo[0] == SET_FEATURE:
+        elif kind == SET_FEATURE and len(cargo) == FEATURE.size:
             _, sensor, _, _, interval, _, _ = FEATURE.unpack(cargo)
             self._intervals[sensor], self._due[sensor] = interval * 1e-6, self._now
             if not interval:

@@ -15,13 +15,9 @@ from typing import Any
 
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import DriverError
-from drivers.imu.build import build_i2c_source
-from drivers.imu.source import ImuSource
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.imu.build import build_virtual_imu
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
 from drivers.virtual_bus.own_process.messages import (
     Count,
     Peek,
@@ -54,6 +50,9 @@ class RealTimeRobot:
     `behind` says by how much.
     """
 
+    imu = None
+    """A driver reads an IMU on I2C at its path."""
+
     def __init__(
         self,
         simulation: Simulation,
@@ -74,7 +73,6 @@ class RealTimeRobot:
             robot=robot, options=options or PortOptions(), powered=powered, quirks=quirks
         )
         self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
-        self._chip: VirtualI2cChip | None = None
         self._late = 0.0
         board = self._devices.board if has_board else None
         self.physics = ServoPhysics(simulation, self._devices.servos, board, rests=True)
@@ -109,14 +107,6 @@ class RealTimeRobot:
     def running(self) -> bool:
         """Return whether its ports are served."""
         return self._thread.is_alive() and self._process.poll() is None
-
-    @property
-    def imu(self) -> ImuSource | None:
-        """Return the source of a virtual IMU on I2C, which no other program can reach."""
-        settings = self.simulation.robot.imu
-        if self._chip is None or settings is None:
-            return None
-        return build_i2c_source(settings, self._chip)
 
     @property
     def statistics(self) -> Statistics:
@@ -237,19 +227,14 @@ class RealTimeRobot:
             self._stopping.set()
 
     def _connect_imu(self) -> None:
-        """Measure with an IMU on a line of its own, here or in the other process."""
+        """Measure for an IMU on a line of its own, which is in the other process."""
         robot = self.simulation.robot
-        if robot.imu is None or robot.imu_kind == "board":
+        if robot.imu is None or not robot.imu.has_own_line:
             return
         axes = SensorAxes.of(robot.imu.axes)
-        chip = None if robot.imu.is_serial else build_virtual_imu(robot.imu)
-        self._chip = chip if isinstance(chip, VirtualI2cChip) else None
 
         def sense() -> None:
-            reading = ImuReading.of(self.simulation, axes, self.physics.time)
-            self._devices.imu = reading
-            if self._chip is not None:
-                self._chip.sense(reading)
+            self._devices.imu = ImuReading.of(self.simulation, axes, self.physics.time)
 
         self.simulation.on_sensor_update.append(sense)
         sense()

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from drivers.virtual_bus.serving.imu_line import ImuLine
+from drivers.virtual_bus.serving.interfaces import SideLine
 
 T = TypeVar("T")
 
@@ -27,7 +27,7 @@ class CallQueue:
         self._server: int | None = None
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._bell: int | None = None  # an eventfd
-        self.lines: list[ImuLine] = []
+        self.lines: list[SideLine] = []
         """Further lines; what comes on them is handled before what came on the waiting one's."""
 
     def open(self) -> None:

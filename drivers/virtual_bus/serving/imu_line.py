@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
+from drivers.virtual_bus.serving.interfaces import SideLine
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 
-class ImuLine:
+class ImuLine(SideLine):
     """A pseudo-terminal in front of a virtual IMU; all methods are for the bus' thread."""
 
     def __init__(self, imu: VirtualUartImu, *, link: Path | None, repeats: bool) -> None:

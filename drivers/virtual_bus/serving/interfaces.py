@@ -71,6 +71,28 @@ class Physics(Protocol):
         """Set the supply voltage [V]."""
 
 
+class SideLine(Protocol):
+    """A further line of a robot, such as its IMU's, served by the thread of a bus."""
+
+    @property
+    def path(self) -> str:
+        """Return the path at which a client finds it."""
+        ...
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 while it is unplugged."""
+        ...
+
+    def serve(self) -> None:
+        """Handle what clients have sent."""
+
+    def idle(self) -> None:
+        """Do what is done while the bus is idle."""
+
+    def close(self) -> None:
+        """Remove it."""
+
+
 class Faulty(Protocol):
     """Target of injected faults: a bus with its devices, its physics and its port."""
 

@@ -16,8 +16,13 @@ from drivers.virtual_bus.serving.call_queue import CallQueue
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.imu_line import ImuLine
-from drivers.virtual_bus.serving.interfaces import Devices, Physics, StillPhysics, WireStatistics
+from drivers.virtual_bus.serving.interfaces import (
+    Devices,
+    Physics,
+    SideLine,
+    StillPhysics,
+    WireStatistics,
+)
 from drivers.virtual_bus.serving.lock_step import LockStep
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
@@ -73,7 +78,7 @@ class VirtualBus:
         options: PortOptions | None = None,
         strict_stuffing: bool = False,
         advances_time: bool = True,
-        line: ImuLine | None = None,
+        line: SideLine | None = None,
     ) -> None:
         """Create a bus; `start` creates its port.
 

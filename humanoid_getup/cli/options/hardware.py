@@ -19,9 +19,10 @@ from humanoid_getup.jobs.requests.values import Items, between
 class ServeBus(BodyOption, SceneOptions):
     """Serve a virtual bus with a simulated robot behind it, until stopped.
 
-    Prints the path of the serial port; of a robot with several, one line each. Behind it are, with
-    --servos, servos on a bench instead of a robot. What is typed meanwhile, a person at the robot
-    does: hold zero, turn l_knee:20, let go, lay prone.
+    Prints the path of the serial port; of a robot with several, one line each, and one for an IMU
+    on a line of its own: PATH-imu with --link PATH, a serial port or the socket of an I2C bus.
+    Behind it are, with --servos, servos on a bench instead of a robot. What is typed meanwhile, a
+    person at the robot does: hold zero, turn l_knee:20, let go, lay prone.
     """
 
     servos: Annotated[

@@ -289,10 +289,3 @@ class SetUpServos(ServiceOptions):
 
     joint: Annotated[tuple[str, ...], arg(metavar="NAME,...")] = ()
     """Joints whose servos are set up; default: all."""
-
-    def find_problems(self) -> list[str]:
-        """Report several ports as well: one servo is on one."""
-        problems = super().find_problems()
-        if len(self.port) > 1:
-            problems.append(f"--port is {','.join(self.port)}, expected one serial port")
-        return problems

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -57,7 +58,7 @@ def serve_bus(command: ServeBus) -> int:
             person.turn(turned)
         for path in paths.values():
             print(path, flush=True)
-        print(describe(devices), file=sys.stderr)
+        print(describe(devices, paths), file=sys.stderr)
         _wait(served, person)
     return DID_IT
 
@@ -87,15 +88,12 @@ def _find_start(world: World | ServoBench, origin: str, rng: np.random.Generator
     return find_start(world, origin, rng).posture
 
 
-def describe(robot: VirtualDevices) -> str:
-    """Compose the banner: rate, and how the servos get power."""
+def describe(robot: VirtualDevices, paths: Mapping[str, str]) -> str:
+    """Compose the banner: rate, how a client names several paths, and how servos get power."""
     text = f"getup: {robot.robot.name} on a virtual bus at {robot.bus.baud} bit/s, Ctrl-C ends it"
-    imu = robot.robot.imu
-    if robot.imu is not None and imu is not None and not imu.is_serial:
-        text += (
-            "\ngetup: its IMU is on I2C, which no other program can reach: "
-            "--backend virtual without --port has it"
-        )
+    if len(paths) > 1:
+        named = ",".join(f"{name}={path}" for name, path in paths.items())
+        text += f"\ngetup: connect with --port {named}"
     board = robot.board
     if board is None or all(servo.powered for servo in robot.servos):
         return text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -161,6 +162,26 @@ def test_a_robot_without_an_imu_is_refused_in_one_line(own_robot, capsys):
     assert main(("hold", "--robot", str(own_robot), "--backend", "virtual")) == 2
     message = capsys.readouterr().err.strip().splitlines()
     assert len(message) == 1 and "robot 'tiny' has no IMU: add an [imu] table" in message[0]
+
+
+def test_the_doctor_names_an_i2c_bus_that_has_ended_with_a_hardware_fault(own_robot, capsys):
+    file, dead = own_robot / "robot.toml", own_robot / "dead"
+    file.write_text(file.read_text() + '\n[imu]\nkind = "bno08x"\nconnection = "i2c"\n')
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as gone:
+        gone.bind(str(dead))
+    virtual = VirtualRobot(Simulation(load_robot(own_robot)), powered=True)
+    with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
+        port, out = f"main={ports.paths['main']}", f"imu={dead}"
+        arguments = ("doctor", "--robot", str(own_robot), "--port", port, out)
+        code, message = run_json(*arguments, capsys=capsys)
+        assert code == 3
+        (found,) = [each for each in message["findings"] if each["severity"] == "error"]
+        assert found["device"] == f"IMU BNO08x on {dead} at 0x4A"
+        assert found["text"] == "the virtual bus has ended"
+        where = ("--robot", str(own_robot), "--backend", "dynamixel", "--port", port, out)
+        assert main(("hold", *where)) == 3
+    *_, line = capsys.readouterr().err.strip().splitlines()
+    assert f"IMU BNO08x on {dead} at 0x4A: the virtual bus has ended; check" in line
 
 
 class Metronome:

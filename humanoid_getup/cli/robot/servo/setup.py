@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.dynamixel.diagnostics import name_of
@@ -11,12 +12,12 @@ from drivers.service.calibrate import Prompt
 from drivers.service.servos.loose_servo import open_bus
 from drivers.service.servos.motor_setup import SetUpServo, list_joints, set_up_servo
 from humanoid_getup.cli.options.servo import SetUpServos
-from humanoid_getup.cli.shared.console import console_for
+from humanoid_getup.cli.shared.console import console_for, count_of
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.prompt import open_prompt
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.inputs import load_robot, name_ports
 from robots import Joint, Robot
 
 QUIT = "q"
@@ -36,14 +37,14 @@ class SetUpRow:
 def set_up(command: SetUpServos) -> int:
     """Set up the servos of a robot, one after the other; 1 if the person left before the end."""
     console, robot = console_for(command), load_robot(command, takes_bench=True)
-    joints = list_joints(robot, command.joint)
+    joints, paths = list_joints(robot, command.joint), _find_paths(robot, command.port)
     prompt = open_prompt(console, "the input ended before all servos were set up")
     if prompt is None:
         raise BadInputError("standard input is not a terminal: servo setup needs a person")
     done: list[SetUpServo] = []
     for number, joint in enumerate(joints, start=1):
         where = f"{number} of {len(joints)}: connect only {name_of(joint)}"
-        servo = _set_up_one(robot, joint, command.port[0].rpartition("=")[2], prompt, where)
+        servo = _set_up_one(robot, joint, paths[joint.name], prompt, where)
         if servo is None:
             break
         done.append(servo)
@@ -51,8 +52,18 @@ def set_up(command: SetUpServos) -> int:
     if left := [joint.name for joint in joints[len(done) :]]:
         console.print(f"left: {', '.join(left)}; go on with --joint {','.join(left)}")
         return DID_NOT_STAND
-    console.print(f"[bold green]{len(done)} servos[/] are set up; connect all: getup doctor")
+    console.print(
+        f"[bold green]set up: {count_of(len(done), 'servo')}[/]; connect all: getup doctor"
+    )
     return DID_IT
+
+
+def _find_paths(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
+    """Find the port to which each joint's servo is connected: the only one, or its own."""
+    if len(ports) == 1:
+        return dict.fromkeys(robot.joint_names, ports[0].rpartition("=")[2])
+    named = name_ports(robot, ports)
+    return {name: named[port] for port, here in find_bus(robot).ports.items() for name in here}
 
 
 def _set_up_one(

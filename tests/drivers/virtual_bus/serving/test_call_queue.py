@@ -4,6 +4,7 @@ import os
 import threading
 
 import pytest
+from served_queue import Serving
 
 from drivers.virtual_bus.serving.call_queue import CallQueue
 
@@ -24,29 +25,6 @@ class Line:
 
     def idle(self) -> None:
         self.idles += 1
-
-
-class Serving:
-    """A thread that waits on a queue until it is ended."""
-
-    def __init__(self, queue: CallQueue) -> None:
-        self.queue, self.ending = queue, False
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.ready = threading.Event()
-        self.thread.start()
-        self.ready.wait()
-
-    def _run(self) -> None:
-        self.queue.open()
-        self.ready.set()
-        while not self.ending:
-            self.queue.wait(-1, 60.0)
-        self.queue.close()
-
-    def end(self) -> None:
-        self.ending = True
-        self.queue.ring()
-        self.thread.join()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,24 +13,44 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.bus import describe
-from robots import ImuSettings, Robot
+from robots import Robot
 
+ONE = {"main": "/tmp/port"}
 COMMAND = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--robot", str(TINY)]
 
 
 def test_the_banner_says_how_servos_get_power(op3: Robot):
-    text = describe(VirtualRobot(Simulation(op3)))
+    text = describe(VirtualRobot(Simulation(op3)), ONE)
     assert "no power" in text
     assert "register 24 of the board, id 200" in text
     assert "--powered" in text
-    assert "power" not in describe(VirtualRobot(Simulation(op3), powered=True))
+    assert "power" not in describe(VirtualRobot(Simulation(op3), powered=True), ONE)
 
 
-def test_the_banner_says_that_an_imu_on_i2c_is_not_served(tiny):
-    on_i2c = replace(tiny, imu=ImuSettings(kind="bno055", connection="i2c"))
-    assert "its IMU is on I2C" in describe(VirtualRobot(Simulation(on_i2c)))
-    on_uart = replace(tiny, imu=ImuSettings(kind="bno055"))
-    assert "I2C" not in describe(VirtualRobot(Simulation(on_uart)))
+def test_the_banner_names_several_paths_as_a_client_does(tiny: Robot):
+    robot = VirtualRobot(Simulation(tiny))
+    text = describe(robot, {"main": "/tmp/port", "imu": "/tmp/port-imu"})
+    assert "connect with --port main=/tmp/port,imu=/tmp/port-imu" in text
+    assert "--port" not in describe(robot, ONE)
+
+
+@pytest.mark.parametrize("connection", ["i2c", "uart"])
+def test_the_path_of_an_imu_is_printed_after_the_port(
+    tmp_path: Path, own_robot: Path, connection: str
+):
+    file, link = own_robot / "robot.toml", tmp_path / "port"
+    file.write_text(f'{file.read_text()}\n[imu]\nkind = "bno055"\nconnection = "{connection}"\n')
+    command = [*COMMAND[:-1], str(own_robot), "--hold", "zero", "--link", str(link)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as bus:
+        try:
+            assert bus.stdout is not None
+            paths = [bus.stdout.readline() for _ in range(2)]
+            assert paths == [f"{link}\n", f"{link}-imu\n"]
+            where = f"main={link},imu={link}-imu"
+            assert main(("doctor", "--robot", str(own_robot), "--port", where)) == 0
+        finally:
+            bus.terminate()
+    assert list(tmp_path.glob("port*")) == []
 
 
 def test_a_powered_bus_answers_any_client_and_leaves_no_link(tmp_path: Path, tiny: Robot):

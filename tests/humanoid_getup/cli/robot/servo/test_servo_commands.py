@@ -205,6 +205,24 @@ def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, mon
         assert "was set up already" in capsys.readouterr().out
 
 
+def test_of_several_ports_each_servo_is_set_up_on_its_own(tmp_path, monkeypatch, capsys):
+    (tmp_path / "robot.toml").write_text(
+        'name = "pair"\nbench = [\n  { id = 4, servo = "XL430-W250" },\n'
+        '  { id = 5, servo = "XM430-W350" },\n]\n[bus]\nbaud = 1_000_000\n'
+        '[bus.ports]\nleft = ["servo_4"]\nright = ["servo_5"]\n'
+    )
+    line = ("servo", "setup", "--robot", str(tmp_path), "--port")
+    with serving_desk((1, "XL430-W250")) as left, serving_desk((1, "XM430-W350")) as right:
+        monkeypatch.setattr(sys, "stdin", Person("", ""))
+        assert main((*line, f"left={left.path},right={right.path}")) == 0
+        assert [served.peek("id") for served in (left, right)] == [[4], [5]]
+    assert "set up: 2 servos" in capsys.readouterr().out
+    assert main((*line, "left=/tmp/a,/tmp/b")) == 2
+    assert "expected for robot 'pair': --port left=PATH --port right=PATH" in (
+        capsys.readouterr().err
+    )
+
+
 # Motion -----------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,150 @@
+"""The UNIX socket of a virtual I2C bus, served by the thread of the servo bus."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import shutil
+import socket
+import tempfile
+from pathlib import Path
+
+from drivers.imu.i2c import I2cChip
+from drivers.imu.i2c_socket import GREETING, LONGEST_PACKET, LONGEST_PATH, TRANSFER
+from drivers.virtual_bus.serving.interfaces import SideLine
+from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
+
+BACKLOG = 8  # clients that may wait to be accepted
+
+
+class I2cLine(SideLine):
+    """A virtual I2C bus with one chip; all methods are for the bus' thread.
+
+    As on /dev/i2c-N, several programs may transfer, and other addresses do not acknowledge.
+    """
+
+    def __init__(self, chip: I2cChip, address: int, *, link: Path | None) -> None:
+        """Plug the bus in.
+
+        Args:
+            chip: The chip.
+            address: Its address on the bus.
+            link: Path of the socket; None for a temporary one.
+
+        Raises:
+            PortLinkError: if the socket cannot be created.
+        """
+        self._chip, self._address = chip, address
+        self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
+        self._link = link or Path(self._folder or "", "i2c")
+        self._clients: dict[int, socket.socket] = {}
+        self._ends = select.epoll()  # whose descriptor can be waited on as that of a single line
+        try:
+            self._listener = _listen(self._link)
+        except BaseException:
+            self._ends.close()
+            raise
+        self._ends.register(self._listener.fileno(), select.EPOLLIN)
+
+    @property
+    def path(self) -> str:
+        """Return the path of the socket."""
+        return str(self._link)
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._ends.fileno()
+
+    def serve(self) -> None:
+        """Accept new clients, and do the transfers of the others."""
+        for end, _ in self._ends.poll(0):
+            if end == self._listener.fileno():
+                self._accept()
+            elif end in self._clients:
+                self._answer(self._clients[end])
+
+    def idle(self) -> None:
+        """Do nothing: a chip sends nothing by itself."""
+
+    def close(self) -> None:
+        """Remove the socket; clients see that the bus has ended."""
+        for client in list(self._clients.values()):
+            self._drop(client)
+        self._ends.close()
+        self._listener.close()
+        self._link.unlink(missing_ok=True)
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _accept(self) -> None:
+        try:
+            client, _ = self._listener.accept()
+        except OSError:  # it has left already
+            return
+        client.setblocking(False)
+        self._clients[client.fileno()] = client
+        self._ends.register(client.fileno(), select.EPOLLIN)
+        self._send(client, GREETING)
+
+    def _answer(self, client: socket.socket) -> None:
+        try:
+            packet = client.recv(LONGEST_PACKET)
+        except BlockingIOError:  # it has the number of one that has just left
+            return
+        except OSError:
+            packet = b""
+        if packet:
+            self._send(client, self._transfer(packet))
+        else:
+            self._drop(client)
+
+    def _send(self, client: socket.socket, data: bytes) -> None:
+        """Send to a client, and drop one that has ended or does not read."""
+        try:
+            client.send(data)
+        except OSError:
+            self._drop(client)
+
+    def _drop(self, client: socket.socket) -> None:
+        del self._clients[client.fileno()]
+        self._ends.unregister(client.fileno())
+        client.close()
+
+    def _transfer(self, packet: bytes) -> bytes:
+        """Do the transfer of a packet; return the reply."""
+        if len(packet) < TRANSFER.size:
+            return bytes([errno.EINVAL])
+        address, count = TRANSFER.unpack_from(packet)
+        if address != self._address:
+            return bytes([errno.EREMOTEIO])  # as Linux reports a missing acknowledgement
+        try:
+            return b"\0" + self._chip.transfer(packet[TRANSFER.size :], count)
+        except OSError as error:
+            return bytes([error.errno or errno.EIO])
+
+
+def _listen(link: Path) -> socket.socket:
+    """Create the socket; one that a dead virtual bus left behind is removed."""
+    if len(os.fsencode(link)) > LONGEST_PATH:
+        raise PortLinkError(link, f"the path of a socket has at most {LONGEST_PATH} bytes")
+    if os.path.lexists(link) and not _is_dead(link):
+        raise PortLinkError(link, "a file is there, name another path or remove it")
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.setblocking(False)
+    try:
+        link.unlink(missing_ok=True)
+        listener.bind(str(link))
+        listener.listen(BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise PortLinkError(link, f"{error.strerror}, name a path you may write") from error
+    return listener
+
+
+def _is_dead(link: Path) -> bool:
+    """Return whether a file is a socket that no program listens at."""
+    if not link.is_socket():
+        return False
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        return probe.connect_ex(str(link)) == errno.ECONNREFUSED

@@ -1,0 +1,235 @@
+"""A chip behind the socket of another process is the chip itself, and a lost bus a lost IMU."""
+
+import errno
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from served_queue import Serving, serving_line
+from waiting import wait_until
+
+from drivers.imu import i2c_socket
+from drivers.imu.build import build_i2c_source, choose_chip
+from drivers.imu.i2c import I2cChip, LinuxI2cChip
+from drivers.imu.i2c_socket import LONGEST_PATH, SocketI2cChip
+from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuError, ImuSource
+from drivers.virtual_bus.imu.build import build_virtual_imu
+from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
+from drivers.virtual_bus.serving.call_queue import CallQueue
+from drivers.virtual_bus.serving.i2c_line import I2cLine
+from robots import ImuSettings
+
+SETTINGS = {kind: ImuSettings(kind=kind, connection="i2c") for kind in ("bno055", "bno08x")}
+UP = np.array([0.0, 0.0, 9.81])
+TRANSFERS = st.lists(st.tuples(st.binary(max_size=40), st.integers(0, 300)), max_size=12)
+SWITCH_ON = bytes.fromhex("15 00 02 00 FD 02 00 0000 88130000 00000000 00000000")  # the gyro
+
+
+@pytest.fixture(autouse=True)
+def _wait_for_replies_and_not_for_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine delays every reply, and brings a bus back at once."""
+    monkeypatch.setattr(i2c_socket, "TIMEOUT", 60.0)
+    monkeypatch.setattr(i2c_socket, "REOPEN_EVERY", 0.0)
+
+
+def make_chip(kind: str) -> VirtualI2cChip:
+    """Make a chip that has measured that it lies still."""
+    chip = build_virtual_imu(SETTINGS[kind])
+    assert isinstance(chip, VirtualI2cChip)
+    chip.sense(ImuReading(0.0, np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0])))
+    return chip
+
+
+@contextmanager
+def serving(chip: I2cChip, kind: str, path: Path) -> Iterator[CallQueue]:
+    with serving_line(I2cLine(chip, SETTINGS[kind].address, link=path)) as queue:
+        yield queue
+
+
+@contextmanager
+def opening(kind: str, path: Path) -> Iterator[SocketI2cChip]:
+    chip = SocketI2cChip(str(path), SETTINGS[kind].address)
+    chip.open()
+    try:
+        yield chip
+    finally:
+        chip.close()
+
+
+def transfer(chip: I2cChip, data: bytes, count: int) -> bytes | int | None:
+    """Return what is read, or the number of the error."""
+    try:
+        return chip.transfer(data, count)
+    except OSError as error:
+        return error.errno
+
+
+def measure(source: ImuSource) -> ImuSample:
+    sample = source.measure()
+    assert sample is not None
+    return sample
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+@given(transfers=TRANSFERS)
+def test_transfers_through_the_socket_read_what_the_chip_gives_directly(
+    kind: str, tmp_path_factory: pytest.TempPathFactory, transfers: list[tuple[bytes, int]]
+):
+    """Whatever is written, sensible or not."""
+    direct, path = make_chip(kind), tmp_path_factory.mktemp("i2c") / "bus"
+    transfers = [(SWITCH_ON, 0), *transfers] if kind == "bno08x" else transfers
+    with serving(make_chip(kind), kind, path), opening(kind, path) as chip:
+        read = [transfer(chip, *each) for each in transfers]
+    assert read == [transfer(direct, *each) for each in transfers]
+    assert [len(each) for each in read if isinstance(each, bytes)] == [n for _, n in transfers]
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_the_driver_measures_through_the_socket(kind: str, tmp_path: Path):
+    path = tmp_path / "bus"
+    with serving(make_chip(kind), kind, path), opening(kind, path) as chip:
+        sample = measure(build_i2c_source(SETTINGS[kind], chip))
+    assert sample.accelerometer == pytest.approx(UP, abs=0.02)
+
+
+def test_only_the_chip_acknowledges_and_only_with_power(tmp_path: Path):
+    path, chip = tmp_path / "bus", make_chip("bno055")
+    other = SocketI2cChip(str(path), 0x29)
+    with serving(chip, "bno055", path) as queue, opening("bno055", path) as client:
+        other.open()
+        assert transfer(other, b"\0", 4) == errno.EREMOTEIO
+        assert client.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
+        queue.call(lambda: setattr(chip, "alive", False))
+        assert transfer(client, b"\0", 4) == errno.EREMOTEIO
+        queue.call(lambda: setattr(chip, "alive", True))
+        assert client.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
+        other.close()
+
+
+def test_two_clients_each_get_their_own_replies(tmp_path: Path):
+    path = tmp_path / "bus"
+    with ExitStack() as stack:
+        stack.enter_context(serving(make_chip("bno055"), "bno055", path))
+        one, two = (stack.enter_context(opening("bno055", path)) for _ in range(2))
+        for value in (0x05, 0x00, 0x0C):
+            one.transfer(bytes([0x3D, value]))
+            assert two.transfer(b"\x3d", 1) == bytes([value])
+            assert one.transfer(b"\x00", 2) == b"\xa0\xfb"
+
+
+def connect(path: Path) -> socket.socket:
+    client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    client.connect(str(path))
+    return client
+
+
+def fill(client: socket.socket) -> None:
+    """Send transfers and read no reply, until the bus takes no more."""
+    client.setblocking(False)
+    packet = b"\x28\xff\xff\x00"
+    with pytest.raises(OSError):
+        for _ in range(100_000):
+            client.send(packet)
+
+
+def test_clients_that_die_mutter_or_do_not_read_harm_nothing(tmp_path: Path):
+    path = tmp_path / "bus"
+    with serving(make_chip("bno055"), "bno055", path), opening("bno055", path) as client:
+        connect(path).close()
+        for packet in (b"?", b"\x28\x04\x00"):
+            dying = connect(path)
+            dying.send(packet)
+            dying.close()
+        deaf = connect(path)
+        fill(deaf)
+        assert client.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
+        deaf.close()
+
+
+def test_a_bus_that_ends_is_a_silent_imu_until_it_is_back(tmp_path: Path):
+    path = tmp_path / "bus"
+    source = build_i2c_source(SETTINGS["bno08x"], choose_chip(SETTINGS["bno08x"], str(path)))
+    with serving(make_chip("bno08x"), "bno08x", path):
+        source.open()
+        measure(source)
+    for _ in range(3):
+        source.request(0.0)
+        assert source.poll() is None
+    chip = make_chip("bno08x")
+    with serving(chip, "bno08x", path):
+        wait_until(lambda: source.poll() is not None)
+        source.close()
+        source.close()
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
+    file, dead, other = (tmp_path / name for name in ("file", "dead", "other"))
+    file.touch()
+    gone = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    gone.bind(str(dead))
+    gone.close()
+    foreign = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    foreign.bind(str(other))
+    foreign.listen()
+    with foreign:
+        for path, text in (
+            (tmp_path / "none", "No such file or directory"),
+            (file, "is no I2C bus"),
+            (dead, "the virtual bus has ended"),
+            (other, "is no I2C bus"),
+            (tmp_path / ("x" * LONGEST_PATH), "its path is longer than 107 bytes"),
+        ):
+            source = build_i2c_source(SETTINGS[kind], choose_chip(SETTINGS[kind], str(path)))
+            expected = rf"^IMU BNO0\w\w on {path} at 0x..: {text}; check .* --port imu=PATH"
+            with pytest.raises(ImuError, match=expected):
+                source.open()
+
+
+def test_a_program_that_does_not_greet_is_no_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(i2c_socket, "TIMEOUT", 0.01)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as mute:
+        mute.bind(str(tmp_path / "mute"))
+        mute.listen()
+        with pytest.raises(OSError, match="is no I2C bus"):
+            SocketI2cChip(str(tmp_path / "mute"), 0x28).open()
+
+
+def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(i2c_socket, "TIMEOUT", 0.5)
+    line = I2cLine(make_chip("bno055"), 0x28, link=tmp_path / "bus")
+    stuck, chip = CallQueue(), SocketI2cChip(line.path, 0x28)
+    stuck.lines.append(line)
+    serving = Serving(stuck)
+    chip.open()
+    serving.end()
+    with pytest.raises(OSError, match="the virtual bus has ended"):
+        chip.transfer(b"\x3b", 1)
+    monkeypatch.setattr(i2c_socket, "TIMEOUT", 60.0)
+    with serving_line(line):
+        assert chip.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
+        chip.close()
+        with pytest.raises(OSError, match="its bus is closed"):
+            chip.transfer(b"\0", 4)
+
+
+def test_a_path_is_a_bus_of_linux_or_a_socket(tmp_path: Path):
+    settings = SETTINGS["bno08x"]
+    chosen = [choose_chip(settings, path) for path in ("", "/dev/i2c-3", str(tmp_path / "bus"))]
+    assert [type(chip) for chip in chosen] == [LinuxI2cChip, LinuxI2cChip, SocketI2cChip]
+    assert [chip.path for chip in chosen] == [
+        "/dev/i2c-1 at 0x4A",
+        "/dev/i2c-3 at 0x4A",
+        f"{tmp_path / 'bus'} at 0x4A",
+    ]
+    (tmp_path / "link").symlink_to("/dev/null")
+    assert isinstance(choose_chip(settings, str(tmp_path / "link")), LinuxI2cChip)

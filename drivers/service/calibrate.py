@@ -106,6 +106,12 @@ class JointMeasurement:
         return tick_range(replace(self.joint, servo=servo))
 
     @property
+    def is_wider_than_a_turn(self) -> bool:
+        """Return whether the joint's range is wider than one turn of its servo, with any zero."""
+        first, last = self.ticks
+        return last - first > TICKS_PER_TURN - 1
+
+    @property
     def warnings(self) -> list[str]:
         """List what a person should check before this is saved."""
         warnings = []
@@ -116,6 +122,12 @@ class JointMeasurement:
             )
         if self.is_reversed:
             warnings.append(f"it turns the other way than known before: sign {self.sign:+d}")
+        if self.is_wider_than_a_turn:
+            first, last = self.ticks
+            warnings.append(
+                f"its range needs ticks {first} to {last}, more than one turn of its servo: "
+                f"it reaches 0 to {TICKS_PER_TURN - 1}"
+            )
         return warnings
 
 
@@ -257,12 +269,12 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
 
 
 def check_ranges(measured: Sequence[JointMeasurement]) -> None:
-    """Check that every joint can reach its range within one turn of its servo.
+    """Check that every joint can reach its range within one turn of its servo, if any zero can.
 
     Raises:
         PositionRangeError: naming those that cannot.
     """
-    beyond = [m for m in measured if not fits_one_turn(m.ticks)]
+    beyond = [m for m in measured if not (fits_one_turn(m.ticks) or m.is_wider_than_a_turn)]
     if beyond:
         raise PositionRangeError(beyond)
 

@@ -186,6 +186,9 @@ def _print_port(port: PortReport, health: HealthCheck, console: Console) -> None
         f"  all reads of a cycle: median {latency.reading_median * 1e3:.2f} ms, "
         f"p99 {latency.reading_p99 * 1e3:.2f} ms; {limit}"
     )
+    if latency.return_delays:
+        waited = latency.return_delays * 1e3
+        console.print(f"  of them {waited:.2f} ms return delays, which the driver sets to 0")
     console.print(
         f"  one cycle: {port.cycle_bytes} bytes, {port.cycle_time * 1e3:.2f} ms on the wire "
         f"of {period * 1e3:.1f} ms"

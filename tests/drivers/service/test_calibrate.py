@@ -1,5 +1,6 @@
 """Zeros and signs of servos, measured while a person holds and turns the robot."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -152,6 +153,18 @@ def test_a_range_beyond_one_turn_is_refused_and_nothing_is_saved(tiny: Robot, tm
     with pytest.raises(PositionRangeError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
         save(tiny, [good, bad], tmp_path / "calibration.toml")
     assert not (tmp_path / "calibration.toml").exists()
+
+
+def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: Robot, tmp_path):
+    """Half a turn to each side has 4097 ticks, and a turn 4096."""
+    wide = replace(tiny.joints[0], lower=-math.pi, upper=math.pi)
+    narrow = replace(wide, upper=math.pi - 0.002)
+    save(tiny, [measured(wide, 2048)], tmp_path / "calibration.toml")
+    (warning,) = measured(wide, 2048).warnings
+    assert "needs ticks 0 to 4096, more than one turn of its servo: it reaches 0 to" in warning
+    assert measured(narrow, 2048).warnings == []
+    with pytest.raises(PositionRangeError, match="zero 2060 needs ticks 12 to 41"):
+        check_ranges([measured(narrow, 2060)])
 
 
 def test_joints_that_were_not_measured_keep_their_calibration(tiny: Robot, tmp_path):

@@ -9,6 +9,8 @@ from service_bench import ServiceBench
 from drivers.dynamixel.diagnostics import Severity
 from drivers.imu.sample import ImuSample
 from drivers.service.doctor import HealthCheck, examine, measure_rate
+from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot
 
 
@@ -54,6 +56,16 @@ def test_the_bytes_of_a_cycle_are_counted_by_hand(tiny: Robot):
     assert (report.latency.kind, report.latency.rounds) == ("fast sync read", 3)
     assert (report.latency.lost, report.latency.damaged) == (0, 0)
     assert report.latency.group_median <= report.latency.reading_median
+
+
+@pytest.mark.parametrize(("firmware", "delays"), [(46, 2), (40, 3)])
+def test_the_return_delays_of_a_cycle_are_counted_by_hand(tiny: Robot, firmware: int, delays: int):
+    """As shipped 0.5 ms: of the first servo of a fast read or of both, and in the background."""
+    bench = ServiceBench(tiny)
+    bench.virtual = VirtualRobot(Simulation(tiny), firmware=firmware, powered=True)
+    (report,) = check(bench).ports
+    assert report.latency is not None
+    assert report.latency.return_delays == pytest.approx(delays * 0.0005)
 
 
 @pytest.mark.parametrize(

@@ -289,6 +289,7 @@ LATENCY = Latency(
     group_p99=0.002,
     reading_median=0.002,
     reading_p99=0.003,
+    return_delays=0.0,
     lost=0,
     damaged=0,
 )
@@ -301,6 +302,13 @@ PORT = PortReport(
     cycle_time=0.0025,
     latency=LATENCY,
 )
+
+
+def test_return_delays_that_the_driver_sets_to_0_do_not_slow_a_line(monkeypatch):
+    """30 servos as shipped, read one reply after the other."""
+    monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
+    shipped = replace(LATENCY, reading_median=0.0205, reading_p99=0.0212, return_delays=0.0155)
+    assert check_port(replace(PORT, latency=shipped), period=0.008) == []
 
 
 @pytest.mark.parametrize(

@@ -25,9 +25,8 @@ def test_an_op3_gets_from_its_port_to_the_first_rise(tmp_path: Path):
             save(steps)
             leave(steps, "zeros")
             assert steps.wait() == 0
-        bus.do("hold zero")
         with in_terminal("first-steps", *where) as steps:  # goes on where it ended
-            begin(steps, "zeros")
+            begin(steps, "zeros", lambda: bus.do("hold zero"))
             steps.see("hold it still")
             steps.type("\n")
             save(steps)

@@ -1,12 +1,14 @@
 """`getup bus` and the two persons of a first connection: at the virtual robot, and at the steps."""
 
+import select
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from terminal import Terminal, in_terminal
+from waiting import LONGEST_WAIT
 
 STEP_TIME = 240.0  # s that the longest step may take
 TRIES = 3  # of a step with motion, which a busy computer may end
@@ -16,20 +18,21 @@ ALL_DONE = "all steps are done"
 class Bus:
     """`getup bus` and the person who types there."""
 
-    def __init__(self, program: subprocess.Popen) -> None:
+    def __init__(self, program: subprocess.Popen[bytes]) -> None:
         self._program = program
 
     def do(self, sentence: str) -> None:
         """Type a sentence, and wait until it is done."""
         assert self._program.stdin is not None
-        self._program.stdin.write(f"{sentence}\n")
-        self._program.stdin.flush()
+        self._program.stdin.write(f"{sentence}\n".encode())
         assert self.read_line() == f"done: {sentence}"
 
     def read_line(self) -> str:
-        """Read the next line that the bus prints."""
-        assert self._program.stdout is not None
-        return self._program.stdout.readline().rstrip("\n")
+        """Read the next line that the bus prints; a refusal is printed elsewhere."""
+        said = self._program.stdout
+        assert said is not None
+        assert select.select([said], [], [], LONGEST_WAIT)[0], "it says why on its standard error"
+        return said.readline().decode().rstrip("\n")
 
 
 @contextmanager
@@ -37,7 +40,7 @@ def serving(link: Path, *arguments: str) -> Iterator[Bus]:
     """Serve a virtual bus at a path, once it has printed that; end it afterwards."""
     command = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--link", str(link)]
     pipe = subprocess.PIPE
-    with subprocess.Popen([*command, *arguments], stdin=pipe, stdout=pipe, text=True) as program:
+    with subprocess.Popen([*command, *arguments], stdin=pipe, stdout=pipe, bufsize=0) as program:
         try:
             bus = Bus(program)
             assert bus.read_line() == str(link)
@@ -58,9 +61,9 @@ def find_port(link: Path, other: Path, *arguments: str) -> None:
             assert person.wait() == 0
 
 
-def begin(steps: Terminal, name: str) -> None:
-    """Begin a step by Enter."""
-    answer(steps, name, "")
+def begin(steps: Terminal, name: str, prepare: Callable[[], None] = lambda: None) -> None:
+    """Begin a step by Enter, once the robot is prepared for it."""
+    answer(steps, name, "", prepare)
 
 
 def skip(steps: Terminal, name: str) -> None:
@@ -73,10 +76,13 @@ def leave(steps: Terminal, name: str) -> None:
     answer(steps, name, "q")
 
 
-def answer(steps: Terminal, name: str, text: str) -> None:
+def answer(
+    steps: Terminal, name: str, text: str, prepare: Callable[[], None] = lambda: None
+) -> None:
     """Answer what a step asks before it runs."""
     steps.see(rf"step \d+ of \d+, {name}:.*", STEP_TIME)
     steps.see("q leaves:")
+    prepare()
     steps.type(f"{text}\n")
 
 

@@ -6,9 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from drivers.service.calibrate import TURN
 from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from robots import Robot
+from robots.imu import IMU_PORT
 
 LITTLE, GENTLE = 0.3, 0.6  # shares of the strongest servo's stall torque: in the air, and to rise
 SIDE = "supine"  # on which the robot lies for its first rise
@@ -45,7 +49,7 @@ def _on_robot(known: RobotAtPort) -> tuple[str, ...]:
 
 def _list_checks(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps that look and set up."""
-    first, *_ = known.port
+    first, *_ = [word for word in known.port if not word.startswith(f"{IMU_PORT}=")]
     yield FirstStep(
         name="scan",
         aim="Find the devices on the port: one line for each servo.",
@@ -69,12 +73,13 @@ def _list_checks(known: RobotAtPort) -> Iterator[FirstStep]:
 
 def _list_limp(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps with a limp robot in a person's hands."""
+    roomy = "zero" if (known.robot.upper >= np.radians(TURN)).all() else "standing"
     yield FirstStep(
         name="signs",
         aim="Measure which way each servo turns.",
         words=("calibrate", *_on_robot(known), "--signs"),
         before="Hang the robot up, or lay it down; then turn one joint after the other.",
-        at_bus="hold zero, and what is asked for, such as turn l_knee:20",
+        at_bus=f"hold {roomy}, and what is asked for, such as turn l_knee:20",
         is_optional=True,
     )
     is_zero_possible = bool(((known.robot.lower <= 0.0) & (known.robot.upper >= 0.0)).all())

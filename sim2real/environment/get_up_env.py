@@ -46,6 +46,8 @@ from sim2real.environment.starts.stands import sample_stands
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.styled.style_task import StyleTask
 
+Endings = tuple[NDArray[np.int_], NDArray[np.bool_]]
+"""Rows in the pool where episodes began, and whether they ended standing, (E,)."""
 STANDS = 64  # standing initial postures
 FLOAT = np.float32
 
@@ -115,6 +117,9 @@ class GetUpEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, n)
         self._force = AssistiveForce(options.assistive_force, options.assistive_force)
         self._levels = LevelCurriculum(pool.level)
+        self.follows_at_once = True
+        """Whether curricula follow each ending; otherwise they follow by `follow` alone."""
+        self._endings: list[Endings] = []
         self._rng = np.random.default_rng(0)
         self.target = np.zeros((n, robot.n))
         self.memory = np.zeros((n, outputs))
@@ -137,6 +142,7 @@ class GetUpEnv(VectorEnv):
             self.pool.success[:] = 0.0
             self._force = AssistiveForce(self.options.assistive_force, self.options.assistive_force)
             self._levels = LevelCurriculum(self.pool.level)
+            self._endings.clear()
         self._begin(np.arange(self.num_envs))
         observation = self._observe()
         return observation, {"critic": self._observe_privileged(observation)}
@@ -211,9 +217,11 @@ class GetUpEnv(VectorEnv):
 
         Those that began along a motion count for the curricula alone.
         """
-        self.pool.note(over.starts, over.stood)
-        self._force.note(over.stood)
-        self._levels.note(over.starts, over.stood)
+        endings = over.starts, over.stood
+        if self.follows_at_once:
+            self.follow(endings)
+        else:
+            self._endings.append(endings)
         fell = self.pool.fallen[over.starts]
         alone = fell & over.alone
         return {
@@ -223,6 +231,20 @@ class GetUpEnv(VectorEnv):
             "stood_alone": int((over.stood & alone).sum()),
             "height_alone": float(height[over.from_pool][alone].sum()),
         }
+
+    def follow(self, endings: Endings) -> None:
+        """Let the curricula follow how some episodes ended."""
+        starts, stood = endings
+        self.pool.note(starts, stood)
+        self._force.note(stood)
+        self._levels.note(starts, stood)
+
+    def take_endings(self) -> Endings:
+        """Return, and forget, the endings that curricula have not followed."""
+        starts, stood = zip(*self._endings, strict=True) if self._endings else ((), ())
+        self._endings.clear()
+        none = np.zeros(0, dtype=int)
+        return np.concatenate([none, *starts]), np.concatenate([none.astype(bool), *stood])
 
     def _begin(self, ids: NDArray[np.int_]) -> None:
         """Place some robots for their next episode."""

@@ -88,10 +88,11 @@ class IterationLog:
         self._height += info["height_alone"]
         if len(self._rewards) < STEPS:
             return
+        self._join()
         report = TrainReport(
             iteration=self._iteration,
             iterations=self._recipe.iterations,
-            steps=(self._iteration + 1) * STEPS * self._recipe.robots * self._process.of,
+            steps=(self._iteration + 1) * STEPS * self._recipe.robots,
             seconds=round(self._seconds_before + time.monotonic() - self._start, 1),
             reward=round(float(np.mean(self._rewards)), 4),
             lift=round(info["assistive_force"], 3),
@@ -114,3 +115,12 @@ class IterationLog:
                 writer.writeheader()
             writer.writerow(row)
         self._report(report)
+
+    def _join(self) -> None:
+        """Join the figures of all processes."""
+        own = self._rewards, self._task_rewards, self._counts, self._height
+        rewards, task_rewards, counts, heights = zip(*self._process.gather(own), strict=True)
+        self._rewards = [each for some in rewards for each in some]
+        self._task_rewards = [each for some in task_rewards for each in some]
+        self._counts = sum(counts, Counter())
+        self._height = sum(heights)

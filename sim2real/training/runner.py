@@ -47,10 +47,19 @@ class TrainingRunner(OnPolicyRunner):
         device: str,
         process: DistributedProcess,
     ) -> None:
-        super().__init__(env, config, str(folder), device)
         self._file, self._process = folder / CHECKPOINT, process
+        super().__init__(env, config, str(folder), device)
         self._frozen = False  # whether the statistics of observations stay as they are
         self.logger.git_status_repos = []  # do not record the git state of the current folder
+
+    def _configure_multi_gpu(self) -> None:
+        """Take this process's place; they are connected already, over processors or GPUs."""
+        process = self._process
+        self.is_distributed = process.of > 1
+        self.gpu_world_size = process.of
+        self.gpu_local_rank, self.gpu_global_rank = process.local, process.number
+        ranks = {"global_rank": process.number, "local_rank": process.local}
+        self.cfg["multi_gpu"] = ranks | {"world_size": process.of} if self.is_distributed else None
 
     def save(self, path: str, infos: dict | None = None) -> None:
         """Replace the checkpoint."""

@@ -96,8 +96,9 @@ def train(
 ) -> None:
     """Train a policy into a folder; continue from the checkpoint in it, if any.
 
-    One seed gives one policy on one machine, interrupted or not. Under torchrun, each process
-    has its own robots and GPU, and the first one writes.
+    One seed gives one policy on one machine, interrupted or not. Under torchrun, each process has
+    its share of the robots, and its own GPU if they train on GPUs; curricula and figures are those
+    of all robots, and the first process writes.
 
     The policy of a parent's folder, extended to this action space, is the initial one, or the
     policy of a parent's file, with this action space. A training with style curves needs a pose
@@ -108,9 +109,39 @@ def train(
         ActionExtensionError: if the parent's actions are not the first of these.
         TrainingFolderError: if the folder holds another training.
         CheckpointError: if its checkpoint is damaged.
+        ValueError: if the recipe cannot be trained by so many processes.
     """
-    parent, process = inputs.parent, DistributedProcess.from_environment(os.environ)
-    seed, device, common_seed = process.seed(seed), process.device(inputs.device), seed
+    process = DistributedProcess.from_environment(os.environ)
+    check_processes(recipe, process)
+    with process.connected(device := process.device(inputs.device)):
+        _train(robot, recipe, seed, folder, replace(inputs, device=device), process, report)
+
+
+def check_processes(recipe: Recipe, process: DistributedProcess) -> None:
+    """Check that several processes can train a recipe.
+
+    Raises:
+        ValueError: if they cannot.
+    """
+    process.share(recipe.robots)
+    if process.of > 1 and recipe.style is not None:
+        raise ValueError(
+            f"a recipe with style curves is given to {process.of} processes, expected one: what it "
+            "imitates at first is learned by one"
+        )
+
+
+def _train(
+    robot: Robot,
+    recipe: Recipe,
+    common_seed: int,
+    folder: Path,
+    inputs: TrainingInputs,
+    process: DistributedProcess,
+    report: Callable[[TrainReport], None],
+) -> None:
+    """Train as one of the processes, which are connected."""
+    parent, seed, device = inputs.parent, process.seed(common_seed), inputs.device
     source = check_inputs(robot, recipe, folder, parent, inputs.prior)
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
@@ -124,8 +155,17 @@ def train(
     iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
     random.seed(seed)
     torch.manual_seed(seed)
+    if process.of > 1:  # the first one samples the falls of all
+        if process.leads:
+            load_pool(robot, recipe, common_seed, folder / POOL)
+        process.wait()
+    own = replace(recipe, robots=process.share(recipe.robots))
+    threads = process.threads(inputs.threads)
     env = RslEnv(
-        build_env(robot, recipe, action, common_seed, folder, inputs.threads), device, iteration_log
+        build_env(robot, own, action, common_seed, folder, threads),
+        device,
+        iteration_log,
+        process.gather if process.of > 1 else None,
     )
     log_file = folder / "rsl_rl.log" if process.leads else Path(os.devnull)
     with log_file.open("a") as log, redirect_stdout(log), numpy_threads(1):

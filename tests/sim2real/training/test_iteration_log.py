@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -59,13 +60,24 @@ def test_a_resumed_training_drops_the_rows_after_its_checkpoint(tmp_path: Path):
     assert [row["iteration"] for row in read_rows(file)] == ["0", "1", "2"]
 
 
+class OneOfTwins(DistributedProcess):
+    """A process whose partner counts the same."""
+
+    def gather(self, value: Any) -> list[Any]:
+        return [value, value]
+
+
 def test_of_several_processes_the_first_alone_writes_and_counts_for_all(tmp_path: Path):
     reports: list[TrainReport] = []
     for rank in (1, 0):
-        variables = {"RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": "2"}
-        process = DistributedProcess.from_environment(variables)
+        process = OneOfTwins(number=rank, local=rank, of=2)
         log = IterationLog(tmp_path / "progress.csv", RECIPE, reports.append, process)
         log.resume(0)
         run_iteration(log)
         assert (tmp_path / "progress.csv").exists() == (rank == 0)
-    assert [report.steps for report in reports] == [2 * STEPS * RECIPE.robots]
+    own: list[TrainReport] = []
+    run_iteration(IterationLog(tmp_path / "own.csv", RECIPE, own.append, ALONE))
+    assert [report.steps for report in reports] == [STEPS * RECIPE.robots]
+    assert [report.falls for report in reports] == [2 * report.falls for report in own]
+    assert own[0].falls > 0
+    assert [report.reward for report in reports] == [report.reward for report in own]

@@ -145,7 +145,8 @@ class WorkerProcess:
 
     def __init__(self) -> None:
         self._pipe, theirs = SPAWN.Pipe()
-        self._process = SPAWN.Process(target=_work, args=(theirs,), daemon=True)
+        # A piece may start processes, which one that is daemonic must not.
+        self._process = SPAWN.Process(target=_work, args=(theirs,), daemon=False)
         self._process.start()
         theirs.close()
 

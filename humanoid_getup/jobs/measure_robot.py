@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from humanoid_getup.benchmarks import disturbed
-from humanoid_getup.benchmarks.part import MethodRises
+from humanoid_getup.benchmarks.part import MethodRises, Part, PartResult
 from humanoid_getup.benchmarks.rise_method import find_policies, list_methods
 from humanoid_getup.benchmarks.torque_cap import QUICK_SHARES, SHARES, make_caps
 from humanoid_getup.benchmarks.whole import (
@@ -34,6 +35,7 @@ from humanoid_getup.jobs.requests.bench import (
     BenchAll,
 )
 from humanoid_getup.jobs.run_parts import Results, run_parts
+from humanoid_getup.jobs.spreading import share, spread, starting
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
@@ -63,7 +65,13 @@ def measure_robot(
     with refusing():
         world = World(load_robot(request))
         whole = _load_whole(request, world)
-    results = run_parts(whole.parts(), request.out / PARTS, monitor, resume=request.resume)
+    results = run_parts(
+        whole.parts(),
+        request.out / PARTS,
+        monitor,
+        resume=request.resume,
+        spread=partial(_spread, request, monitor),
+    )
     notes = _list_notes(world.robot, whole)
     result = summarize_parts(whole, results, notes=notes, command=_write_command(request))
     monitor.begin("drawing")
@@ -73,6 +81,32 @@ def measure_robot(
         write_atomically(folder / FIGURES, to_json(result))
         write_atomically(folder / PAGE, write_page(result))
     return result
+
+
+def _spread(
+    request: BenchAll,
+    monitor: ProgressMonitor,
+    names: Sequence[str],
+    end: Callable[[str, PartResult], None],
+) -> bool:
+    """Run parts with workers; return False if there is none but this process."""
+    shared = share(BenchAll, request, out=Path(), resume=False, engine="local", address="")
+    with starting(request, len(names)) as workers:
+        if workers.count:
+            work = partial(measure_part, shared)
+            spread(work, dict(zip(names, names, strict=True)), workers, end, monitor, shared.robot)
+        return bool(workers.count)
+
+
+def measure_part(request: BenchAll, name: str) -> PartResult:
+    """Measure a part of the benchmark by its name, in a worker."""
+    return _load_parts(request)[name].run(lambda _: None)
+
+
+@lru_cache(maxsize=1)
+def _load_parts(request: BenchAll) -> dict[str, Part]:
+    """Load the parts of a benchmark, in a worker, once."""
+    return {part.name: part for part in _load_whole(request, World(load_robot(request))).parts()}
 
 
 def _load_whole(request: BenchAll, world: World) -> Whole:

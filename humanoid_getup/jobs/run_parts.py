@@ -18,6 +18,9 @@ from humanoid_getup.progress.ledger import Ledger
 RESULT = "result"
 """Key of the result in the ledger of a part."""
 Results = dict[str, PartResult]
+SpreadParts = Callable[[Sequence[str], Callable[[str, PartResult], None]], bool]
+"""Runs parts by name with workers, and hands each result over as it ends; returns whether it did:
+False if there is no worker but this process."""
 
 
 def is_begun(request: BenchAll | BenchBodies) -> bool:
@@ -38,9 +41,21 @@ def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
 
 
 def run_parts(
-    parts: Sequence[Part], folder: Path, monitor: ProgressMonitor, *, resume: bool
+    parts: Sequence[Part],
+    folder: Path,
+    monitor: ProgressMonitor,
+    *,
+    resume: bool,
+    spread: SpreadParts | None = None,
 ) -> Results:
     """Run the unfinished parts; every finished one is checked before any work.
+
+    Args:
+        parts: All parts.
+        folder: Where each is kept.
+        monitor: Shows progress, and cancels.
+        resume: Whether to keep those that are finished.
+        spread: Runs parts by name, in any order; None: one after another, here.
 
     Raises:
         BadInputError: if a finished part is damaged, or of another benchmark.
@@ -55,6 +70,15 @@ def run_parts(
     if resume:
         monitor.tell(f"{len(parts) - len(left)} of {len(parts)} parts are finished")
     advance = monitor.count("rises", sum(part.count for part in left))
+    if spread is not None:
+        counts = {part.name: part.count for part in left}
+
+        def end(name: str, result: PartResult) -> None:
+            ledgers[name].add(RESULT, result)
+            advance(counts[name])
+
+        with refusing():
+            left = left if not spread([*counts], end) else []
     for part in left:
         with refusing():
             run_part(part, ledgers[part.name], advance)

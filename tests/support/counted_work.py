@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from multiprocessing import get_context
 from pathlib import Path
 
 TRACE = "tried"
@@ -45,6 +46,12 @@ def die(_number: int) -> int:
     """End the process."""
     os.kill(os.getpid(), signal.SIGKILL)
     return 0
+
+
+def square_in_a_child(number: int) -> int:
+    """Square a number in a process that this one starts."""
+    with get_context("spawn").Pool(1) as pool:
+        return pool.apply(square, (number,))
 
 
 class StubbornError(Exception):

@@ -35,7 +35,7 @@ BODIES_ARTEFACTS = (BODIES_PAGE, BODIES_FIGURES)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchAll(BodyOption, RobotOption):
+class BenchAll(EngineOptions, BodyOption, RobotOption):
     """Measure a robot as one page: every method under several torque caps, from the same falls."""
 
     n: Annotated[int | None, at_least(1)] = None

@@ -13,6 +13,7 @@ from counted_work import (
     name_process,
     refuse,
     square,
+    square_in_a_child,
     square_slowly,
 )
 from engine_runs import run
@@ -51,6 +52,10 @@ def test_an_error_of_a_piece_is_raised_as_it_is(engine: str):
 def test_an_error_that_cannot_travel_arrives_as_its_text():
     with pytest.raises(RuntimeError, match="StubbornError: number is 7"):
         run("local:2", fail_stubbornly, [7, 7])
+
+
+def test_a_piece_may_start_processes():
+    assert run("local:2", square_in_a_child, [2, 3]) == [4, 9]
 
 
 def test_a_killed_worker_costs_one_piece(tmp_path: Path):

@@ -48,6 +48,25 @@ def test_a_run_is_resumed_and_ends_the_same(op3: Robot, tmp_path: Path, run: Run
     assert "made with another seed (0, now 1)" in error
 
 
+def test_workers_measure_the_parts_that_one_process_measures(op3: Robot, tmp_path: Path, run: Run):
+    folder = tmp_path / "mine"
+    shutil.copytree(op3.folder, folder)
+    shutil.rmtree(folder / "motions")
+    for file in folder.glob("policies/*"):
+        if file.stem != "robust":
+            file.unlink()
+    arguments = ("bench", "all", "--robot", str(folder), "--quick", "--n", "1", "--out")
+    assert run(*arguments, "here", "--engine", "local:1")[0] == 0
+    assert run(*arguments, "there", "--engine", "local:2")[0] == 0
+    here, there = (
+        without_wall_time(json.loads(Path(out, "benchmark.json").read_text()))
+        for out in ("here", "there")
+    )
+    assert len(here["cases"]) == 2
+    assert there["cases"] == here["cases"]
+    assert len([*Path("there/parts").iterdir()]) == 2
+
+
 def without_wall_time(value):
     """Remove what depends on the machine."""
     if isinstance(value, dict):

@@ -276,7 +276,8 @@ class DynamixelBackend(Backend):
         for chain in chains:
             chain.collect_background(states, limit)
         if self.imu is not None and (sample := self.imu.poll()) is not None:
-            self._fusion.update(sample, now, float(np.abs(states.velocity).max()))
+            speed = np.abs(self.robot.transmission.to_joint(states.velocity)).max()
+            self._fusion.update(sample, now, float(speed))
         for chain in chains:
             chain.maintain(states, limit)
             chain.note_loss(states)

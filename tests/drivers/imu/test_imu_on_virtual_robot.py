@@ -26,6 +26,7 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.cli.main import main
 from robots import BoardSettings, Posture, Robot, load_robot, quaternion
 from robots.kinematics import torso_orientation
+from robots.transmission import Coupling
 
 BY_ADDRESS = BoardSettings(
     id=100,
@@ -130,6 +131,23 @@ def test_the_guard_switches_torque_off_when_the_imu_falls_silent(tiny: Robot, ki
         ports.main.call(lambda: setattr(virtual.imu, "alive", False))
         run(guard, 60)
         assert guard.fault is not None and guard.fault.kind is FaultKind.LOST_IMU
+
+
+def test_the_imu_of_a_held_robot_is_not_frozen_where_servos_turn_faster_than_joints(tiny: Robot):
+    """Its bytes repeat, as in a person's hands; the joint turns by 0.6 rad/s, its servos by 1.4."""
+    coupling = Coupling(joints=(0, 1), matrix=np.array([[2.4, -1.7], [2.4, 1.7]]))
+    robot = replace(with_imu(tiny, "BNO055 on I2C"), couplings=(coupling,))
+    in_the_air = replace(robot.standing, position=robot.standing.position + np.array([0, 0, 0.5]))
+    with driving(robot) as (virtual, ports, driver):
+        ports.main.call(lambda: virtual.hold(in_the_air))
+        with driver:
+            target = driver.read().joint_pos.copy()
+            for _ in range(100):
+                target[0] += 0.6 * robot.control_period
+                driver.write(Command.position(robot, target))
+                state = driver.read()
+            assert np.abs(state.joint_vel).max() > 0.4
+            assert state.imu_age == 0.0
 
 
 def test_an_imu_that_is_silent_from_the_start_is_named(tiny: Robot, monkeypatch):

@@ -17,7 +17,7 @@ from robots.bench import ServoBench
 from robots.kinematics import lowest_point, place
 
 HANGING = 0.05  # m above the ground at which a robot is held in any posture but its stance
-SENTENCES = "hold POSTURE, turn JOINT:DEG, let go, or lay CLASS"
+SENTENCES = "hold POSTURE, hang POSTURE, turn JOINT:DEG, let go, or lay CLASS"
 EXPECTED = f"expected {SENTENCES}"
 
 
@@ -38,7 +38,7 @@ class VirtualPerson:
             BadInputError: if it says nothing that can be done; nothing has changed then.
         """
         verb, _, rest = sentence.strip().partition(" ")
-        does = {"hold": self.hold, "turn": self.turn, "lay": self.lay}
+        does = {"hold": self.hold, "hang": self.hang, "turn": self.turn, "lay": self.lay}
         if sentence.split() == ["let", "go"]:
             self.let_go()
         elif verb in does and rest.strip():
@@ -47,10 +47,17 @@ class VirtualPerson:
             raise BadInputError(f"'{sentence.strip()}' is not understood, {EXPECTED}")
 
     def hold(self, at: str) -> None:
-        """Hold the robot in a posture: zero, standing, or a file."""
+        """Hold the robot in a posture: zero or a file in the air, standing on the ground."""
+        if at != STANDING:
+            self.hang(at)
+        else:
+            self._served.hold(self._robot.standing)
+
+    def hang(self, at: str) -> None:
+        """Hold the robot in the air in a posture: zero, standing, or a file."""
         angles = find_held_angles(self._robot, at)
         posture = replace(self._robot.standing, joint_pos=angles)
-        if at != STANDING and isinstance(self._world, World):
+        if isinstance(self._world, World):
             posture = _hang(self._world, posture)
         self._served.hold(posture)
 

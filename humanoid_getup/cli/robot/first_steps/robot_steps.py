@@ -73,13 +73,12 @@ def _list_checks(known: RobotAtPort) -> Iterator[FirstStep]:
 
 def _list_limp(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps with a limp robot in a person's hands."""
-    roomy = "zero" if (known.robot.upper >= np.radians(TURN)).all() else "standing"
     yield FirstStep(
         name="signs",
         aim="Measure which way each servo turns.",
         words=("calibrate", *_on_robot(known), "--signs"),
         before="Hang the robot up, or lay it down; then turn one joint after the other.",
-        at_bus=f"hold {roomy}, and what is asked for, such as turn l_knee:20",
+        at_bus=f"hang {_find_room(known.robot)}, and what is asked for, such as turn l_knee:20",
         is_optional=True,
     )
     is_zero_possible = bool(((known.robot.lower <= 0.0) & (known.robot.upper >= 0.0)).all())
@@ -110,7 +109,7 @@ def _list_in_the_air(known: RobotAtPort) -> Iterator[FirstStep]:
         aim="Swing one joint after the other by 5°: the first torque, and little of it.",
         words=("servo", "wiggle", *_on_robot(known), "--torque-limit", little),
         before="Hang the robot up with its limbs free; any key stops it.",
-        at_bus="hold zero",
+        at_bus=f"hang {_find_room(known.robot)}",
     )
     yield FirstStep(
         name="squat",
@@ -138,6 +137,7 @@ def _list_on_the_ground(known: RobotAtPort) -> Iterator[FirstStep]:
         name="preflight",
         aim=f"Check in simulation that {motion} works with little torque.",
         words=("preflight", motion, "--robot", known.chosen, *supply, *limit),
+        before="Where it does not stand, leave, and begin again with more --torque-limit.",
     )
     on_robot = ("--backend", "dynamixel", *_on_robot(known), *limit)
     out = ("--out", str(known.out / "rise"))
@@ -161,6 +161,11 @@ def _list_on_the_ground(known: RobotAtPort) -> Iterator[FirstStep]:
 
 
 DOCTOR_FILE = "doctor.json"
+
+
+def _find_room(robot: Robot) -> str:
+    """Find a posture from which each joint can turn: zero, unless one is at its end there."""
+    return "zero" if (robot.upper >= np.radians(TURN)).all() else "standing"
 
 
 def _find_motion(robot: Robot) -> str | None:

@@ -32,12 +32,15 @@ def test_a_held_robot_hangs_above_the_ground_and_is_turned(met, tiny):
     person.do("hold standing")
     np.testing.assert_allclose(simulation.joint_pos, tiny.standing.joint_pos)
     assert simulation.data.qpos[2] == pytest.approx(tiny.standing.position[2])
+    person.do("hang standing")
+    np.testing.assert_allclose(simulation.joint_pos, tiny.standing.joint_pos)
+    assert simulation.data.qpos[2] > tiny.standing.position[2] + 0.04
 
 
 @pytest.mark.parametrize(
     ("sentence", "problem"),
     [
-        ("jump", "'jump' is not understood, expected hold POSTURE, turn JOINT:DEG, let go"),
+        ("jump", "'jump' is not understood, expected hold POSTURE, hang POSTURE, turn JOINT:DEG"),
         ("hold", "'hold' is not understood"),
         ("hold high", "unknown posture 'high': expected zero, standing, or a file"),
         ("turn knee_9:4", "turn knee_9:4: unknown joint 'knee_9', expected JOINT:DEG"),

@@ -39,9 +39,11 @@ def test_every_step_of_loose_servos_is_a_command():
 
 
 @pytest.mark.parametrize(("name", "posture"), [("op3", "zero"), ("toddlerbot", "standing")])
-def test_signs_are_measured_where_each_joint_can_turn(name: str, posture: str):
+def test_joints_turn_and_swing_where_they_have_room(name: str, posture: str):
     """The knee of a ToddlerBot is at its end where its angle is 0."""
-    assert list_steps(name)["signs"].at_bus.startswith(f"hold {posture}, ")
+    steps = list_steps(name)
+    assert steps["signs"].at_bus.startswith(f"hang {posture}, ")
+    assert steps["wiggle"].at_bus == f"hang {posture}"
 
 
 def test_torque_comes_after_what_is_without_it_and_grows(op3):

@@ -139,13 +139,18 @@ def find_lying_down(robot: Robot) -> Motion:
     Raises:
         ValueError: if it has none.
     """
-    for motion in load_database(robot).motions:
-        if motion.start_class == STANDING and not motion.rises:
-            return motion
+    if found := list_lying_down(robot):
+        return found[0]
     raise ValueError(
         f"robot '{robot.name}' has no motion from a stand to lying, expected one in "
         f"{robot.folder / MOTION_FOLDER}"
     )
+
+
+def list_lying_down(robot: Robot) -> list[Motion]:
+    """List a robot's own motions that lie down from a stand."""
+    motions = load_database(robot).motions
+    return [motion for motion in motions if motion.start_class == STANDING and not motion.rises]
 
 
 def find_motion(robot: Robot, name: str) -> Motion:

@@ -11,6 +11,7 @@ from terminal import Terminal, in_terminal
 from waiting import LONGEST_WAIT
 
 STEP_TIME = 240.0  # s that the longest step may take
+RISE_TIME = 600.0  # s, with its plan
 TRIES = 3  # of a step with motion, which a busy computer may end
 ALL_DONE = "all steps are done"
 
@@ -120,14 +121,16 @@ def save(steps: Terminal) -> None:
 
 
 def rise(steps: Terminal, bus: Bus) -> None:
-    """Rise, then sit; a busy computer that ends a rise gets another try, by the same words."""
+    """Rise, then sit or go limp; what a busy computer ends gets another try, by the same words."""
     steps.see(r"step \d+ of \d+, rise:.*", STEP_TIME)
     for _ in range(TRIES):
         bus.do("lay supine")
         steps.see("q leaves:")
         steps.type("\n")
-        if steps.see(r"press|rise is not done", STEP_TIME)[0] == "press":
+        seen = steps.see(rf"press|{ALL_DONE}|rise is not done", RISE_TIME)[0]
+        if seen == "press":
             steps.type(" ")
-            if steps.see(rf"{ALL_DONE}|rise is not done", STEP_TIME)[0] == ALL_DONE:
-                return
+            seen = steps.see(rf"{ALL_DONE}|rise is not done", STEP_TIME)[0]
+        if seen == ALL_DONE:
+            return
     raise AssertionError(steps.shown[-1500:])

@@ -10,7 +10,11 @@ import numpy as np
 
 from drivers.service.calibrate import TURN
 from humanoid_getup.cli.robot.first_steps.step import FirstStep
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
+from humanoid_getup.motions.motion_database import (
+    MOTION_FOLDER,
+    list_lying_down,
+    load_database,
+)
 from robots import Robot
 from robots.imu import IMU_PORT
 
@@ -123,8 +127,8 @@ def _list_in_the_air(known: RobotAtPort) -> Iterator[FirstStep]:
 def _list_on_the_ground(known: RobotAtPort) -> Iterator[FirstStep]:
     """List the steps to the first rise."""
     robot, motion = known.robot, _find_motion(known.robot)
-    gentle = known.torque_limit or GENTLE * float(robot.max_torque.max())
-    limit = ("--torque-limit", _round(gentle))
+    gentle = _round(GENTLE * float(robot.max_torque.max()))
+    limit = ("--torque-limit", f"{known.torque_limit:g}" if known.torque_limit else gentle)
     if motion is None:
         yield FirstStep(
             name="motions",
@@ -151,11 +155,14 @@ def _list_on_the_ground(known: RobotAtPort) -> Iterator[FirstStep]:
             at_bus=f"lay {SIDE}",
         )
         return
+    sits = bool(list_lying_down(robot))
     yield FirstStep(
         name="rise",
-        aim="Get up once, gently; then a key lets the robot sit and lie down.",
-        words=("rise", *on_robot, "--attempts", "1", *out),
-        before=f"{lie}; any key stops it.",
+        aim="Get up once, gently; then "
+        + ("a key lets the robot sit and lie down." if sits else "torque goes off: it falls."),
+        words=("rise", *on_robot, "--attempts", "1", *(() if sits else ("--then", "limp")), *out),
+        before=f"{lie}; any key stops it."
+        + ("" if sits else " Hold it once it stands: it has no motion to lie down."),
         at_bus=f"lay {SIDE}",
     )
 

@@ -61,6 +61,18 @@ def test_torque_comes_after_what_is_without_it_and_grows(op3):
     assert order.index("preflight") < order.index("rise")
 
 
+def test_a_robot_without_a_motion_to_lie_down_goes_limp_in_the_hands_of_a_person():
+    rise = list_steps("toddlerbot")["rise"]
+    assert ("--then", "limp") in zip(rise.words, rise.words[1:], strict=False)
+    assert "Hold it once it stands" in rise.before
+    assert "--then" not in list_steps("op3")["rise"].words
+
+
+def test_a_torque_limit_that_is_given_is_not_rounded():
+    words = list_steps("op3", torque_limit=1.425)["preflight"].words
+    assert words[words.index("--torque-limit") + 1] == "1.425"
+
+
 def test_the_supply_that_the_doctor_measured_is_that_of_the_preflight(tmp_path: Path):
     file = tmp_path / "doctor.json"
     assert read_voltage(file) is None

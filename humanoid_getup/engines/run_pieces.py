@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
 from itertools import islice
+from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 from humanoid_getup.engines.engine import Engine
@@ -79,15 +80,18 @@ def run_pieces(
     """
     waiting = iter(pieces.items())
     running = dict[Future[Result], str]()
+    finished = SimpleQueue[Future[Result]]()
     most = max(QUEUED * workers.count, 1)
     try:
         while True:
             for name, piece in islice(waiting, most - len(running)):
-                running[workers.executor.submit(work, piece)] = name
+                future = workers.executor.submit(work, piece)
+                running[future] = name
+                future.add_done_callback(finished.put)
             if not running:
                 return
-            done, _ = wait(running, POLL_TIME, FIRST_COMPLETED)
-            for future in done:
+            with suppress(Empty):
+                future = finished.get(timeout=POLL_TIME)
                 ended(running.pop(future), future.result())
             if monitor is not None:
                 monitor.check()

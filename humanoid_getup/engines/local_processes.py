@@ -115,13 +115,13 @@ class LocalProcesses(Executor):
         """Try a piece until its worker survives; return the worker."""
         reason = ""
         for _ in range(TRIES):
-            if worker is None:
-                worker = WorkerProcess()
-                self._workers.add(worker)
             try:
+                if worker is None:
+                    worker = WorkerProcess()
+                    self._workers.add(worker)
                 result = worker.call(work, arguments)
             except EOFError:
-                reason = worker.end()
+                reason = worker.end() if worker is not None else ""
                 worker = self._drop(worker)
                 if self._ended.is_set():
                     break

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.learning import PriorRequest
+from humanoid_getup.jobs.spreading import make_robot_absolute, spread, starting
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+
+if TYPE_CHECKING:  # it needs the extra train
+    from sim2real.prior_training.collect import EndPlan, PriorPiece, RunPlans
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +57,7 @@ def make_prior(
             request.seed,
             request.out,
             policies,
-            jobs=request.jobs,
+            run=_spread_plans(request, monitor),
             report=count,
         )
         rises = RiseSet.join(robot, found)
@@ -72,3 +79,17 @@ def make_prior(
         size=prior.size,
         unexplained=errors[-1] if errors else None,
     )
+
+
+def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
+    """Plan rises on the engine of a request."""
+    from sim2real.prior_training.collect import plan_piece
+
+    robot = make_robot_absolute(request.robot)
+
+    def run(pieces: Mapping[str, PriorPiece], end: EndPlan) -> None:
+        with starting(request, len(pieces)) as workers:
+            work = partial(plan_piece, robot, 1 if workers.count else 0)
+            spread(work, pieces, workers, end, monitor, robot)
+
+    return run

@@ -60,11 +60,15 @@ def share(kind: type[Request], request: Request, **changes: Any) -> Request:
         changes: Fields that no result depends on, as workers get them.
     """
     values = {field.name: getattr(request, field.name) for field in fields(kind)} | changes
-    if values["robot"] not in list_robots():
-        values["robot"] = str(Path(values["robot"]).resolve())
+    values["robot"] = make_robot_absolute(values["robot"])
     if "scene" in values:
         values["scene"] = make_scene_absolute(values["scene"])
     return kind(**values)
+
+
+def make_robot_absolute(robot: str) -> str:
+    """Return a robot's name, or the absolute path of its folder."""
+    return robot if robot in list_robots() else str(Path(robot).resolve())
 
 
 def make_scene_absolute(scene: str) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import as_completed
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import mujoco
@@ -15,11 +16,10 @@ from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.progress.ledger import Ledger
-from humanoid_getup.progress.worker_pool import worker_pool
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from robots import Posture, Robot
+from robots import Posture, Robot, load_robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
@@ -36,10 +36,30 @@ LEDGER = "ledger.jsonl"
 PHYSICS_STEP = 0.002  # s, the twin's
 
 
+@dataclass(frozen=True, kw_only=True)
+class PriorPiece:
+    """A rise to plan, which depends on nothing but this and the robot."""
+
+    start: Posture
+    seed: tuple[int, int]
+    """Of all rises, and its number."""
+
+
+EndPlan = Callable[[str, Motion | None], None]
+"""Receives the name of a piece, and its motion if that stands."""
+RunPlans = Callable[[Mapping[str, PriorPiece], EndPlan], None]
+"""Plans rises, by name, anywhere and in any order; hands each over as it ends."""
+
+
 def plan_rises(
-    robot: Robot, count: int, seed: int, folder: Path, jobs: int, report: Callable[[float], None]
+    robot: Robot,
+    count: int,
+    seed: int,
+    folder: Path,
+    run: RunPlans,
+    report: Callable[[float], None] = lambda _: None,
 ) -> list[Motion]:
-    """Plan rises from settled falls, equally many of each class, in processes.
+    """Plan rises from settled falls, equally many of each class.
 
     Those that stand are kept in a folder of this count and seed, so that the planning can be
     interrupted: what is there already is not planned again. Each rise is reported.
@@ -52,17 +72,21 @@ def plan_rises(
     recipe = {"robot": robot.name, "count": count, "seed": seed}
     ledger = Ledger.resume(kept / LEDGER, recipe)
     files = {f"{number:05d}": kept / f"{number:05d}.npz" for number in range(len(falls))}
-    done = [name for name, stood in ledger.done.items() if not stood or files[name].exists()]
+    done = {name for name, stood in ledger.done.items() if not stood or files[name].exists()}
     report(len(done))
-    with worker_pool(jobs, _start_planner, robot) as pool:
-        started = {
-            pool.submit(_plan, fall.posture, (own_seed, number), file): name
-            for number, (fall, (name, file)) in enumerate(zip(falls, files.items(), strict=True))
-            if name not in done
-        }
-        for planned in as_completed(started):
-            ledger.add(started[planned], planned.result())
-            report(1)
+
+    def end(name: str, motion: Motion | None) -> None:
+        if motion is not None:
+            motion.save(files[name])
+        ledger.add(name, motion is not None)
+        report(1)
+
+    pieces = {
+        name: PriorPiece(start=fall.posture, seed=(own_seed, number))
+        for number, (name, fall) in enumerate(zip(files, falls, strict=True))
+        if name not in done
+    }
+    run(pieces, end)
     return [_load_plan(file) for name, file in files.items() if ledger.done[name]]
 
 
@@ -75,22 +99,24 @@ def _load_plan(file: Path) -> Motion:
     return motion
 
 
-_planner: PlannedRise
-"""In a worker: its planner."""
+def plan_piece(robot: str, threads: int, piece: PriorPiece) -> Motion | None:
+    """Plan a rise, in a worker; return its motion if it stands.
 
-
-def _start_planner(robot: Robot) -> None:
-    global _planner
-    _planner = PlannedRise(World(robot, "flat"), options=PlannerOptions(threads=1))
-
-
-def _plan(start: Posture, seed: tuple[int, int], file: Path) -> bool:
-    """In a worker: plan a rise, and write the motion if it stands; return whether it does."""
-    plan = _planner.plan(start, np.random.default_rng(seed))
+    Args:
+        robot: Name of the robot, or its folder.
+        threads: Of the physics; 0 for all of the machine.
+        piece: Where the robot lies.
+    """
+    plan = _make_planner(robot, threads).plan(piece.start, np.random.default_rng(piece.seed))
     if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
-        plan.motion.save(file)
-        return True
-    return False
+        return plan.motion
+    return None
+
+
+@lru_cache(maxsize=1)
+def _make_planner(robot: str, threads: int) -> PlannedRise:
+    """Make the planner of a worker, once."""
+    return PlannedRise(World(load_robot(robot), "flat"), options=PlannerOptions(threads=threads))
 
 
 def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> CollectedRise:
@@ -150,10 +176,19 @@ def collect_rises(
     folder: Path,
     policies: Mapping[str, OnnxPolicy],
     *,
-    jobs: int = 1,
+    run: RunPlans,
     report: Callable[[float], None] = lambda _: None,
 ) -> list[CollectedRise]:
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
+
+    Args:
+        robot: The robot.
+        count: Rises to plan.
+        seed: Of the falls and the plans.
+        folder: Keeps the plans.
+        policies: Policies without style curves, by name.
+        run: Plans the rises.
+        report: Called with the number of plans that ended.
 
     Raises:
         FallError: if too few falls settle.
@@ -162,7 +197,7 @@ def collect_rises(
     model = robot.spec().compile()
     stored = [motion for motion in load_database(robot).motions if motion.rises]
     rises = [read_motion(robot, model, motion, "stored") for motion in stored]
-    planned = plan_rises(robot, count, seed, folder, jobs, report)
+    planned = plan_rises(robot, count, seed, folder, run, report)
     rises += [read_motion(robot, model, motion, "planned") for motion in planned]
     for name, policy in policies.items():
         if each := count // (2 * len(policies)):

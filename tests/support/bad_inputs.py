@@ -435,7 +435,7 @@ GROUPS: dict[str, list[Case]] = {
         case("train --out mine --parent text.onnx", "text.onnx is not a policy", extra="rsl_rl"),
         case("prior --out mine --rises 2", "--rises is 2, expected a multiple of 4, 4 to 1000000"),
         case("prior --out text.txt", "text.txt is not a folder"),
-        case("prior --out mine --jobs 0", "--jobs is 0, expected 1 to 256"),
+        case("prior --out mine --engine local:0", "engine is 'local:0', expected 1 to 100000"),
         case(
             "prior --out mine --policies styled",
             "policy 'styled' follows style curves",

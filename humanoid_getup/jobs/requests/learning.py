@@ -12,7 +12,7 @@ from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.files import FOLDER, MADE, READ, ROBOT
 from humanoid_getup.jobs.requests.shared import (
     MOST_JOBS,
-    Jobs,
+    EngineOptions,
     PolicyName,
     RobotOption,
     SceneOptions,
@@ -23,7 +23,7 @@ from humanoid_getup.jobs.requests.values import Items, at_least, between
 
 
 @dataclass(frozen=True, kw_only=True)
-class PriorRequest(RobotOption):
+class PriorRequest(EngineOptions, RobotOption):
     """Plan many rises and fit the pose prior of styled policies to them."""
 
     out: Annotated[Path, FOLDER, arg(metavar="DIR")]
@@ -35,8 +35,6 @@ class PriorRequest(RobotOption):
         "gentle",
     )
     """Policies of the robot whose rises are added; '' for none."""
-    jobs: Jobs = 2
-    """Number of processes that plan."""
     epochs: Annotated[int, at_least(1)] = 100
     """Passes over the postures."""
     fitted: Annotated[Path | None, READ, arg(metavar="FILE.npz")] = None

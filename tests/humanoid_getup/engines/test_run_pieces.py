@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,12 @@ from humanoid_getup.engines.run_pieces import run_pieces, start_workers
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 
 ENGINES = ["local:1", "local:2", "local:3"]
+UNGUARDED = """
+from counted_work import square
+from engine_runs import run
+
+run("local:2", square, [1, 2])
+"""
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -88,3 +96,15 @@ def test_canceled_work_ends_between_two_pieces_and_ends_its_workers():
     for number in numbers:
         with pytest.raises(ProcessLookupError):
             os.kill(number, signal.SIG_DFL)
+
+
+def test_a_program_that_runs_itself_in_its_workers_ends(tmp_path: Path):
+    program = tmp_path / "unguarded.py"
+    program.write_text(UNGUARDED)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, program], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert "idiom" in done.stderr  # of Python: `if __name__ == "__main__"`
+    assert "WorkerLostError: a worker ended in each of 3 tries" in done.stderr

@@ -14,12 +14,16 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from humanoid_getup.engines.errors import WorkerLostError
-from humanoid_getup.progress.worker_pool import SPAWN
+from humanoid_getup.engines.reports import hearing
+from humanoid_getup.progress.background_job import SPAWN
+from humanoid_getup.progress.callback import Progress, Report
 
 TRIES = 3  # of a piece whose worker ends
 EXIT = 5.0  # s that a terminated worker has to end
 
 Result = TypeVar("Result")
+REPORT = "report"
+"""Kind of a message of a worker that is no result."""
 Task = tuple[Future, Callable[..., Any], tuple[Any, ...]]
 
 
@@ -51,6 +55,8 @@ class LocalProcesses(Executor):
     def __init__(self, workers: int) -> None:
         """Start threads that start a process each with their first piece."""
         self._tasks = queue.SimpleQueue[Task | None]()
+        self.reports = queue.SimpleQueue[Progress]()
+        """What pieces report while they are done."""
         self._ended = threading.Event()
         self._workers: set[WorkerProcess] = set()
         self._threads = [
@@ -87,7 +93,10 @@ class LocalProcesses(Executor):
             self._tasks.put(None)
         if cancel_futures:
             self._ended.set()
-            for worker in tuple(self._workers):
+            workers = tuple(self._workers)
+            for worker in workers:
+                worker.terminate()
+            for worker in workers:
                 worker.end()
         if wait:
             for thread in self._threads:
@@ -119,7 +128,7 @@ class LocalProcesses(Executor):
                 if worker is None:
                     worker = WorkerProcess()
                     self._workers.add(worker)
-                result = worker.call(work, arguments)
+                result = worker.call(work, arguments, self.reports.put)
             except EOFError:
                 reason = worker.end() if worker is not None else ""
                 worker = self._drop(worker)
@@ -155,8 +164,8 @@ class WorkerProcess:
         """Return the number of the process."""
         return self._process.pid or 0
 
-    def call(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Do a piece; return its result, or raise its error.
+    def call(self, work: Callable[..., Any], arguments: tuple[Any, ...], heard: Report) -> Any:
+        """Do a piece; return its result, or raise its error; pass on what it reports.
 
         Raises:
             EOFError: if the process ends.
@@ -165,15 +174,22 @@ class WorkerProcess:
         try:
             self._pipe.send_bytes(message)
             succeeded, result = self._pipe.recv()
+            while succeeded == REPORT:
+                heard(result)
+                succeeded, result = self._pipe.recv()
         except OSError as error:
             raise EOFError from error
         if succeeded:
             return result
         raise result
 
+    def terminate(self) -> None:
+        """Request its end: the piece that it does is left as by an exception."""
+        self._process.terminate()
+
     def end(self) -> str:
         """End the process; return how it ended."""
-        self._process.terminate()
+        self.terminate()
         self._process.join(EXIT)
         self._process.kill()
         self._process.join()
@@ -191,13 +207,24 @@ def describe_exit(code: int | None) -> str:
 def _work(pipe: Connection) -> None:
     """Do pieces until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
+    signal.signal(signal.SIGTERM, _terminate)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    while True:
-        try:
-            message = pipe.recv_bytes()
-        except (EOFError, OSError):
-            return
-        pipe.send_bytes(_answer(message))
+    with hearing(lambda progress: pipe.send((REPORT, progress))):
+        while True:
+            try:
+                message = pipe.recv_bytes()
+            except (EOFError, OSError):
+                return
+            pipe.send_bytes(_answer(message))
+
+
+class TerminatedError(SystemExit):
+    """The parent ends this process: pieces keep what they have."""
+
+
+def _terminate(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise TerminatedError(128 + signal.SIGTERM)
 
 
 def _answer(message: bytes) -> bytes:
@@ -205,6 +232,8 @@ def _answer(message: bytes) -> bytes:
     try:
         work, arguments = pickle.loads(message)
         return pickle.dumps((True, work(*arguments)))
+    except TerminatedError:
+        raise
     except BaseException as error:
         return _write_error(error)
 

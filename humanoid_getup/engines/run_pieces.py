@@ -11,8 +11,9 @@ from typing import TypeVar
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.local_processes import LocalProcesses, ThisProcess
+from humanoid_getup.engines.reports import hearing
 from humanoid_getup.engines.workers import Workers
-from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.progress.callback import ProgressMonitor, Report
 
 POLL_TIME = 0.2  # s between two looks whether the work is canceled
 QUEUED = 4  # pieces per worker that are submitted, so that none waits for this process
@@ -38,21 +39,28 @@ def start_workers(engine: Engine, pieces: int) -> Iterator[Workers]:
     elif engine.kind == "slurm":
         from humanoid_getup.engines.dask_cluster import start_slurm as start
     else:
-        start = _start_processes
+        start = _start_local
     with start(engine, pieces) as workers:
         yield workers
 
 
 @contextmanager
-def _start_processes(engine: Engine, pieces: int) -> Iterator[Workers]:
+def _start_local(engine: Engine, pieces: int) -> Iterator[Workers]:
     """Start processes of this machine; a single one is this process."""
     count = engine.choose_workers(pieces)
     if count == 1:
         yield Workers(executor=ThisProcess(), count=0)
         return
+    with start_processes(count) as workers:
+        yield workers
+
+
+@contextmanager
+def start_processes(count: int) -> Iterator[Workers]:
+    """Start processes of this machine; they end with the block."""
     executor = LocalProcesses(count)
     try:
-        yield Workers(executor=executor, count=count)
+        yield Workers(executor=executor, count=count, reports=executor.reports)
     finally:
         executor.shutdown(cancel_futures=True)
 
@@ -63,6 +71,7 @@ def run_pieces(
     workers: Workers,
     ended: Ended[Result],
     monitor: ProgressMonitor | None = None,
+    heard: Report | None = None,
 ) -> None:
     """Run pieces; call ``ended`` in this thread with each result, in whatever order they end.
 
@@ -73,28 +82,34 @@ def run_pieces(
         workers: Where to do it.
         ended: Receives each result.
         monitor: Ends the work between two pieces if it is canceled.
+        heard: Receives what pieces report while they are done, in this thread; default: the
+            monitor shows it.
 
     Raises:
         CancelledError: if the work is canceled.
         EngineError: if a worker is lost with the same piece repeatedly.
     """
+    monitor = monitor or ProgressMonitor()
+    heard = heard or monitor.show
     waiting = iter(pieces.items())
     running = dict[Future[Result], str]()
     finished = SimpleQueue[Future[Result]]()
     most = max(QUEUED * workers.count, 1)
     try:
         while True:
-            for name, piece in islice(waiting, most - len(running)):
-                future = workers.executor.submit(work, piece)
-                running[future] = name
-                future.add_done_callback(finished.put)
+            with hearing(heard):
+                for name, piece in islice(waiting, most - len(running)):
+                    future = workers.executor.submit(work, piece)
+                    running[future] = name
+                    future.add_done_callback(finished.put)
             if not running:
                 return
             with suppress(Empty):
                 future = finished.get(timeout=POLL_TIME)
                 ended(running.pop(future), future.result())
-            if monitor is not None:
-                monitor.check()
+            while not workers.reports.empty():
+                heard(workers.reports.get())
+            monitor.check()
     finally:
         for future in running:
             future.cancel()

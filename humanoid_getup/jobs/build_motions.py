@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-import queue
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass
-from multiprocessing.queues import Queue
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+from humanoid_getup.engines.reports import report
+from humanoid_getup.engines.run_pieces import run_pieces, start_processes
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_problems
@@ -31,17 +31,12 @@ from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
-from humanoid_getup.progress.worker_pool import SPAWN, worker_pool
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot
 
-POLL_TIME = 0.2  # s between two reads of the workers' progress
 LOG, BEST, KEYS, STRIP = ".jsonl", ".npz", ".toml", ".png"
 """Files of an unfinished motion: search log, best try, keys, picture."""
-
-_progress: Queue | None = None
-"""In a worker: the queue of its progress reports."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,18 +90,21 @@ def build_all(
 ) -> BuiltMotions:
     """Build motions in processes, and store each when it is ready."""
     done = _count_done(robot, chosen, request, monitor)
-    reports: Queue = SPAWN.Queue()
     rounds = math.ceil(len(chosen) / request.jobs)
     work = rounds * count_work(request.generations, min(done.values()))
-    watch = _Watch(reports, monitor, request.generations, work=work, done=done)
+    watch = _Watch(monitor, request.generations, work=work, done=done)
     failures: dict[str, str] = {}
+
+    def end(name: str, build: Build | str) -> None:
+        if failure := _try_keep(name, build, robot, keep_keys=request.keep_keys):
+            failures[name] = failure
+
     try:
-        with worker_pool(request.jobs, _start_worker, reports) as pool:
-            waiting = {pool.submit(_build, robot, each, request): each.name for each in chosen}
-            while waiting:
-                watch.show_next()
-                failures |= _collect(waiting, lambda b: keep(b, robot, keep_keys=request.keep_keys))
-                monitor.check()
+        with refusing(), start_processes(min(request.jobs, len(chosen))) as workers:
+            pieces = {each.name: each for each in chosen}
+            run_pieces(
+                partial(build_piece, robot, request), pieces, workers, end, monitor, watch.show
+            )
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
             (robot.folder / UNFINISHED).rmdir()
@@ -165,18 +163,14 @@ def _count_done(
     return done
 
 
-def _collect(waiting: dict[Future[Build], str], keep: Callable[[Build], str]) -> dict[str, str]:
-    """Store finished motions; return the reasons of failures by name."""
-    failures = {}
-    for future in [future for future in waiting if future.done()]:
-        name = waiting.pop(future)
-        try:
-            failure = keep(future.result())
-        except (RuntimeError, ValueError, OSError) as error:  # a worker that died, disk full...
-            failure = f"{name}: {error}"
-        if failure:
-            failures[name] = failure
-    return failures
+def _try_keep(name: str, build: Build | str, robot: Robot, *, keep_keys: bool) -> str:
+    """Store a finished motion; return the reason of a failure."""
+    if isinstance(build, str):
+        return f"{name}: {build}"
+    try:
+        return keep(build, robot, keep_keys=keep_keys)
+    except (RuntimeError, ValueError, OSError) as error:  # disk full...
+        return f"{name}: {error}"
 
 
 class _Watch:
@@ -184,7 +178,6 @@ class _Watch:
 
     def __init__(
         self,
-        reports: Queue,
         monitor: ProgressMonitor,
         generations: int,
         *,
@@ -192,23 +185,17 @@ class _Watch:
         done: dict[str, int],
     ) -> None:
         """Prepare for an amount of work in generations, besides those already done."""
-        self._reports, self._monitor, self._generations = reports, monitor, generations
+        self._monitor, self._generations = monitor, generations
         self._work, self._done = work, done
         self._last: dict[str, float] = {}
         self._estimate = ""
         for name in done:
             monitor.show(Progress(phase=name, total=generations))
 
-    def show_next(self) -> None:
-        """Wait for a report and show it."""
-        try:
-            name, generation, cost, stood = self._reports.get(timeout=POLL_TIME)
-        except queue.Empty:
-            return
-        self._measure(name, generation)
-        note = f"cost {cost:.2f}, {stood:.0%} stood{self._estimate}"
-        total = self._generations
-        self._monitor.show(Progress(phase=name, done=generation + 1, total=total, note=note))
+    def show(self, progress: Progress) -> None:
+        """Show a report."""
+        self._measure(progress.phase, round(progress.done) - 1)
+        self._monitor.show(replace(progress, note=f"{progress.note}{self._estimate}"))
 
     def _measure(self, name: str, generation: int) -> None:
         """Estimate once how long the build will take, from the time since the generation before."""
@@ -220,22 +207,28 @@ class _Watch:
         self._estimate = f"; all take about {math.ceil((now - before) * self._work / 60.0)} min"
 
 
-def _start_worker(reports: Queue) -> None:
-    global _progress
-    _progress = reports
+def build_piece(robot: Robot, request: BuildRequest, keyframes: Keyframes) -> Build | str:
+    """Build a motion, in a worker; return the reason if that fails."""
 
+    def tell(generation: int, cost: float, stood: float) -> None:
+        report(
+            Progress(
+                phase=keyframes.name,
+                done=generation + 1,
+                total=request.generations,
+                note=f"cost {cost:.2f}, {stood:.0%} stood",
+            )
+        )
 
-def _build(robot: Robot, keyframes: Keyframes, request: BuildRequest) -> Build:
-    def report(generation: int, cost: float, stood: float) -> None:
-        if _progress is not None:
-            _progress.put((keyframes.name, generation, cost, stood))
-
-    return build_motion(
-        robot,
-        keyframes,
-        generations=request.generations,
-        seed=request.seed,
-        prefer=request.prefer,
-        report=report,
-        log=open_log(robot, keyframes, request),
-    )
+    try:
+        return build_motion(
+            robot,
+            keyframes,
+            generations=request.generations,
+            seed=request.seed,
+            prefer=request.prefer,
+            report=tell,
+            log=open_log(robot, keyframes, request),
+        )
+    except (RuntimeError, ValueError, OSError) as error:
+        return str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import threading
@@ -12,8 +13,8 @@ from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
 from humanoid_getup.progress.callback import CancelledError, Progress
-from humanoid_getup.progress.worker_pool import SPAWN
 
+SPAWN = multiprocessing.get_context("spawn")
 GRACE = 1.0  # s that a cancelled job has to end by itself, before it is interrupted
 RELEASE = 10.0  # s that an interrupted job has to release a robot
 

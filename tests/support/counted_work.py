@@ -8,6 +8,9 @@ import time
 from multiprocessing import get_context
 from pathlib import Path
 
+from humanoid_getup.engines.reports import report
+from humanoid_getup.progress.callback import Progress
+
 TRACE = "tried"
 
 
@@ -64,3 +67,27 @@ class StubbornError(Exception):
 def fail_stubbornly(number: int) -> int:
     """Raise an error that cannot be unpickled."""
     raise StubbornError("number", number)
+
+
+def report_steps(number: int) -> int:
+    """Report each step up to a number."""
+    for step in range(number):
+        report(Progress(phase=f"piece {number}", done=step + 1, total=number))
+    return number
+
+
+def compute_for_ever(folder: str) -> int:
+    """Leave the number of the process in a folder, and compute without end."""
+    Path(folder, str(os.getpid())).touch()
+    while True:
+        pass
+
+
+def wait_for_end(folder: str) -> int:
+    """Leave the number of the process in a folder when it is terminated."""
+    try:
+        report(Progress(phase="waiting"))
+        while True:
+            time.sleep(0.01)
+    finally:
+        Path(folder, str(os.getpid())).touch()

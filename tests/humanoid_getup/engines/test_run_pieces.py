@@ -14,16 +14,18 @@ from counted_work import (
     fail_stubbornly,
     name_process,
     refuse,
+    report_steps,
     square,
     square_in_a_child,
     square_slowly,
+    wait_for_end,
 )
 from engine_runs import run
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.errors import WorkerLostError
 from humanoid_getup.engines.run_pieces import run_pieces, start_workers
-from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 
 ENGINES = ["local:1", "local:2", "local:3"]
 UNGUARDED = """
@@ -108,3 +110,28 @@ def test_a_program_that_runs_itself_in_its_workers_ends(tmp_path: Path):
     assert done.returncode == 1
     assert "idiom" in done.stderr  # of Python: `if __name__ == "__main__"`
     assert "WorkerLostError: a worker ended in each of 3 tries" in done.stderr
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_pieces_report_arrives_before_their_ends(engine: str):
+    seen = list[str]()
+    with start_workers(Engine.parse(engine), 2) as workers:
+        monitor = ProgressMonitor(lambda progress: seen.append(str(progress)))
+        run_pieces(
+            report_steps, {"2": 2, "3": 3}, workers, lambda name, _: seen.append(name), monitor
+        )
+    for number in (2, 3):
+        steps = [f"piece {number} {step + 1} of {number}" for step in range(number)]
+        assert [line for line in seen if line in {*steps, str(number)}] == [*steps, str(number)]
+
+
+def test_a_piece_of_canceled_work_is_left_as_by_an_exception(tmp_path: Path):
+    seen = list[Progress]()
+    monitor = ProgressMonitor(seen.append, lambda: len(seen) == 2)
+    pieces = {"first": str(tmp_path), "second": str(tmp_path)}
+    with (
+        pytest.raises(CancelledError),
+        start_workers(Engine.parse("local:2"), 2) as workers,
+    ):
+        run_pieces(wait_for_end, pieces, workers, lambda *_: None, monitor)
+    assert len(list(tmp_path.iterdir())) == 2

@@ -46,7 +46,7 @@ def test_an_interrupted_build_prints_the_command_that_continues_it_if_anything_w
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("humanoid_getup.jobs.build_motions.worker_pool", interrupt)
+    monkeypatch.setattr("humanoid_getup.jobs.build_motions.start_processes", interrupt)
     wanted = ("squat_to_stand", "--robot", str(copied_op3), "--seed", "3")
     code, _, error = run("motions", "build", *wanted)
     assert code == 130

@@ -10,21 +10,12 @@ import pytest
 from waiting import wait_until
 
 PROGRAM = """
-import os, sys, time
-from pathlib import Path
-from humanoid_getup.progress.worker_pool import worker_pool
-
-def begin(folder):
-    Path(folder, str(os.getpid())).touch()
-
-def compute():
-    while True:
-        pass
+import sys
+from counted_work import compute_for_ever
+from engine_runs import run
 
 if __name__ == "__main__":
-    with worker_pool(2, begin, sys.argv[1]) as pool:
-        for future in [pool.submit(compute), pool.submit(compute)]:
-            future.result()
+    run("local:2", compute_for_ever, [sys.argv[1]] * 2)
 """
 
 

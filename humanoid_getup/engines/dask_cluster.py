@@ -68,14 +68,15 @@ def start_slurm(engine: Engine, _pieces: int) -> Iterator[Workers]:
     count = engine.workers or SLURM_WORKERS
     with ExitStack() as stack:
         cluster: Any = SLURMCluster(cores=1, processes=1, memory=MEMORY)
-        stack.enter_context(cluster).scale(count)
+        # Jobs end at their time limit: others take their place.
+        stack.enter_context(cluster).adapt(minimum=count, maximum=count)
         client = stack.enter_context(Client(cluster))
         yield Workers(executor=DaskExecutor(client), count=count)
 
 
 def _count_workers(client: Any) -> Workers:
-    """Count the threads of the workers of a cluster."""
-    return Workers(executor=DaskExecutor(client), count=sum(client.nthreads().values()))
+    """Count the workers of a cluster, each of which does one piece at a time."""
+    return Workers(executor=DaskExecutor(client), count=len(client.nthreads()))
 
 
 class DaskExecutor(Executor):
@@ -83,8 +84,10 @@ class DaskExecutor(Executor):
 
     def __init__(self, client: Any) -> None:
         """Submit to the cluster of a client."""
+        from dask import config
         from dask.distributed import KilledWorker
 
+        config.set({"distributed.scheduler.allowed-failures": TRIES - 1})
         self._lost = KilledWorker
         self._inner = client.get_executor(pure=False)
 

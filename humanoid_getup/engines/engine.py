@@ -11,7 +11,8 @@ EngineKind = Literal["local", "ray", "dask", "slurm"]
 KINDS: dict[str, EngineKind] = {kind: kind for kind in get_args(EngineKind)}
 NAME = re.compile(r"([a-z]+)(?::([0-9]+))?")
 EXPECTED = "local, ray, dask or slurm, with a number of workers as in local:4"
-MOST_WORKERS = 100_000
+MOST_WORKERS, MOST_PROCESSES = 100_000, 256
+"""Of a cluster, and of this machine."""
 WITH_ADDRESS = ("ray", "dask")
 """Kinds of which a cluster may be running already."""
 WORTH_A_PROCESS = 8
@@ -40,8 +41,9 @@ class Engine:
         if found is None or kind is None:
             raise ValueError(f"engine is '{name}', expected {EXPECTED}")
         workers = None if found[2] is None else int(found[2])
-        if workers is not None and not 1 <= workers <= MOST_WORKERS:
-            raise ValueError(f"engine is '{name}', expected 1 to {MOST_WORKERS} workers")
+        most = MOST_PROCESSES if kind == "local" else MOST_WORKERS
+        if workers is not None and not 1 <= workers <= most:
+            raise ValueError(f"engine is '{name}', expected 1 to {most} workers")
         if address and kind not in WITH_ADDRESS:
             raise ValueError(
                 f"address is '{address}', expected none with engine {kind}: it starts its workers"

@@ -15,8 +15,8 @@ class WorkerLostError(EngineError):
 
     def __init__(self, tries: int, reason: str) -> None:
         super().__init__(
-            f"a worker ended in each of {tries} tries of a piece ({reason}), expected enough "
-            "memory for every worker: use fewer, such as --engine local:1, and resume"
+            f"a worker ended in each of {tries} tries of a piece ({reason}), expected one that "
+            "lasts: use fewer if memory ran out, or engine local:1 to see what happens, and resume"
         )
 
 

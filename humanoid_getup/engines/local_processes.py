@@ -13,7 +13,7 @@ from concurrent.futures import Executor, Future
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
-from humanoid_getup.engines.errors import WorkerLostError
+from humanoid_getup.engines.errors import EngineError, WorkerLostError
 from humanoid_getup.engines.reports import hearing
 from humanoid_getup.progress.background_job import SPAWN
 from humanoid_getup.progress.callback import Progress, Report
@@ -53,11 +53,23 @@ class LocalProcesses(Executor):
     """
 
     def __init__(self, workers: int) -> None:
-        """Start threads that start a process each with their first piece."""
+        """Start threads that start a process each with their first piece.
+
+        Raises:
+            EngineError: in a process that is being started by another one: a script whose work is
+                not below ``if __name__ == "__main__"``.
+        """
+        if getattr(multiprocessing.current_process(), "_inheriting", False):
+            raise EngineError(
+                "a worker starts workers as it is started, expected the script's work below "
+                "`if __name__ == '__main__':`, or engine local:1"
+            )
         self._tasks = queue.SimpleQueue[Task | None]()
         self.reports = queue.SimpleQueue[Progress]()
         """What pieces report while they are done."""
         self._ended = threading.Event()
+        self._lock = threading.Lock()
+        """Held while workers are added, or all of them are ended."""
         self._workers: set[WorkerProcess] = set()
         self._threads = [
             threading.Thread(target=self._serve, name=f"worker {number}", daemon=True)
@@ -92,8 +104,9 @@ class LocalProcesses(Executor):
         for _ in self._threads:
             self._tasks.put(None)
         if cancel_futures:
-            self._ended.set()
-            workers = tuple(self._workers)
+            with self._lock:
+                self._ended.set()
+                workers = tuple(self._workers)
             for worker in workers:
                 worker.terminate()
             for worker in workers:
@@ -125,11 +138,9 @@ class LocalProcesses(Executor):
         reason = ""
         for _ in range(TRIES):
             try:
-                if worker is None:
-                    worker = WorkerProcess()
-                    self._workers.add(worker)
+                worker = worker or self._start()
                 result = worker.call(work, arguments, self.reports.put)
-            except EOFError:
+            except WorkerEndedError:
                 reason = worker.end() if worker is not None else ""
                 worker = self._drop(worker)
                 if self._ended.is_set():
@@ -143,10 +154,28 @@ class LocalProcesses(Executor):
         future.set_exception(WorkerLostError(TRIES, reason))
         return worker
 
+    def _start(self) -> WorkerProcess:
+        """Start a worker, unless all were ended meanwhile.
+
+        Raises:
+            WorkerEndedError: if they were.
+        """
+        worker = WorkerProcess()
+        with self._lock:
+            if not self._ended.is_set():
+                self._workers.add(worker)
+                return worker
+        worker.end()
+        raise WorkerEndedError
+
     def _drop(self, worker: WorkerProcess | None) -> None:
         if worker is not None:
             worker.end()
             self._workers.discard(worker)
+
+
+class WorkerEndedError(Exception):
+    """A worker ended before its piece."""
 
 
 class WorkerProcess:
@@ -168,20 +197,25 @@ class WorkerProcess:
         """Do a piece; return its result, or raise its error; pass on what it reports.
 
         Raises:
-            EOFError: if the process ends.
+            WorkerEndedError: if the process ends.
         """
-        message = pickle.dumps((work, arguments))
-        try:
-            self._pipe.send_bytes(message)
-            succeeded, result = self._pipe.recv()
-            while succeeded == REPORT:
-                heard(result)
-                succeeded, result = self._pipe.recv()
-        except OSError as error:
-            raise EOFError from error
+        succeeded, result = self._exchange(pickle.dumps((work, arguments)))
+        while succeeded == REPORT:
+            heard(result)
+            succeeded, result = self._exchange()
         if succeeded:
             return result
         raise result
+
+    def _exchange(self, message: bytes = b"") -> tuple[Any, Any]:
+        """Send a message, if there is one; return the next answer."""
+        try:
+            if message:
+                self._pipe.send_bytes(message)
+            answer = self._pipe.recv_bytes()
+        except (EOFError, OSError) as error:
+            raise WorkerEndedError from error
+        return pickle.loads(answer)
 
     def terminate(self) -> None:
         """Request its end: the piece that it does is left as by an exception."""
@@ -239,12 +273,16 @@ def _answer(message: bytes) -> bytes:
 
 
 def _write_error(error: BaseException) -> bytes:
-    """Pickle an error; one that cannot be pickled becomes a `RuntimeError` of its text."""
+    """Pickle an error; one that cannot be pickled becomes a plain one with its text."""
     try:
         content = pickle.dumps((False, error))
         pickle.loads(content)
     except Exception:
-        content = pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+        is_input = isinstance(error, ValueError)
+        plain = (
+            ValueError(str(error)) if is_input else RuntimeError(f"{type(error).__name__}: {error}")
+        )
+        content = pickle.dumps((False, plain))
     return content
 
 

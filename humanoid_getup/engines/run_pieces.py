@@ -106,10 +106,27 @@ def run_pieces(
                 return
             with suppress(Empty):
                 future = finished.get(timeout=POLL_TIME)
+                _pass_reports(workers, heard)
                 ended(running.pop(future), future.result())
-            while not workers.reports.empty():
-                heard(workers.reports.get())
+            _pass_reports(workers, heard)
             monitor.check()
+    except BaseException:
+        for future in _list_finished(finished):  # what others did before is not lost
+            if future in running and not future.cancelled() and not future.exception():
+                ended(running.pop(future), future.result())
+        raise
     finally:
         for future in running:
             future.cancel()
+
+
+def _pass_reports(workers: Workers, heard: Report) -> None:
+    """Pass on what pieces have reported before they ended."""
+    while not workers.reports.empty():
+        heard(workers.reports.get())
+
+
+def _list_finished(finished: SimpleQueue[Future[Result]]) -> Iterator[Future[Result]]:
+    """List the futures that are done."""
+    while not finished.empty():
+        yield finished.get()

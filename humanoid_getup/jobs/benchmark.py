@@ -110,6 +110,7 @@ def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
         "prefer": planner.prefer,
         "seed": request.seed,
         "n": request.n,
+        "versions": find_versions(request.robot),
     }
     start = Ledger.resume if request.resume else Ledger
     return start(request.ledger, recipe)

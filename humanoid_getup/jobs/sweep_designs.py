@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -39,14 +40,17 @@ from humanoid_getup.jobs.requests.sweep import (
     SweepRequest,
 )
 from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.policy.onnx_policy import find_policy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.sweep_page import write_sweep_page
 from humanoid_getup.reporting.sweep_plot import save_sweep
+from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from humanoid_getup.strategies.track_record import PLAN
+from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
@@ -73,7 +77,8 @@ def sweep(
         request.ways,
     )
     monitor.begin("loading")
-    check_designs(request, designs)
+    check_designs(request, designs, monitor)
+    designs = [replace(each, digest=hash_files(request, each)) for each in designs]
     found = _measure_all(request, designs, monitor)
     result = _summarize(request, designs, found)
     with staging(request.out, SWEEP_ARTEFACTS) as folder:
@@ -88,7 +93,9 @@ def is_begun(request: SweepRequest) -> bool:
     return (request.out / SWEEP_LEDGER).exists()
 
 
-def check_designs(request: SweepRequest, designs: Sequence[Design]) -> None:
+def check_designs(
+    request: SweepRequest, designs: Sequence[Design], monitor: ProgressMonitor
+) -> None:
     """Build the robot of every design, and load every scene and policy.
 
     Raises:
@@ -96,20 +103,47 @@ def check_designs(request: SweepRequest, designs: Sequence[Design]) -> None:
     """
     load_robot(request)
     problems = list[str]()
-    for design in designs:
+    for (_body, _servo), some in _group(designs).items():
+        monitor.check()
         try:
             with refusing():
-                robot = build_robot(request.robot, design)
-                limit_torque(design, request.limit_by, robot)
+                _check_robot(request, build_robot(request.robot, some[0]), some)
         except BadInputError as error:
             problems += error.problems
     if problems:
         raise BadInputError(*dict.fromkeys(problems))
-    for design in {(each.scene, each.way): each for each in designs}.values():
-        with refusing():
-            robot = build_world(request.robot, design, request.seed).robot
-        if design.way not in (PLAN, NEAREST, STRAIGHT):
-            load_policy(robot, design.way, design.torque_limit)
+
+
+def _group(designs: Sequence[Design]) -> dict[tuple[str, str], list[Design]]:
+    """Group designs by their robot."""
+    found = dict[tuple[str, str], list[Design]]()
+    for design in designs:
+        found.setdefault((design.body, design.servo), []).append(design)
+    return found
+
+
+def _check_robot(request: SweepRequest, robot: Robot, designs: Sequence[Design]) -> None:
+    """Check what the designs of one robot need besides it.
+
+    Raises:
+        ValueError: if a torque limit, scene or policy cannot be had.
+    """
+    for limit in {design.torque_limit: design for design in designs}.values():
+        limit_torque(limit, request.limit_by, robot)
+    for scene in dict.fromkeys(design.scene for design in designs):
+        load_scene(scene, robot, request.seed)
+    for way in dict.fromkeys(design.way for design in designs):
+        if way not in (PLAN, NEAREST, STRAIGHT):
+            load_policy(robot, way, None)
+
+
+def hash_files(request: SweepRequest, design: Design) -> str:
+    """Compute a checksum of the scene's file and the policy's; "" where names say all."""
+    files = [Path(name) for name in (design.scene, design.way) if Path(name).is_file()]
+    if design.way not in (PLAN, NEAREST, STRAIGHT):
+        files.append(find_policy(load_robot(request), design.way))
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files))
+    return digest.hexdigest()[:16] if files else ""
 
 
 def _measure_all(
@@ -147,7 +181,8 @@ def _measure_all(
 
 def name_part(design: Design, side: str) -> str:
     """Name the rises of a design from a side, as the ledger does."""
-    return f"{design.name}: {side}"
+    content = f" ({design.digest})" if design.digest else ""
+    return f"{design.name}: {side}{content}"
 
 
 def measure_piece(request: SweepRequest, threads: int, piece: Piece) -> SweptClass:

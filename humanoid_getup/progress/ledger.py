@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from robots.storage.encoding import as_kept, to_json_line
-from robots.storage.files import write_atomically
-from robots.storage.validation import parse_file
+from robots.storage.files import describe, read_bounded, write_atomically
 
 STARTS_OVER = "without --resume it starts over"
 RECIPE, PART, RESULT, CHECKSUM = "recipe", "part", "result", "sha256"
@@ -37,6 +38,7 @@ class Ledger:
         self.done: dict[str, Any] = {}
         """Results in the form of JSON, in the order in which they were added."""
         self._written = 0  # bytes of the file
+        self._file = 0  # its inode
         self._digest = hashlib.sha256()
 
     @classmethod
@@ -61,15 +63,28 @@ class Ledger:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             content = self._seal({RECIPE: self.recipe}) + self._seal(part)
             write_atomically(self.path, content)
-            self._written = len(content)
+            self._written, self._file = len(content), self.path.stat().st_ino
         return self.done[name]
 
     def _append(self, line: bytes) -> None:
-        """Add a line in place of what follows the last whole one."""
+        """Add a line in place of what follows the last whole one.
+
+        Raises:
+            ValueError: if another program has added lines meanwhile.
+        """
         with self.path.open("r+b") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.seek(self._written)
+            if os.fstat(file.fileno()).st_ino != self._file or b"\n" in file.read():
+                raise ValueError(
+                    f"{self.path}: another program adds parts as well, expected one at a time: end "
+                    "it, or use another file"
+                )
             file.truncate(self._written)
             file.seek(self._written)
             file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
         self._written += len(line)
 
     def _seal(self, content: Mapping[str, Any]) -> bytes:
@@ -84,39 +99,56 @@ class Ledger:
             ValueError: if they are damaged, or of another recipe.
         """
         try:
-            rows = parse_file(self.path, "JSON Lines", _parse_lines, MOST_BYTES)
+            lines = _read_lines(self.path)
+            rows = [_parse_line(line) for line in lines]
         except ValueError as error:
             raise ValueError(f"{self.path}: {error} ({STARTS_OVER})") from error
-        if not rows or not isinstance(rows[0].get(RECIPE), dict):
+        if not isinstance(rows[0].get(RECIPE), dict):
             raise ValueError(f"{self.path}: keeps no work, expected a {RECIPE} ({STARTS_OVER})")
         if any(not isinstance(row.get(PART), str) or RESULT not in row for row in rows[1:]):
             raise ValueError(
                 f"{self.path}: a line keeps no work, expected a {PART} and its {RESULT} "
                 f"({STARTS_OVER})"
             )
-        for row in rows:
-            checksum = row.pop(CHECKSUM, None)
-            self._written += len(self._seal(row))
-            if checksum != self._digest.hexdigest():
+        for line, row in zip(lines, rows, strict=True):
+            row.pop(CHECKSUM, None)
+            if self._seal(row) != line:
                 raise ValueError(
                     f"{self.path}: its checksum differs, expected the parts as written "
                     f"({STARTS_OVER})"
                 )
         check_recipe(self.path, self.recipe, rows[0][RECIPE], STARTS_OVER)
+        self._written, self._file = sum(map(len, lines)), self.path.stat().st_ino
         self.done = {row[PART]: row[RESULT] for row in rows[1:]}
 
 
-def _parse_lines(text: str) -> list[dict[str, Any]]:
-    """Parse all lines but one that is cut off at the end.
+def _read_lines(path: Path) -> list[bytes]:
+    """Read all lines but one that is cut off at the end; the only one is never left out.
 
     Raises:
-        ValueError: if a line is no JSON object.
+        ValueError: if the file cannot be read.
     """
-    *lines, cut = text.split("\n")
-    rows = [json.loads(line) for line in (lines if lines else [cut])]
-    if any(not isinstance(row, dict) for row in rows):
-        raise ValueError("a line is no object")
-    return rows
+    try:
+        content = read_bounded(path, MOST_BYTES)
+    except OSError as error:
+        raise ValueError(describe(error)) from error
+    lines = content.splitlines(keepends=True) or [b""]
+    return lines[:-1] if len(lines) > 1 and not lines[-1].endswith(b"\n") else lines
+
+
+def _parse_line(line: bytes) -> dict[str, Any]:
+    """Parse a line.
+
+    Raises:
+        ValueError: if it is no JSON object, or not written as a ledger writes it.
+    """
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"not JSON Lines ({' '.join(str(error).split())})") from error
+    if not isinstance(row, dict):
+        raise ValueError("not JSON Lines (a line is no object)")
+    return row
 
 
 def check_recipe(

@@ -32,7 +32,7 @@ def write_sweep_page(result: Sweep) -> str:
         *_write_missing(result),
         STOOD,
         f"Seed {result.seed}; plans search for {result.search_budget_s:g} s of simulated time. "
-        "Falls of one seed drop from the same joint angles and orientations in every design. "
+        "Falls of all designs are drawn from this seed, and settle on each body in its own way. "
         "Repeat it with:",
         f"```\n{result.command}\n```",
     ]
@@ -46,7 +46,8 @@ def _write_ends(result: Sweep) -> Iterator[str]:
         others = [name for name in result.axes if name != axis]
         for place, some in group_cases(result.cases.values(), others).items():
             ends = ", ".join(f"{low:g} to {high:g}" for low, high in find_ends(some, axis))
-            level = "all stand" if all(one.share >= HALF for one in some) else "none stands"
+            is_above = all(one.share >= HALF for one in some if one.n)
+            level = "at least half stand" if is_above else "fewer than half stand"
             rows.append((axis, name_place(place, others) or NONE, ends or level))
     if rows:
         yield "## Where it stops getting up"

@@ -338,14 +338,18 @@ class GetUpEnv(VectorEnv):
         """Restore a state of :meth:`save_state`."""
         self.sim.restore_state(state["sim"])
         self._rng.bit_generator.state = state["rng"]
-        self.pool.success[:] = state["success"]
-        self._force = copy.copy(state["help"])
-        self._levels.restore_state(state["levels"])
+        self.restore_curricula(state)
         self.target, self.memory = state["target"].copy(), state["memory"].copy()
         self.sensed = state["sensed"]
         self.episodes = copy.deepcopy(state["episodes"])
         if self.style is not None:
             self.style.restore_state(state["style"])
+
+    def restore_curricula(self, state: SavedState) -> None:
+        """Restore only how far the curricula of a state of :meth:`save_state` had come."""
+        self.pool.success[:] = state["success"]
+        self._force = copy.copy(state["help"])
+        self._levels.restore_state(state["levels"])
 
     def _observe_privileged(self, observation: Floats) -> Floats:
         state, held = self.sim.measure_privileged_state(), self.episodes.held * self.step_time

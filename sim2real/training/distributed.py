@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
@@ -74,6 +74,11 @@ class DistributedProcess:
         from torch import cuda, distributed
 
         if device.startswith("cuda"):
+            if self.local >= cuda.device_count():
+                raise ValueError(
+                    f"{self.beside} processes train on this machine, expected at most one for each "
+                    f"of its {cuda.device_count()} GPUs"
+                )
             cuda.set_device(self.local)
         distributed.init_process_group("nccl" if device.startswith("cuda") else "gloo")
         try:
@@ -81,9 +86,23 @@ class DistributedProcess:
         finally:
             distributed.destroy_process_group()
 
-    def wait(self) -> None:
-        """Wait until all processes are here."""
-        self.gather(None)
+    def lead(self, work: Callable[[], object]) -> None:
+        """Do work in the first process while the others wait for it.
+
+        Raises:
+            Exception: of the work; in the others a `ValueError` with its text.
+        """
+        error: Exception | None = None
+        if self.leads:
+            try:
+                work()
+            except Exception as problem:
+                error = problem
+        text = self.gather("" if error is None else str(error) or type(error).__name__)[0]
+        if error is not None:
+            raise error
+        if text:
+            raise ValueError(text)
 
     def gather(self, value: Value) -> list[Value]:
         """Return the values of all processes, in their order; each has to call this."""

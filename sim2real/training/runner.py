@@ -79,17 +79,21 @@ class TrainingRunner(OnPolicyRunner):
     def resume(self) -> None:
         """Continue from the checkpoint as if the training had not been interrupted.
 
-        Of several processes, only the first has saved its robots; the others restart theirs.
+        Of several processes, only the first has saved its robots; the others restart theirs, with
+        the curricula of all.
         """
         state = read_checkpoint(self._file, self.device)
         self.alg.load(state, None, True)
         if state["frozen"]:
             self.freeze_normalizers()
         self.current_learning_iteration = state["iter"] + 1
-        if not self._process.leads:
-            return
         env = self.env.env
-        env.restore_state(restore_like(env.save_state(), state["env"]))
+        saved = restore_like(env.save_state(), state["env"])
+        if not self._process.leads:
+            env.restore_curricula(saved)
+            torch.manual_seed(torch.initial_seed() + self.current_learning_iteration)
+            return
+        env.restore_state(saved)
         self.env.observations = TensorDict(state["observations"], [env.num_envs]).to(self.device)
         torch.set_rng_state(state["torch_rng"].cpu())
         if self._on_gpu:

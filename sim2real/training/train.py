@@ -148,17 +148,14 @@ def _train(
     outputs = action.names
     if source is not None:
         outputs = load_head(robot, action, source).names
-    if process.leads:
-        write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs)
+    process.lead(lambda: write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs))
     if source is not None:
         keep_prior(source, folder)
     iteration_log = IterationLog(folder / PROGRESS, recipe, report, process)
     random.seed(seed)
     torch.manual_seed(seed)
     if process.of > 1:  # the first one samples the falls of all
-        if process.leads:
-            load_pool(robot, recipe, common_seed, folder / POOL)
-        process.wait()
+        process.lead(lambda: prepare_pool(robot, recipe, common_seed, folder))
     own = replace(recipe, robots=process.share(recipe.robots))
     threads = process.threads(inputs.threads)
     env = RslEnv(
@@ -221,8 +218,7 @@ def build_env(
         ValueError: if a file is of another robot.
     """
     options, style = build_options(recipe, threads), recipe.style
-    terrain = make_terrain(robot, seed) if recipe.terrain else None
-    pool = load_pool(robot, recipe, seed, folder / POOL, terrain)
+    pool, terrain = prepare_pool(robot, recipe, seed, folder)
     if terrain is not None:
         x, y = terrain.flat_center
         options = replace(options, scene=terrain.scene, origin=(float(x), float(y)))
@@ -243,6 +239,19 @@ def build_env(
     rises = task.library.state_qpos
     stands = make_stands(robot, seed, terrain, rises) if terrain else None
     return GetUpEnv(robot, action, pool, options, task, stands)
+
+
+def prepare_pool(
+    robot: Robot, recipe: Recipe, seed: int, folder: Path
+) -> tuple[StartPool, Terrain | None]:
+    """Load the falls of a training, on its terrain if it has one; sample them if there are none.
+
+    Raises:
+        FallError: if too few falls settle.
+        ValueError: if the file is of another robot.
+    """
+    terrain = make_terrain(robot, seed) if recipe.terrain else None
+    return load_pool(robot, recipe, seed, folder / POOL, terrain), terrain
 
 
 def make_stands(robot: Robot, seed: int, terrain: Terrain, rises: Array | None = None) -> StartPool:

@@ -28,11 +28,13 @@ class Design:
     """[N·m]; None for stall torque."""
     scene: str = "flat"
     way: str = "plan"
+    digest: str = ""
+    """Checksum of the files of scene and policy, of which their names say nothing."""
 
     @property
     def name(self) -> str:
         """Return its name in tables: all that is not the robot's own."""
-        limit = "" if self.torque_limit is None else f"{self.torque_limit:g} N·m"
+        limit = "" if self.torque_limit is None else f"{self.torque_limit!r} N·m"
         return ", ".join(filter(None, (self.body, self.servo, limit, self.scene, self.way)))
 
 

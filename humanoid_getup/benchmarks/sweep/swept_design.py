@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Self
@@ -54,8 +55,8 @@ class SweptDesign(RiseSummary, frozen=True, kw_only=True):
 
     @property
     def share(self) -> float:
-        """Return the share of its rises that stood."""
-        return self.stood / self.n if self.n else 0.0
+        """Return the share of its rises that stood; nan without any."""
+        return self.stood / self.n if self.n else math.nan
 
     @classmethod
     def join(cls, design: Design, found: Mapping[str, SweptClass]) -> Self:
@@ -85,10 +86,7 @@ class Sweep(CaseBench[SweptDesign], frozen=True, kw_only=True):
 def measure_class(
     strategy: Strategy, side: str, seed: int, each: int, *, preflight: bool
 ) -> SweptClass:
-    """Rise from ``each`` settled falls of a class.
-
-    The falls of one seed drop from the same joint angles and orientations in every design.
-    """
+    """Rise from ``each`` settled falls of a class, drawn from the seed alone."""
     rng = np.random.default_rng([seed, CLASSES.index(side)])  # type: ignore[arg-type]
     try:
         falls = sample_falls(strategy.world, {side: each}, rng)

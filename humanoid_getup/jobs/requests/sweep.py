@@ -59,14 +59,16 @@ class SweepRequest(EngineOptions, SearchBudgetOption, RobotOption):
     @property
     def bodies(self) -> list[str]:
         """List the bodies, in the order of the ranges."""
-        axes = [
-            [(part, value) for value in parse_range(text)]
-            for part, text in split_parts(self.body).items()
-        ]
+        axes = [[(part, value) for value in values] for part, values in self.body_ranges.items()]
         return [
             ",".join(f"{part}={value!r}" for part, value in choice if value != 1.0)
             for choice in product(*axes)
         ]
+
+    @property
+    def body_ranges(self) -> dict[str, list[float]]:
+        """Return the factors of each part that is named."""
+        return {part: parse_range(text) for part, text in split_parts(self.body).items()}
 
     @property
     def torque_limits(self) -> list[float | None]:
@@ -77,7 +79,7 @@ class SweepRequest(EngineOptions, SearchBudgetOption, RobotOption):
         """Report ranges that cannot be read as well, and too many designs."""
         problems = super().find_problems()
         for option, read in (
-            ("--body", lambda: self.bodies),
+            ("--body", lambda: self.body_ranges),
             ("--torque-limit", lambda: self.torque_limits),
         ):
             try:
@@ -87,7 +89,8 @@ class SweepRequest(EngineOptions, SearchBudgetOption, RobotOption):
         if problems:
             return problems
         others = max(len(self.servos), 1) * len(self.scenes) * len(self.ways)
-        count = len(self.bodies) * len(self.torque_limits) * others
+        bodies = math.prod(map(len, self.body_ranges.values()))
+        count = bodies * len(self.torque_limits) * others
         if count > MOST_DESIGNS:
             problems.append(f"the ranges are {count} designs, expected at most {MOST_DESIGNS}")
         return problems
@@ -125,9 +128,10 @@ def parse_range(text: str) -> list[float]:
     if len(numbers) == 1:
         return numbers
     first, last, step = numbers
-    if step <= 0.0 or last < first:
+    steps = (last - first) / step if step > 0.0 else math.nan
+    if math.isnan(steps) or last < first:
         raise ValueError(f"is '{text}', expected a step above 0, from a lower to a higher number")
-    count = math.floor((last - first) / step + 1e-9) + 1
+    count = math.floor(min(steps, MOST_DESIGNS) + 1e-9) + 1
     if count > MOST_VALUES:
-        raise ValueError(f"is '{text}', {count} values, expected at most {MOST_VALUES}")
+        raise ValueError(f"is '{text}', expected at most {MOST_VALUES} values")
     return [round(first + k * step, 9) for k in range(count)]

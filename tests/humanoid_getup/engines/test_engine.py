@@ -25,7 +25,7 @@ def test_a_name_says_the_kind_and_the_workers(name: str, kind: str, workers: int
     ("name", "address", "message"),
     [
         ("cloud", "", "engine is 'cloud', expected local, ray, dask or slurm"),
-        ("local:0", "", "expected 1 to 100000 workers"),
+        ("local:0", "", "expected 1 to 256 workers"),
         ("local:", "", "engine is 'local:', expected local"),
         ("local:-1", "", "engine is 'local:-1'"),
         ("local", "10.0.0.1:6379", "expected none with engine local"),

@@ -108,7 +108,7 @@ def test_a_program_that_runs_itself_in_its_workers_ends(tmp_path: Path):
         [sys.executable, program], env=environment, capture_output=True, text=True
     )
     assert done.returncode == 1
-    assert "idiom" in done.stderr  # of Python: `if __name__ == "__main__"`
+    assert "expected the script's work below `if __name__ == '__main__':`" in done.stderr
     assert "WorkerLostError: a worker ended in each of 3 tries" in done.stderr
 
 

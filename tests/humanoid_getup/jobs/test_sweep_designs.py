@@ -74,7 +74,16 @@ def test_a_canceled_sweep_keeps_what_is_finished_and_writes_no_page(tmp_path: Pa
         ({"torque_limit": "1:2"}, "--torque-limit is '1:2', expected a number, or a range"),
         ({"torque_limit": "0:1:0.5"}, "torque limit is 0 N·m, expected a finite number above 0"),
         ({"torque_limit": "99"}, "torque limit is 99 N·m, expected at most 4.1 N·m"),
-        ({"torque_limit": "1:2:1e-6"}, "1000001 values, expected at most 1000"),
+        (
+            {"torque_limit": "1:2:1e-6"},
+            "--torque-limit is '1:2:1e-6', expected at most 1000 values",
+        ),
+        ({"torque_limit": "-1e308:1e308:1"}, "expected at most 1000 values"),
+        ({"torque_limit": "0:1e10:1e-320"}, "expected at most 1000 values"),
+        (
+            {"body": ",".join(f"{part}=1:2:0.002" for part in ("arms", "legs", "torso"))},
+            "the ranges are 125751501 designs, expected at most 100000",
+        ),
         ({"servos": ("XL9",)}, "unknown servo 'XL9', expected"),
         ({"scenes": ("moon",)}, "unknown scene 'moon'"),
         ({"ways": ("fly",)}, "fly"),

@@ -88,6 +88,39 @@ def test_a_last_line_that_is_cut_off_is_done_again(tmp_path_factory, cut: int):
     assert path.read_bytes() == whole
 
 
+@pytest.mark.parametrize("text", [("\n", "\r\n"), ('{"part":"two",', '{"part": "two",')])
+def test_a_line_that_was_written_otherwise_is_refused(tmp_path: Path, text: tuple[str, str]):
+    path = keep_two(tmp_path)
+    path.write_bytes(path.read_bytes().replace(text[0].encode(), text[1].encode()))
+    with pytest.raises(ValueError, match="its checksum differs"):
+        Ledger.resume(path, RECIPE)
+
+
+def test_a_letter_that_is_cut_off_is_done_again(tmp_path: Path):
+    path = keep_two(tmp_path)
+    ledger = Ledger.resume(path, RECIPE)
+    whole = path.read_bytes()
+    ledger.add("2.5 N·m", 1)
+    path.write_bytes(path.read_bytes()[: len(whole) + len(b'{"part":"2.5 N') + 1])
+    assert list(Ledger.resume(path, RECIPE).done) == ["one", "two"]
+
+
+@pytest.mark.parametrize("resumes", [True, False])
+def test_two_programs_with_one_ledger_are_refused(tmp_path: Path, resumes: bool):
+    path = keep_two(tmp_path)
+    begin = Ledger.resume if resumes else Ledger
+    first, second = begin(path, RECIPE), begin(path, RECIPE)
+    first.add("three", 3)
+    if resumes:
+        with pytest.raises(ValueError, match="another program adds parts as well"):
+            second.add("four", 4)
+    else:
+        second.add("four", 4)
+        with pytest.raises(ValueError, match="another program adds parts as well"):
+            first.add("five", 5)
+    assert "three" in Ledger.resume(path, RECIPE).done or not resumes
+
+
 def keep_two(folder: Path) -> Path:
     """Keep two parts."""
     ledger = Ledger(folder / "ledger.jsonl", RECIPE)

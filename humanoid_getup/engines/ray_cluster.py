@@ -22,6 +22,8 @@ MOST_SHOWN = 200  # characters of a reason
 CONNECT_TIME = 5.0  # s
 FOUND = "auto"
 """Address that lets Ray find a cluster of this machine."""
+REFUSED = "InvalidAuthToken"
+"""What Ray reports where a cluster requires a token."""
 EXPECTED = "expected one that `ray start` runs, such as 127.0.0.1:6379"
 
 
@@ -49,6 +51,11 @@ def start_ray(engine: Engine, _pieces: int) -> Iterator[Workers]:
     try:
         ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
     except Exception as error:
+        if REFUSED in str(error.__cause__):
+            raise EngineError(
+                f"the Ray cluster at {where['address']} refuses a missing or wrong token, expected "
+                "RAY_AUTH_MODE=token and the file ~/.ray/auth_token of its head"
+            ) from error
         reason = " ".join(str(error).split())[:MOST_SHOWN]
         raise EngineError(f"no Ray cluster at {where['address']} ({reason}), {EXPECTED}") from error
     try:

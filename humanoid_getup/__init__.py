@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.build_motions import build_motions
     from humanoid_getup.jobs.check_policy import check_policy
     from humanoid_getup.jobs.check_robot import check_robot
-    from humanoid_getup.jobs.discover_motions import discover
+    from humanoid_getup.jobs.discover_motions import discover, discover_all
     from humanoid_getup.jobs.evaluate_policy import evaluate
     from humanoid_getup.jobs.export_log import export_log
     from humanoid_getup.jobs.export_motion import export_motion
@@ -192,6 +192,7 @@ _HOMES = {
     "check_policy": "humanoid_getup.jobs.check_policy",
     "check_robot": "humanoid_getup.jobs.check_robot",
     "discover": "humanoid_getup.jobs.discover_motions",
+    "discover_all": "humanoid_getup.jobs.discover_motions",
     "evaluate": "humanoid_getup.jobs.evaluate_policy",
     "export": "humanoid_getup.jobs.train_policy",
     "export_log": "humanoid_getup.jobs.export_log",
@@ -292,6 +293,7 @@ __all__ = [
     "check_policy",
     "check_robot",
     "discover",
+    "discover_all",
     "evaluate",
     "export",
     "export_log",

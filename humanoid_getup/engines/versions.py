@@ -36,17 +36,17 @@ class Versions:
     libraries: str
     """Python and the libraries that compute."""
     robot: str
-    """Checksum of the robot's folder."""
+    """Checksum of the robot's folder; "" for work in a folder that all share."""
 
     @classmethod
     def find(cls, robot: str) -> Versions:
-        """Find those of this process and of a robot by its name or folder.
+        """Find those of this process and of a robot by its name or folder, if any.
 
         Raises:
             ValueError: if there is no such robot.
         """
-        folder = load_robot(robot).folder
-        return cls(program=hash_program(), libraries=list_libraries(), robot=hash_folder(folder))
+        checksum = hash_folder(load_robot(robot).folder) if robot else ""
+        return cls(program=hash_program(), libraries=list_libraries(), robot=checksum)
 
     def check(self, found: Versions) -> None:
         """Compare with those of another process.

@@ -13,9 +13,11 @@ from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import (
     MotionSearch,
     NearestStand,
+    check_begin,
     choose_sides,
     describe_motion,
 )
+from humanoid_getup.jobs.spread_searches import spread_searches
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
@@ -52,7 +54,23 @@ class DiscoveredMotions:
 def discover(
     request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> DiscoveredMotions:
-    """Find motions from each side, and store them with their keys and a picture.
+    """Find motions of one robot, as `discover_all` does for several.
+
+    Raises:
+        BadInputError: as there, or with several robots.
+        CancelledError: as there.
+    """
+    DiscoverRequest.accept(request)
+    if len(request.robots) > 1:
+        raise BadInputError(f"robot is {request.robot}, expected one: discover_all takes several")
+    (found,) = discover_all(request, report, cancel)
+    return found
+
+
+def discover_all(
+    request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> tuple[DiscoveredMotions, ...]:
+    """Find motions of robots from each side, and store them with their keys and a picture.
 
     Raises:
         BadInputError: if motions of that name are there already, files cannot be written, a policy
@@ -62,32 +80,54 @@ def discover(
     """
     DiscoverRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
-    found = _harvest(request, monitor) if request.policy else _search(request, monitor)
+    found = (_harvest(request, monitor),) if request.policy else _search(request, monitor)
     monitor.begin("drawing")
-    return _draw(found, request)
+    return tuple(_draw(each, request) for each in found)
 
 
 def is_begun(request: DiscoverRequest) -> bool:
     """Tell whether there is a search to resume."""
-    robot = load_robot(replace(request, robot=request.robot or DEFAULT_ROBOT))
-    return not request.policy and MotionSearch.file(robot).exists()
+    robots = [load_robot(each) for each in _split(request)]
+    return not request.policy and any(MotionSearch.file(robot).exists() for robot in robots)
 
 
-def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
+def _split(request: DiscoverRequest) -> list[DiscoverRequest]:
+    """Return a request for each robot."""
+    return [replace(request, robot=robot or DEFAULT_ROBOT) for robot in request.robots]
+
+
+def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> tuple[DiscoveredMotions, ...]:
     """Search in physics."""
-    request = replace(request, robot=request.robot or DEFAULT_ROBOT)
-    robot = load_robot(request)
-    _check_files(robot, request)
-    searching = MotionSearch(robot, request, monitor)
-    searching.run()
-    return DiscoveredMotions(
-        robot=robot,
-        motions=tuple(motion for each in searching.sides for motion in each.kept),
-        wanting=searching.list_wanting(),
-        nearest=searching.list_nearest(),
-        goes_on=searching.file(robot).exists(),
-        picture=None,
+    robots = [load_robot(each) for each in _split(request)]
+    if twice := sorted({a.name for a in robots if [b.name for b in robots].count(a.name) > 1}):
+        raise BadInputError(f"--robot has {twice[0]} twice, expected robots of different names")
+    robots = [robot for robot in robots if _is_searched(robot, request, monitor)]
+    return tuple(
+        DiscoveredMotions(
+            robot=robot,
+            motions=found.motions,
+            wanting=found.wanting,
+            nearest=found.nearest,
+            goes_on=MotionSearch.file(robot).exists(),
+            picture=None,
+        )
+        for robot, found in zip(robots, spread_searches(robots, request, monitor), strict=True)
     )
+
+
+def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> bool:
+    """Check that a search can begin; return whether it has to, when several are resumed."""
+    _check_files(robot, request)
+    begun = MotionSearch.file(robot).exists()
+    if not request.resume or begun or len(request.robots) == 1:
+        check_begin(robot, request)
+        return True
+    try:
+        check_begin(robot, replace(request, resume=False))
+    except BadInputError as error:
+        monitor.tell(f"{robot.name}: {error}")
+        return False
+    return True
 
 
 def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:

@@ -81,22 +81,37 @@ class NearestStand:
 class MotionSearch:
     """A search in physics for motions of one robot, which can be interrupted and resumed."""
 
-    def __init__(self, robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> None:
-        """Begin a search, or go on with one.
+    def __init__(
+        self,
+        robot: Robot,
+        request: DiscoverRequest,
+        monitor: ProgressMonitor,
+        *,
+        before: float | None = None,
+        threads: int = 0,
+    ) -> None:
+        """Begin a search, or go on with the one whose file is there.
+
+        Args:
+            robot: The robot, for which `check_begin` was called.
+            request: What to search.
+            monitor: Shows the progress.
+            before: Simulated time before the budget begins to count [s]; None: a new search's. A
+                search that lost its worker is not given more.
+            threads: Of the physics; 0 for all of the machine.
 
         Raises:
-            BadInputError: if there is none to resume, motions are there already, or the robot has
-                no two legs with a knee.
+            BadInputError: if the file is damaged or that of another search, or the robot has no two
+                legs with a knee.
         """
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world, self._sides = World(robot), choose_sides(request, robot)
-        self._check_known()
         with refusing():
             Limbs(robot)
-            settings = SearchSettings(limit=TorqueLimit(request.torque_limit).on(robot))
+            limit = TorqueLimit(request.torque_limit).on(robot)
+            settings = SearchSettings(limit=limit, threads=threads)
         self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
-        arrays = self._read() if request.resume else None
-        self._begun = 0.0
+        arrays = self._read() if self.file(robot).exists() else None
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
@@ -107,6 +122,7 @@ class MotionSearch:
             accept=self._preflight,
             announce=self._show_making,
         )
+        self._begun = self._discovery.simulated if before is None else before
         if arrays is not None:
             with refusing():
                 restore_search(self.file(robot), arrays, self._discovery, self._load)
@@ -139,7 +155,6 @@ class MotionSearch:
 
     def run(self) -> None:
         """Search until enough is found or the budget is spent; store what is found."""
-        self._begun = self._discovery.simulated
         try:
             while not self._discovery.is_done and self._spent < self._budget:
                 for each, made in self._discovery.advance():
@@ -183,7 +198,7 @@ class MotionSearch:
 
     def _write_keys(self, keyframes: Keyframes) -> None:
         path = self._robot.folder / KEYFRAMES
-        there = keyframes.name in self._list_keys()
+        there = keyframes.name in _list_keys(self._robot)
         (replace_keyframes if there else append_keyframes)(path, [keyframes], self._robot)
 
     def _describe(self) -> dict[str, Any]:
@@ -222,53 +237,60 @@ class MotionSearch:
             )
 
     def _read(self) -> dict[str, Any]:
-        path = self.file(self._robot)
-        if not path.exists():
-            raise BadInputError(
-                f"there is no search to resume: {path} is missing; leave out --resume"
-            )
         with refusing():
-            return read_search(path, self._recipe)
+            return read_search(self.file(self._robot), self._recipe)
 
     def _load(self, name: str) -> Motion:
         return Motion.load(motion_file(self._robot.folder, name))
-
-    def _check_known(self) -> None:
-        """Refuse to begin where an earlier search or its motions are."""
-        keys = self._list_keys()  # a damaged file is told before the search
-        if self._request.resume:
-            return
-        if (path := self.file(self._robot)).exists():
-            raise BadInputError(
-                f"a search that ended before it was done is there: go on with --resume, or remove "
-                f"{path} first"
-            )
-        known = [name for side in self._sides for name in self._list_known(side, keys)]
-        if known:
-            rest = [side for side in self._sides if not self._list_known(side, keys)]
-            others = f", or search the others with --sides {','.join(rest)}" if rest else ""
-            raise BadInputError(
-                f"motions of an earlier search are there: {', '.join(known)}; remove them from "
-                f"{self._robot.folder / MOTION_FOLDER} and {KEYFRAMES} first{others}"
-            )
-
-    def _list_keys(self) -> list[str]:
-        """List the names of the robot's keyframes."""
-        path = self._robot.folder / KEYFRAMES
-        with refusing():
-            known = load_keyframes(path, self._robot) if path.exists() else []
-        return [each.name for each in known]
-
-    def _list_known(self, side: LyingSide, keys: list[str]) -> list[str]:
-        """List motions and keys of an earlier search from a side."""
-        begin = f"{side}_{FOUND}_"
-        found = list_found(self._robot, side)
-        return sorted({*found} | {name for name in keys if name.startswith(begin)})
 
     def _preflight(self, motion: Motion) -> str:
         """Return why the preflight refuses a motion; "" if it does not."""
         verdict = preflight_stored(self._world, motion)
         return "" if verdict.passed else f"the preflight refuses it: {verdict.reasons[0]}"
+
+
+def check_begin(robot: Robot, request: DiscoverRequest) -> None:
+    """Refuse to begin where an earlier search or its motions are, and to resume where none is.
+
+    Raises:
+        BadInputError: naming what is there.
+    """
+    sides, keys = choose_sides(request, robot), _list_keys(robot)  # refuses a damaged file
+    path = MotionSearch.file(robot)
+    if request.resume:
+        if not path.exists():
+            raise BadInputError(
+                f"there is no search to resume: {path} is missing; leave out --resume"
+            )
+        return
+    if path.exists():
+        raise BadInputError(
+            f"a search that ended before it was done is there: go on with --resume, or remove "
+            f"{path} first"
+        )
+    known = [name for side in sides for name in _list_known(robot, side, keys)]
+    if known:
+        rest = [side for side in sides if not _list_known(robot, side, keys)]
+        others = f", or search the others with --sides {','.join(rest)}" if rest else ""
+        raise BadInputError(
+            f"motions of an earlier search are there: {', '.join(known)}; remove them from "
+            f"{robot.folder / MOTION_FOLDER} and {KEYFRAMES} first{others}"
+        )
+
+
+def _list_keys(robot: Robot) -> list[str]:
+    """List the names of the robot's keyframes."""
+    path = robot.folder / KEYFRAMES
+    with refusing():
+        known = load_keyframes(path, robot) if path.exists() else []
+    return [each.name for each in known]
+
+
+def _list_known(robot: Robot, side: LyingSide, keys: list[str]) -> list[str]:
+    """List motions and keys of an earlier search from a side."""
+    begin = f"{side}_{FOUND}_"
+    found = list_found(robot, side)
+    return sorted({*found} | {name for name in keys if name.startswith(begin)})
 
 
 def choose_sides(request: DiscoverRequest, robot: Robot) -> tuple[LyingSide, ...]:

@@ -46,7 +46,7 @@ def spread(
     monitor: ProgressMonitor,
     robot: str,
 ) -> None:
-    """Do pieces with workers that have the versions of this process and its robot."""
+    """Do pieces with workers that have the versions of this process and its robot, if any."""
     checked = CheckedWork(work, robot, find_versions(robot))
     run_pieces(checked, pieces, workers, ended, monitor)
 

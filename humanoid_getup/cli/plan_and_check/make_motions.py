@@ -16,7 +16,7 @@ from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
 from humanoid_getup.jobs.discover_motions import DiscoveredMotions
-from humanoid_getup.jobs.discover_motions import discover as search_all
+from humanoid_getup.jobs.discover_motions import discover_all as search_all
 from humanoid_getup.jobs.discover_motions import is_begun as is_searched
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
@@ -88,6 +88,14 @@ def discover(command: DiscoverRequest) -> int:
     """Search from each side; return 1 if a side has no motion."""
     with hinting_resume("motions discover", command, is_searched), showing() as report:
         found = search_all(command, report)
+    for each in found:
+        if len(found) > 1:
+            console_for().print(f"{each.robot.name}:", markup=False)
+        _print_discovered(each, command)
+    return DID_NOT_STAND if any(each.wanting for each in found) else DID_IT
+
+
+def _print_discovered(found: DiscoveredMotions, command: DiscoverRequest) -> None:
     console = console_for()
     if found.picture is not None:
         console.print(f"film strips in {found.picture}", markup=False)
@@ -97,7 +105,6 @@ def discover(command: DiscoverRequest) -> int:
         console.print(each.describe(), markup=False, soft_wrap=True)
     if following := _name_next(found, command):
         console.print(f"next: {following}", markup=False, soft_wrap=True)
-    return DID_NOT_STAND if found.wanting else DID_IT
 
 
 def _name_next(found: DiscoveredMotions, command: DiscoverRequest) -> str:

@@ -15,6 +15,7 @@ from humanoid_getup.jobs.requests.files import MADE, READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     Count,
+    EngineOptions,
     JobRequest,
     Jobs,
     MotionName,
@@ -70,7 +71,7 @@ class RetargetRequest(BuildRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscoverRequest(RobotOption):
+class DiscoverRequest(EngineOptions, RobotOption):
     """Find motions of a robot that has none: search in physics how it gets up from each side.
 
     From lying, the servos' targets move from one posture in which the robot rests to the next,
@@ -87,8 +88,9 @@ class DiscoverRequest(RobotOption):
             "default: none, a search.",
         ),
     ] = ""
-    robot: Annotated[str, ROBOT] = ""
-    """Name of a robot, or a folder with a robot.toml; default: op3, or the policy file's robot."""
+    robot: Annotated[str, ROBOT, arg(metavar="NAME|DIR,...")] = ""
+    """Names of robots, or folders with a robot.toml; the engine runs one search for each. Default:
+    op3, or the policy file's robot."""
     sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
     """Sides from which motions are searched: supine, prone, left; those from the right mirror
     those from the left, unless a limp joint makes them differ; default: all."""
@@ -106,15 +108,25 @@ class DiscoverRequest(RobotOption):
     picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture of the motions to write; default: ROBOT_motions.png."""
 
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Return the robots."""
+        return tuple(self.robot.split(","))
+
     def find_problems(self) -> list[str]:
         """Report options of a search with a policy, and the reverse, as well."""
         problems = super().find_problems()
+        if len(self.robots) > 1 and self.picture is not None:
+            problems.append("--picture is given, expected none with several robots")
+        if len(self.robots) > 1 and self.policy:
+            problems.append(f"--robot is {self.robot}, expected one with a policy")
         if not self.policy:
             given = ["--rises"] if self.rises is not None else []
             return problems + [f"{name} is given, expected none without a policy" for name in given]
         given = ["--budget"] if self.budget is not None else []
         given += ["--resume"] if self.resume else []
         given += ["--torque-limit"] if self.torque_limit is not None else []
+        given += ["--engine"] if self.engine != EngineOptions.engine else []
         return problems + [f"{name} is given, expected none with a policy" for name in given]
 
 

@@ -11,8 +11,10 @@ import pytest
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs import search_motions
-from humanoid_getup.jobs.discover_motions import discover
+from humanoid_getup.jobs.discover_motions import discover, discover_all
+from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
+from humanoid_getup.jobs.spread_searches import SearchPiece, search_piece
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions
@@ -23,6 +25,7 @@ from humanoid_getup.progress.callback import CancelledError, Progress
 from robots import Robot, load_robot
 
 SIDES = ("supine", "prone", "left")
+SHARED = ("--sides", "supine", "--budget", "1", "--seed", "4")
 Getup = Callable[..., tuple[int, str, str]]
 
 
@@ -194,3 +197,67 @@ def test_op3_finds_a_rise_from_its_back(
     assert code == 0, out
     motion = Motion.load(tmp_path / "bare" / "motions" / "supine_found_1.npz")
     assert float(motion.provenance["disturbed_success"]) >= 0.9
+
+
+@pytest.fixture
+def two(bare: Path) -> list[Path]:
+    """Return the folders of two robots without motions, one and two."""
+    folders = [Path(shutil.copytree(bare, bare.with_name(name))) for name in ("one", "two")]
+    for folder in folders:
+        described = (folder / "robot.toml").read_text("utf-8")
+        renamed = re.sub(r"(?m)^name = .*", f'name = "{folder.name}"', described, count=1)
+        (folder / "robot.toml").write_text(renamed, "utf-8")
+    return folders
+
+
+def test_several_robots_are_searched_in_one_command(
+    two: list[Path], capsys: pytest.CaptureFixture[str]
+):
+    assert main(["motions", "discover", "--robot", "one,two", *SHARED]) == 1
+    out = capsys.readouterr().out
+    assert "one: 0 motions, none from supine" in out
+    assert "two: 0 motions, none from supine" in out
+    assert all((folder / "unfinished" / "search.npz").exists() for folder in two)
+    assert Path("one_motions.png").exists() and Path("two_motions.png").exists()
+
+
+def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path]):
+    reports = list[Progress]()
+    request = DiscoverRequest(robot="one,two", sides=("supine",), budget=1.0)
+    with pytest.raises(CancelledError):
+        discover_all(request, reports.append, lambda: reports[-1].phase == "two: search")
+    files = [folder / "unfinished" / "search.npz" for folder in two]
+    assert [file.exists() for file in files] == [True, True]
+    found = discover_all(replace(request, resume=True), reports.append)
+    assert [each.robot.name for each in found] == ["one", "two"]
+    lines = [each.message for each in reports]
+    for name in ("one", "two"):
+        assert any(line.startswith(f"{name}: goes on after") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--robot", "one,one"), "--robot has one twice, expected robots of different names"),
+        (("--robot", "one,two", "--picture", "a.png"), "--picture is given, expected none with"),
+        (("quick", "--robot", "one,two"), "--robot is one,two, expected one with a policy"),
+        (("quick", "--robot", "one", "--engine", "local:2"), "--engine is given, expected none"),
+    ],
+)
+def test_options_that_do_not_fit_several_robots_are_refused(
+    two: list[Path],
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    message: str,
+):
+    assert main(["motions", "discover", *options]) == 2
+    assert message in capsys.readouterr().err
+    assert not any((folder / "unfinished").exists() for folder in two)
+
+
+def test_a_worker_that_does_not_share_the_folder_is_refused(two: list[Path], tmp_path: Path):
+    request = DiscoverRequest(robot=str(two[0]))
+    piece = SearchPiece(request=request, before=None, prefix="", mark=tmp_path / "elsewhere")
+    with pytest.raises(BadInputError, match="expected one that all machines share"):
+        search_piece(1, piece)
+    assert not (two[0] / "unfinished").exists()

@@ -13,6 +13,7 @@ PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
 IMPORTED_BY_OTHERS = {"onnxscript", "tensorboard"}  # by torch's exporter and by rsl-rl
 NOT_INSTALLED = {
+    "dask_jobqueue": "dask-jobqueue",
     "rsl_rl": "rsl-rl-lib",
     "PIL": "pillow",
     "mcap_ros2": "mcap-ros2-support",
@@ -51,14 +52,16 @@ def imported() -> dict[str, set[str]]:
 
 
 def test_every_imported_package_is_declared(imported: dict[str, set[str]]):
-    declared = list_declared("train", "policies", "sdk", "studio", "ros")
+    declared = list_declared("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm")
     assert [name for name, homes in imported.items() if not homes & declared] == []
 
 
 def test_every_declared_package_is_imported(imported: dict[str, set[str]]):
     used = set().union(*imported.values())
     assert (
-        list_declared("train", "policies", "sdk", "studio", "ros") - used - IMPORTED_BY_OTHERS
+        list_declared("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm")
+        - used
+        - IMPORTED_BY_OTHERS
         == set()
     )
 

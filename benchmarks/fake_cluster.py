@@ -27,6 +27,8 @@ from typing import Any, Literal
 
 import tyro
 
+from humanoid_getup.benchmarks.bench_result import WALL_TIMES
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROGRAMS = Path(sys.executable).parent
 HOSTS = 3
@@ -41,7 +43,6 @@ RAY = {
 }
 START, LONGEST, POLL = 90.0, 400.0, 0.2  # s
 LINES_AT_KILL = 3  # of the ledger: its recipe and two rises
-WALL_TIMES = ("plan_s", "filter_s", "late_p99_s", "busy_p99_s")
 ENTER = 'hostname "$1" && mount --bind "$2" /tmp && shift 2 && exec "$@"'
 COUNT = """
 import sys

@@ -20,7 +20,7 @@ import tyro
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.run_pieces import run_pieces, start_workers
-from humanoid_getup.engines.versions import CheckedWork, find_versions
+from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.progress.ledger import Ledger
 
 ENGINES = ("local:1", "local:2", "ray:2", "dask:2")
@@ -35,7 +35,7 @@ def echo(piece: str) -> str:
 
 def measure(engine: str, count: int) -> dict[str, float]:
     """Run pieces in this process; return times [s] and its largest memory [MiB]."""
-    find_versions("op3")
+    versions = Versions.find("op3")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began = time.perf_counter()
     arrived = list[float]()
@@ -48,7 +48,7 @@ def measure(engine: str, count: int) -> dict[str, float]:
 
         pieces = {str(number): CARRIED for number in range(count)}
         with start_workers(Engine.parse(engine), count) as workers:
-            run_pieces(CheckedWork(echo, "op3", find_versions("op3")), pieces, workers, end)
+            run_pieces(CheckedWork(echo, "op3", versions), pieces, workers, end)
             ended = time.perf_counter() - began
         size = ledger.path.stat().st_size
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

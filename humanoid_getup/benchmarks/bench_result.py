@@ -28,6 +28,10 @@ class KeptRise(SummarizedRise):
     attempts: int
 
 
+WALL_TIMES = ("plan_s", "filter_s", "late_p99_s", "busy_p99_s")
+"""Figures of a rise that depend on the machine and its load, and on nothing else."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MeasuredRise(RiseFigures, KeptRise):
     """One rise of a benchmark; unset fields are not needed to identify it."""

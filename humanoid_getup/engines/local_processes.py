@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from humanoid_getup.engines.errors import EngineError, WorkerLostError
-from humanoid_getup.engines.reports import hearing
+from humanoid_getup.engines.reports import passing_reports
 from humanoid_getup.progress.background_job import SPAWN
 from humanoid_getup.progress.callback import Progress, Report
 
@@ -193,7 +193,7 @@ class WorkerProcess:
         """Return the number of the process."""
         return self._process.pid or 0
 
-    def call(self, work: Callable[..., Any], arguments: tuple[Any, ...], heard: Report) -> Any:
+    def call(self, work: Callable[..., Any], arguments: tuple[Any, ...], receive: Report) -> Any:
         """Do a piece; return its result, or raise its error; pass on what it reports.
 
         Raises:
@@ -201,7 +201,7 @@ class WorkerProcess:
         """
         succeeded, result = self._exchange(pickle.dumps((work, arguments)))
         while succeeded == REPORT:
-            heard(result)
+            receive(result)
             succeeded, result = self._exchange()
         if succeeded:
             return result
@@ -243,7 +243,7 @@ def _work(pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
     signal.signal(signal.SIGTERM, _terminate)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with hearing(lambda progress: pipe.send((REPORT, progress))):
+    with passing_reports(lambda progress: pipe.send((REPORT, progress))):
         while True:
             try:
                 message = pipe.recv_bytes()

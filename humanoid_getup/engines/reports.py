@@ -12,21 +12,21 @@ def ignore(_progress: Progress) -> None:
     """Ignore a report."""
 
 
-_heard: Report = ignore
+_receive: Report = ignore
 """Where the reports of this process's pieces go."""
 
 
 def report(progress: Progress) -> None:
     """Report the progress of the piece that is being done."""
-    _heard(progress)
+    _receive(progress)
 
 
 @contextmanager
-def hearing(heard: Report) -> Iterator[None]:
+def passing_reports(receive: Report) -> Iterator[None]:
     """Pass the reports of pieces that are done in this process to a function."""
-    global _heard
-    before, _heard = _heard, heard
+    global _receive
+    before, _receive = _receive, receive
     try:
         yield
     finally:
-        _heard = before
+        _receive = before

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.local_processes import LocalProcesses, ThisProcess
-from humanoid_getup.engines.reports import hearing
+from humanoid_getup.engines.reports import passing_reports
 from humanoid_getup.engines.workers import Workers
 from humanoid_getup.progress.callback import ProgressMonitor, Report
 
@@ -71,7 +71,7 @@ def run_pieces(
     workers: Workers,
     ended: Ended[Result],
     monitor: ProgressMonitor | None = None,
-    heard: Report | None = None,
+    receive: Report | None = None,
 ) -> None:
     """Run pieces; call ``ended`` in this thread with each result, in whatever order they end.
 
@@ -82,7 +82,7 @@ def run_pieces(
         workers: Where to do it.
         ended: Receives each result.
         monitor: Ends the work between two pieces if it is canceled.
-        heard: Receives what pieces report while they are done, in this thread; default: the
+        receive: Receives what pieces report while they are done, in this thread; default: the
             monitor shows it.
 
     Raises:
@@ -90,14 +90,14 @@ def run_pieces(
         EngineError: if a worker is lost with the same piece repeatedly.
     """
     monitor = monitor or ProgressMonitor()
-    heard = heard or monitor.show
+    receive = receive or monitor.show
     waiting = iter(pieces.items())
     running = dict[Future[Result], str]()
     finished = SimpleQueue[Future[Result]]()
     most = max(QUEUED * workers.count, 1)
     try:
         while True:
-            with hearing(heard):
+            with passing_reports(receive):
                 for name, piece in islice(waiting, most - len(running)):
                     future = workers.executor.submit(work, piece)
                     running[future] = name
@@ -106,9 +106,9 @@ def run_pieces(
                 return
             with suppress(Empty):
                 future = finished.get(timeout=POLL_TIME)
-                _pass_reports(workers, heard)
+                _pass_reports(workers, receive)
                 ended(running.pop(future), future.result())
-            _pass_reports(workers, heard)
+            _pass_reports(workers, receive)
             monitor.check()
     except BaseException:
         for future in _list_finished(finished):  # what others did before is not lost
@@ -120,10 +120,10 @@ def run_pieces(
             future.cancel()
 
 
-def _pass_reports(workers: Workers, heard: Report) -> None:
+def _pass_reports(workers: Workers, receive: Report) -> None:
     """Pass on what pieces have reported before they ended."""
     while not workers.reports.empty():
-        heard(workers.reports.get())
+        receive(workers.reports.get())
 
 
 def _list_finished(finished: SimpleQueue[Future[Result]]) -> Iterator[Future[Result]]:

@@ -17,7 +17,7 @@ from humanoid_getup.engines.errors import VersionError
 from robots import load_robot
 
 PACKAGES = ("humanoid_getup", "drivers", "robots", "sim2real")
-LIBRARIES = ("mujoco", "numpy", "scipy")
+LIBRARIES = ("mujoco", "numpy", "scipy", "cma", "onnxruntime")
 SUFFIXES = (".py", ".toml")
 LEFT_OUT = ("unfinished", "__pycache__")
 """Folders of a robot on which no result depends."""
@@ -63,7 +63,7 @@ class Versions:
             )
             raise VersionError(
                 f"a worker on {platform.node()} has another {listed}: install the same release and "
-                "copy the same robot there"
+                "copy the same robot there, and start the worker again"
             )
 
 
@@ -79,13 +79,13 @@ class CheckedWork(Generic[Piece, Result]):
     def __call__(self, piece: Piece) -> Result:
         """Do a piece."""
         with _one_at_a_time:  # of a worker with several threads, which share a simulation
-            self.expected.check(find_versions(self.robot))
+            self.expected.check(_find_own(self.robot))
             return self.work(piece)
 
 
 @cache
-def find_versions(robot: str) -> Versions:
-    """Find the versions of this process, once."""
+def _find_own(robot: str) -> Versions:
+    """Find the versions of a worker once: it keeps what it has loaded, too."""
     return Versions.find(robot)
 
 
@@ -102,9 +102,9 @@ def hash_program() -> str:
 
 
 def list_libraries() -> str:
-    """List Python and the libraries that compute, with their versions."""
+    """List Python, its machine's kind and the libraries that compute, with their versions."""
     found = [f"{name} {version(name)}" for name in LIBRARIES]
-    return ", ".join([f"Python {platform.python_version()}", *found])
+    return ", ".join([f"Python {platform.python_version()}", platform.machine(), *found])
 
 
 def hash_folder(folder: Path) -> str:

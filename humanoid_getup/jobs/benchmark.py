@@ -20,7 +20,7 @@ from humanoid_getup.benchmarks import (
 )
 from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.benchmarks.rise_method import RiseMethod
-from humanoid_getup.engines.versions import find_versions
+from humanoid_getup.engines.versions import Versions
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
 from humanoid_getup.jobs.measure_bodies import measure_bodies
@@ -92,7 +92,7 @@ def _bench_rise(request: BenchRise, monitor: ProgressMonitor) -> BenchHead:
     run = spread_rises(request, planner, monitor)
     bench = partial(rise.bench_rise, planner, ledger=ledger, run=run)
     result = _count(request, monitor, bench, count=rises, of="rises")
-    return replace(result, versions=find_versions(request.robot))
+    return replace(result, versions=Versions.find(request.robot))
 
 
 def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
@@ -110,7 +110,7 @@ def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
         "prefer": planner.prefer,
         "seed": request.seed,
         "n": request.n,
-        "versions": find_versions(request.robot),
+        "versions": Versions.find(request.robot),
     }
     start = Ledger.resume if request.resume else Ledger
     return start(request.ledger, recipe)

@@ -83,7 +83,7 @@ def make_prior(
 
 def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
     """Plan rises on the engine of a request."""
-    from sim2real.prior_training.collect import plan_piece
+    from sim2real.prior_training.collect import forget_planner, plan_piece
 
     robot = make_robot_absolute(request.robot)
 
@@ -91,5 +91,6 @@ def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
         with starting(request, len(pieces)) as workers:
             work = partial(plan_piece, robot, 1 if workers.count else 0)
             spread(work, pieces, workers, end, monitor, robot)
+        forget_planner()
 
     return run

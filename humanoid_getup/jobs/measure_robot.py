@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -34,8 +34,8 @@ from humanoid_getup.jobs.requests.bench import (
     WHOLE_ARTEFACTS,
     BenchAll,
 )
-from humanoid_getup.jobs.run_parts import Results, run_parts
-from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.jobs.run_parts import PartWork, Results, run_parts
+from humanoid_getup.jobs.spreading import make_worker_request
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
@@ -65,12 +65,13 @@ def measure_robot(
     with refusing():
         world = World(load_robot(request))
         whole = _load_whole(request, world)
+    shared = make_worker_request(BenchAll, request, out=Path(), resume=False)
     results = run_parts(
         whole.parts(),
         request.out / PARTS,
         monitor,
         resume=request.resume,
-        spread=partial(_spread, request, monitor),
+        away=PartWork(request=request, work=partial(measure_part, shared), robot=shared.robot),
     )
     notes = _list_notes(world.robot, whole)
     result = summarize_parts(whole, results, notes=notes, command=_write_command(request))
@@ -81,21 +82,6 @@ def measure_robot(
         write_atomically(folder / FIGURES, to_json(result))
         write_atomically(folder / PAGE, write_page(result))
     return result
-
-
-def _spread(
-    request: BenchAll,
-    monitor: ProgressMonitor,
-    names: Sequence[str],
-    end: Callable[[str, PartResult], None],
-) -> bool:
-    """Run parts with workers; return False if there is none but this process."""
-    shared = share(BenchAll, request, out=Path(), resume=False, engine="local", address="")
-    with starting(request, len(names)) as workers:
-        if workers.count:
-            work = partial(measure_part, shared)
-            spread(work, dict(zip(names, names, strict=True)), workers, end, monitor, shared.robot)
-        return bool(workers.count)
 
 
 def measure_part(request: BenchAll, name: str) -> PartResult:

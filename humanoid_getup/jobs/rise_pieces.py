@@ -10,7 +10,7 @@ from humanoid_getup.benchmarks.rise import RisePiece, RunRises, measure_rise, ru
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.requests.bench import BenchRise
-from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.jobs.spreading import make_worker_request, spread, starting
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 
@@ -35,7 +35,7 @@ def make_planner(request: BenchRise, threads: int = 0) -> PlannedRise:
 
 def spread_rises(request: BenchRise, planner: PlannedRise, monitor: ProgressMonitor) -> RunRises:
     """Do rises on the engine of a request."""
-    shared = share(BenchRise, request, ledger=None, resume=False, engine="local", address="")
+    shared = make_worker_request(BenchRise, request, ledger=None, resume=False)
 
     def run(pieces: Mapping[str, RisePiece], end: Callable[[str, MeasuredRise], None]) -> None:
         with refusing(), starting(request, len(pieces)) as workers:

@@ -5,22 +5,24 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec import convert
 
 from humanoid_getup.benchmarks.part import Part, PartResult
+from humanoid_getup.engines.versions import hash_program
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.requests.bench import PARTS, BenchAll, BenchBodies
+from humanoid_getup.jobs.requests.shared import EngineOptions
+from humanoid_getup.jobs.spreading import spread, starting
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 
 RESULT = "result"
 """Key of the result in the ledger of a part."""
 Results = dict[str, PartResult]
-SpreadParts = Callable[[Sequence[str], Callable[[str, PartResult], None]], bool]
-"""Runs parts by name with workers, and hands each result over as it ends; returns whether it did:
-False if there is no worker but this process."""
 
 
 def is_begun(request: BenchAll | BenchBodies) -> bool:
@@ -37,7 +39,19 @@ def open_part(folder: Path, part: Part, *, resume: bool) -> Ledger:
     short = re.sub(r"[^a-z0-9]+", "_", part.name.lower()).strip("_")[:60]
     digest = hashlib.sha256(part.name.encode("utf-8", "replace")).hexdigest()[:6]
     path = folder / f"{short}_{digest}.jsonl"  # names that differ have files that differ
-    return Ledger.resume(path, part.depends) if resume else Ledger(path, part.depends)
+    recipe = {**part.depends, "program": hash_program()}
+    return Ledger.resume(path, recipe) if resume else Ledger(path, recipe)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartWork:
+    """How workers run the parts of a benchmark."""
+
+    request: EngineOptions
+    """Names the engine."""
+    work: Callable[[str], PartResult]
+    """Runs a part by its name."""
+    robot: str
 
 
 def run_parts(
@@ -46,7 +60,7 @@ def run_parts(
     monitor: ProgressMonitor,
     *,
     resume: bool,
-    spread: SpreadParts | None = None,
+    away: PartWork | None = None,
 ) -> Results:
     """Run the unfinished parts; every finished one is checked before any work.
 
@@ -55,7 +69,7 @@ def run_parts(
         folder: Where each is kept.
         monitor: Shows progress, and cancels.
         resume: Whether to keep those that are finished.
-        spread: Runs parts by name, in any order; None: one after another, here.
+        away: How workers run them; None: they run here, one after another.
 
     Raises:
         BadInputError: if a finished part is damaged, or of another benchmark.
@@ -70,18 +84,19 @@ def run_parts(
     if resume:
         monitor.tell(f"{len(parts) - len(left)} of {len(parts)} parts are finished")
     advance = monitor.count("rises", sum(part.count for part in left))
-    if spread is not None:
-        counts = {part.name: part.count for part in left}
+    counts = {part.name: part.count for part in left}
 
-        def end(name: str, result: PartResult) -> None:
-            ledgers[name].add(RESULT, result)
-            advance(counts[name])
+    def end(name: str, result: PartResult) -> None:
+        ledgers[name].add(RESULT, result)
+        advance(counts[name])
 
-        with refusing():
-            left = left if not spread([*counts], end) else []
-    for part in left:
-        with refusing():
-            run_part(part, ledgers[part.name], advance)
+    with refusing(), ExitStack() as stack:
+        workers = stack.enter_context(starting(away.request, len(left))) if away else None
+        if away and workers and workers.count:
+            spread(away.work, {name: name for name in counts}, workers, end, monitor, away.robot)
+        else:
+            for part in left:
+                run_part(part, ledgers[part.name], advance)
     return {part.name: read_result(part, ledgers[part.name]) for part in parts}
 
 

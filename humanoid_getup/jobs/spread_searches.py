@@ -17,7 +17,7 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import MotionSearch, NearestStand
-from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.jobs.spreading import make_worker_request, spread, starting
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.search_file import read_simulated
@@ -89,8 +89,7 @@ def spread_searches(
 
 def _share(robot: Robot, request: DiscoverRequest) -> DiscoverRequest:
     """Make the request of one robot."""
-    own = {"robot": str(robot.folder), "picture": None, "engine": "local", "address": ""}
-    return share(DiscoverRequest, request, **own)
+    return make_worker_request(DiscoverRequest, request, robot=str(robot.folder), picture=None)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
-from humanoid_getup.engines.versions import CheckedWork, find_versions
+from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.engines.workers import Workers
 from humanoid_getup.jobs.errors import needing
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
@@ -18,6 +18,8 @@ from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import SUFFIX
 from robots import list_robots
 
+HERE = {"engine": "local", "address": ""}
+"""Engine in the request of a worker, which starts none."""
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 Request = TypeVar("Request", bound=RobotOption)
@@ -46,12 +48,13 @@ def spread(
     monitor: ProgressMonitor,
     robot: str,
 ) -> None:
-    """Do pieces with workers that have the versions of this process and its robot, if any."""
-    checked = CheckedWork(work, robot, find_versions(robot))
-    run_pieces(checked, pieces, workers, ended, monitor)
+    """Do pieces here, or with workers that have the same versions and robot, if there is one."""
+    if workers.count:
+        work = CheckedWork(work, robot, Versions.find(robot))
+    run_pieces(work, pieces, workers, ended, monitor)
 
 
-def share(kind: type[Request], request: Request, **changes: Any) -> Request:
+def make_worker_request(kind: type[Request], request: Request, **changes: Any) -> Request:
     """Make the request that workers get: of the class that they know, with absolute paths.
 
     Args:
@@ -59,7 +62,7 @@ def share(kind: type[Request], request: Request, **changes: Any) -> Request:
         request: The request.
         changes: Fields that no result depends on, as workers get them.
     """
-    values = {field.name: getattr(request, field.name) for field in fields(kind)} | changes
+    values = {field.name: getattr(request, field.name) for field in fields(kind)} | HERE | changes
     values["robot"] = make_robot_absolute(values["robot"])
     if "scene" in values:
         values["scene"] = make_scene_absolute(values["scene"])

@@ -24,7 +24,8 @@ from humanoid_getup.benchmarks.sweep.swept_design import (
     list_axes,
     measure_class,
 )
-from humanoid_getup.engines.versions import find_versions
+from humanoid_getup.engines.versions import Versions
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
@@ -39,7 +40,7 @@ from humanoid_getup.jobs.requests.sweep import (
     SWEEP_PLOT,
     SweepRequest,
 )
-from humanoid_getup.jobs.spreading import share, spread, starting
+from humanoid_getup.jobs.spreading import make_worker_request, spread, starting
 from humanoid_getup.policy.onnx_policy import find_policy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
@@ -54,7 +55,7 @@ from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
-Piece = tuple[Design, str]
+Piece = tuple[Design, LyingSide]
 """A design, and a class of falls."""
 
 
@@ -150,10 +151,9 @@ def _measure_all(
     request: SweepRequest, designs: Sequence[Design], monitor: ProgressMonitor
 ) -> dict[str, SweptClass]:
     """Measure the classes of all designs that a ledger does not hold yet."""
-    shared = share(SweepRequest, request, out=Path(), resume=False, engine="local", address="")
-    versions = find_versions(shared.robot)
+    shared = make_worker_request(SweepRequest, request, out=Path(), resume=False)
     recipe = {
-        "versions": versions,
+        "versions": Versions.find(request.robot),
         "seed": request.seed,
         "n": request.n,
         "search_budget": request.search_budget,
@@ -162,7 +162,9 @@ def _measure_all(
     path = request.out / SWEEP_LEDGER
     with refusing():
         ledger = Ledger.resume(path, recipe) if request.resume else Ledger(path, recipe)
-    pieces = {name_part(design, side): (design, side) for design in designs for side in CLASSES}
+    pieces: dict[str, Piece] = {
+        name_part(design, side): (design, side) for design in designs for side in CLASSES
+    }
     left = {name: piece for name, piece in pieces.items() if name not in ledger.done}
     if request.resume:
         monitor.tell(f"{len(pieces) - len(left)} of {len(pieces)} classes are finished")
@@ -176,10 +178,11 @@ def _measure_all(
         threads = 1 if workers.count else 0
         work = partial(measure_piece, shared, threads)
         spread(work, left, workers, end, monitor, shared.robot)
+    _make_strategy.cache_clear()  # the robot may change before this process sweeps again
     return {name: convert(ledger.done[name], SweptClass) for name in pieces}
 
 
-def name_part(design: Design, side: str) -> str:
+def name_part(design: Design, side: LyingSide) -> str:
     """Name the rises of a design from a side, as the ledger does."""
     content = f" ({design.digest})" if design.digest else ""
     return f"{design.name}: {side}{content}"
@@ -223,14 +226,14 @@ def _summarize(
         n=request.n,
         robot=load_robot(request).name,
         limit_by=request.limit_by,
-        versions=find_versions(request.robot),
+        versions=Versions.find(request.robot),
         search_budget_s=request.search_budget,
         axes=list_axes(cases.values()),
         cases=cases,
-        command=write_command("sweep", _forget_place(request)),
+        command=write_command("sweep", _leave_out_engine(request)),
     )
 
 
-def _forget_place(request: SweepRequest) -> SweepRequest:
+def _leave_out_engine(request: SweepRequest) -> SweepRequest:
     """Return the request without what no result depends on."""
     return replace(request, engine="local", address="", out=SweepRequest().out, resume=False)

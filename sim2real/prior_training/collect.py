@@ -119,6 +119,11 @@ def _make_planner(robot: str, threads: int) -> PlannedRise:
     return PlannedRise(World(load_robot(robot), "flat"), options=PlannerOptions(threads=threads))
 
 
+def forget_planner() -> None:
+    """Drop the planner of this process: its robot may change."""
+    _make_planner.cache_clear()
+
+
 def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) -> CollectedRise:
     """Read the frames of a motion."""
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, PERIOD)

@@ -53,7 +53,7 @@ class DistributedProcess:
             return requested
         return max(len(os.sched_getaffinity(0)) // self.beside, 1)
 
-    def share(self, robots: int) -> int:
+    def count_robots(self, robots: int) -> int:
         """Return how many of all robots this process simulates.
 
         Raises:

@@ -123,7 +123,7 @@ def check_processes(recipe: Recipe, process: DistributedProcess) -> None:
     Raises:
         ValueError: if they cannot.
     """
-    process.share(recipe.robots)
+    process.count_robots(recipe.robots)
     if process.of > 1 and recipe.style is not None:
         raise ValueError(
             f"a recipe with style curves is given to {process.of} processes, expected one: what it "
@@ -156,7 +156,7 @@ def _train(
     torch.manual_seed(seed)
     if process.of > 1:  # the first one samples the falls of all
         process.lead(lambda: prepare_pool(robot, recipe, common_seed, folder))
-    own = replace(recipe, robots=process.share(recipe.robots))
+    own = replace(recipe, robots=process.count_robots(recipe.robots))
     threads = process.threads(inputs.threads)
     env = RslEnv(
         build_env(robot, own, action, common_seed, folder, threads),

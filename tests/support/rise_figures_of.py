@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-WALL_TIMES = ("plan_s", "filter_s", "late_p99_s", "busy_p99_s")
+from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 
 
 def read_rises(text: str) -> list[dict[str, Any]]:

@@ -13,6 +13,7 @@ import numpy as np
 from humanoid_getup.benchmarks.bench_result import CaseBench, KeptRise
 from humanoid_getup.benchmarks.rise import list_pieces, measure_rise
 from humanoid_getup.benchmarks.sweep.design import Design
+from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
@@ -21,8 +22,6 @@ from robots import Body
 
 HALF = 0.5
 """Share of rises that stand, below which a design does not get up."""
-
-
 Coordinate = str | float | None
 
 
@@ -84,10 +83,10 @@ class Sweep(CaseBench[SweptDesign], frozen=True, kw_only=True):
 
 
 def measure_class(
-    strategy: Strategy, side: str, seed: int, each: int, *, preflight: bool
+    strategy: Strategy, side: LyingSide, seed: int, each: int, *, preflight: bool
 ) -> SweptClass:
     """Rise from ``each`` settled falls of a class, drawn from the seed alone."""
-    rng = np.random.default_rng([seed, CLASSES.index(side)])  # type: ignore[arg-type]
+    rng = np.random.default_rng([seed, CLASSES.index(side)])
     try:
         falls = sample_falls(strategy.world, {side: each}, rng)
     except FallError as error:

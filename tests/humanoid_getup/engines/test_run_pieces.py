@@ -24,6 +24,7 @@ from engine_runs import run
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.errors import WorkerLostError
+from humanoid_getup.engines.local_processes import LocalProcesses
 from humanoid_getup.engines.run_pieces import run_pieces, start_workers
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 
@@ -92,7 +93,8 @@ def test_canceled_work_ends_between_two_pieces_and_ends_its_workers():
         try:
             run_pieces(square_slowly, pieces, workers, lambda name, _: done.append(name), monitor)
         finally:
-            numbers = workers.executor.process_ids  # type: ignore[attr-defined]
+            assert isinstance(workers.executor, LocalProcesses)
+            numbers = workers.executor.process_ids
     assert 3 <= len(done) < 20
     assert len(numbers) == 2
     for number in numbers:

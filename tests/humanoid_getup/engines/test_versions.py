@@ -8,17 +8,17 @@ import pytest
 from counted_work import square
 
 from humanoid_getup.engines.errors import VersionError
-from humanoid_getup.engines.versions import CheckedWork, find_versions, hash_folder
+from humanoid_getup.engines.versions import CheckedWork, Versions, hash_folder
 from robots import load_robot
 
 
 def test_work_is_done_where_all_versions_are_the_same():
-    assert CheckedWork(square, "op3", find_versions("op3"))(7) == 49
+    assert CheckedWork(square, "op3", Versions.find("op3"))(7) == 49
 
 
 @pytest.mark.parametrize("field", ["program", "libraries", "robot"])
 def test_a_worker_that_differs_is_refused_by_what_differs(field: str):
-    expected = replace(find_versions("op3"), **{field: "another"})
+    expected = replace(Versions.find("op3"), **{field: "another"})
     with pytest.raises(
         VersionError, match=rf"has another {field} \S.* \(expected another\)"
     ) as why:

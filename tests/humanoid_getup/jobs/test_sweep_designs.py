@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
+from humanoid_getup.benchmarks.sweep.design import Design
 from humanoid_getup.benchmarks.sweep.swept_design import SweptDesign, find_ends, list_axes
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.sweep import SweepRequest, parse_range
@@ -111,32 +113,8 @@ def test_the_end_is_between_the_values_where_half_stand_and_do_not():
 
 def make_design(limit: float, stood: int) -> SweptDesign:
     """Make a design of which some of four rises stood."""
-    counts = ("planned", "self_collisions", "ground_penetrations", "limit_violations", "clips")
-    spreads = dict.fromkeys(
-        (
-            "stand_time_s",
-            "plan_s",
-            "filter_s",
-            "torque_use",
-            "peak_torque_nm",
-            "rms_torque_nm",
-            "head_impact_m_s",
-        )
-    )
-    return SweptDesign(
-        n=4,
-        stood=stood,
-        stood_interval_95=(0.0, 1.0),
-        **dict.fromkeys(counts, 0),
-        **spreads,  # type: ignore[arg-type]
-        body="",
-        servo="",
-        torque_limit_nm=limit,
-        scene="flat",
-        way="plan",
-        classes={},
-        missing={},
-    )
+    design = SweptDesign.join(Design(torque_limit=limit), {})
+    return structs.replace(design, n=4, stood=stood)
 
 
 def test_other_servos_have_their_own_torque_and_supply():

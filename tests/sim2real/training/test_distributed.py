@@ -28,7 +28,7 @@ def test_a_process_alone_does_as_it_is_asked():
     assert process.device("cpu") == "cpu"
     assert process.device("cuda:3") == "cuda:3"
     assert process.seed(7) == 7
-    assert process.share(512) == 512
+    assert process.count_robots(512) == 512
     assert process.threads(0) == 0
     assert process.gather("own") == ["own"]
 
@@ -49,7 +49,7 @@ def test_each_process_of_torchrun_has_robots_and_a_gpu_of_its_own():
     ]
     assert [process.device("cpu") for process in processes] == ["cpu"] * 4
     assert [process.leads for process in processes] == [True, False, False, False]
-    assert [process.share(512) for process in processes] == [128] * 4
+    assert [process.count_robots(512) for process in processes] == [128] * 4
 
 
 def test_what_several_processes_cannot_train_is_refused():

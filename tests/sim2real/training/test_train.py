@@ -16,6 +16,7 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("tensorboard")
 
 import torch
+from distributed_training import TINY
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
@@ -28,17 +29,6 @@ from sim2real.training.export import export_policy
 from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, TrainingInputs, train
-
-TINY = Recipe(
-    rewards="quick",
-    randomization="all",
-    wide=True,
-    iterations=4,
-    robots=8,
-    hidden=(16, 16),
-    falls=8,
-    lift=0.8,
-)
 
 
 class KilledError(Exception):

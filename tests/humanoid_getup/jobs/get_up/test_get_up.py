@@ -15,6 +15,7 @@ from stored_plans import plan_stored
 import humanoid_getup as hg
 from drivers import SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 from humanoid_getup.cli.main import main
 from humanoid_getup.execution.phase import Phase
 from humanoid_getup.jobs.errors import BadInputError
@@ -25,7 +26,6 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots.storage.encoding import to_json
 
 SQUAT = "squat_to_stand"
-WALL_TIMES = {"plan_s", "filter_s", "busy_p99_s", "late_p99_s"}
 
 
 class Watch(NoOperator):

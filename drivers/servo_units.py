@@ -20,7 +20,7 @@ def tick_range(joint: Joint) -> tuple[int, int]:
 
 
 def fits_one_turn(ticks: tuple[int, int], last: int = TICKS_PER_TURN - 1) -> bool:
-    """Return whether a range of ticks lies within the goals of position mode, 0 to the last."""
+    """Return whether a range of ticks lies within one turn of a servo, 0 to the last."""
     return ticks[0] >= 0 and ticks[1] <= last
 
 

@@ -100,7 +100,7 @@ class DynamixelBackend(Backend):
             clock: Clock of the measurements; ``None`` for wall time. With simulated time (a
                 virtual bus in lock-step) no cycle has a deadline.
             limit_by: What torque limits act on: the current, in current-based position mode, or
-                the PWM, in position mode; ``None`` for the robot's own.
+                the PWM, in extended position mode; ``None`` for the robot's own.
             imu: Source of the IMU's samples; ``None`` for that of the robot's description.
             without_imu: Measure neither angular velocity nor orientation, of a robot that has no
                 IMU.

@@ -51,7 +51,7 @@ class RegisterCommands:
     """Register values to write to each servo, in joint order, each of shape (n,)."""
 
     goal: Integers
-    """[ticks]"""
+    """[ticks], with the whole turns that a register lacks."""
     p_gain: Integers
     """Register value."""
     pwm: Integers
@@ -69,7 +69,7 @@ class CommandConverter:
         self._robot = robot
         self._limit_by: LimitMode = limit_by
         self._units = ServoUnits(robot)
-        self._scales = GoalScales(robot, limit_by)
+        self._scales = GoalScales(robot)
         self.pwm_limit = self._scales.full_scale.copy()
         """PWM Limit register of each servo [counts]."""
         self.current_limit = np.full(robot.n, MOST_CURRENT)
@@ -190,7 +190,7 @@ class CommandWriter:
         }
         changing = ("position_p_gain", "goal_pwm", *(("goal_current",) if is_by_current else ()))
         self._last = {name: LastWritten(len(rows)) for name in changing}
-        self._goal_range = goal_range(tables[0], limit_by)
+        self._goal_range = goal_range(tables[0])
         self._all = np.ones(len(rows), dtype=bool)
         self._cycle = 0
 
@@ -229,12 +229,12 @@ class CommandWriter:
                 self._write_some(name, due, values[name])
         if switches_on:
             self._switch_on(on, states)
+        goals = commands.goal[rows] - states.turns[rows]
         if self._feeds_limp:
-            present = np.clip(states.ticks[rows], *self._goal_range)
-            goals = np.where(states.is_on[rows], commands.goal[rows], present)
-            self.write_all("goal_position", goals)
+            present = np.clip(states.register[rows], *self._goal_range)
+            self.write_all("goal_position", np.where(states.is_on[rows], goals, present))
         elif states.is_on[rows].any():
-            self._write_some("goal_position", states.is_on[rows], commands.goal[rows])
+            self._write_some("goal_position", states.is_on[rows], goals)
         elif not off.all():
             self.write_all("torque_enable", 0)
 
@@ -262,7 +262,7 @@ class CommandWriter:
         # A watchdog that has tripped locks the goals until it is cleared.
         self._write_some("bus_watchdog", on, 0)
         ids = (self._ids[i] for i in np.flatnonzero(on))
-        present = np.clip(states.ticks[chosen], *self._goal_range)
+        present = np.clip(states.register[chosen], *self._goal_range)
         seeds = {i: self._goal.encode(int(ticks)) for i, ticks in zip(ids, present, strict=True)}
         self._seed(seeds)
         self._write_some("bus_watchdog", on, self._watchdog)

@@ -21,7 +21,7 @@ WHOLE_TURN = {"multi_turn_offset": 0, "resolution_divider": 1, "angular_resoluti
 """Items of some servos with which a turn has other counts, and their values as shipped."""
 OPERATING_MODES: dict[LimitMode, OperatingMode] = {
     "current": OperatingMode.CURRENT_BASED_POSITION,
-    "pwm": OperatingMode.POSITION,
+    "pwm": OperatingMode.EXTENDED_POSITION,
 }
 """Operating mode for each way in which servos limit their torque."""
 

@@ -216,6 +216,11 @@ class ControlTable:
         return "bus_watchdog" in self.items
 
     @property
+    def counts_turns(self) -> bool:
+        """Return whether it counts on beyond one turn, in the modes in which it is driven."""
+        return OperatingMode.EXTENDED_POSITION in self.modes and not self.mode_names
+
+    @property
     def all_answered(self) -> int:
         """Return the status return level at which every instruction is confirmed."""
         return self["status_return_level"].upper or 0

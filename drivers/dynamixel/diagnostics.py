@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import (
     ControlTable,
@@ -17,16 +19,17 @@ from drivers.dynamixel.control_table import (
     types_of,
 )
 from drivers.dynamixel.protocol2 import Span, Status, read_identity
+from drivers.dynamixel.whole_turns import OUTSIDE_RANGE, WholeTurns
 from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
 from robots import Joint, Robot
 from robots.bus_settings import BAUD_RATES
+from robots.quaternion import Array
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
 READ_SHARE = 0.75  # of the period within which all reads must end
-OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range without a warning
 SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
 
@@ -89,6 +92,8 @@ class ServoFacts:
     firmware: int
     registers: Mapping[str, int]
     """Values of the items that were read, by name."""
+    angle: float | None = None
+    """Joint angle [rad]; None while the servo that it is coupled to is silent."""
 
     @property
     def id(self) -> int:
@@ -104,11 +109,6 @@ class ServoFacts:
     def supports_fast_read(self) -> bool:
         """Return whether it supports fast reads."""
         return self.table.supports_fast_read(self.firmware)
-
-    @property
-    def angle(self) -> float:
-        """Return the joint angle [rad]."""
-        return self.joint.servo.to_rad(self.registers["present_position"])
 
     @property
     def errors(self) -> int:
@@ -178,8 +178,8 @@ DIAGNOSED = (
 )
 
 
-def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
-    """Read the servos of some joints, and list all problems; nothing is written."""
+def diagnose(bus: DynamixelBus, robot: Robot, joints: Iterable[Joint]) -> Diagnostics:
+    """Read the servos of some joints of a robot, and list all problems; nothing is written."""
     joints = list(joints)
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
@@ -196,6 +196,8 @@ def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
             if servo is not None:
                 servos.append(servo)
                 findings += check_servo(servo)
+    servos, misplaced = _locate(robot, servos)
+    findings += misplaced
     if silent:
         findings[:0] = _explain_silence(bus, silent, is_alone=not (servos or findings))
     return Diagnostics(tuple(servos), tuple(merge_findings(findings, joints)))
@@ -284,19 +286,43 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
         )
     if not servo.table.has_watchdog:
         warn(*NO_WATCHDOG)
-    joint, angle = servo.joint, servo.angle
-    if not joint.lower - OUTSIDE_RANGE <= angle <= joint.upper + OUTSIDE_RANGE:
-        warn(
-            f"is at {angle:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad",
-            "move it back by hand, or calibrate it",
-        )
-    ticks = tick_range(joint)
-    if not fits_one_turn(ticks, model.last_tick):
+    ticks = tick_range(servo.joint)
+    if not servo.table.counts_turns and not fits_one_turn(ticks, model.last_tick):
         warn(
             f"its range needs ticks {ticks[0]} to {ticks[1]}, expected 0 to {model.last_tick}",
             "mount its horn so that the range is within one turn, and calibrate it",
         )
     return found
+
+
+def _locate(robot: Robot, servos: list[ServoFacts]) -> tuple[list[ServoFacts], list[Finding]]:
+    """Add the joint angles to what was read; list joints that are not where they should be."""
+    register, known = np.zeros(robot.n, dtype=int), np.zeros(robot.n, dtype=bool)
+    rows = [robot.joint_names.index(servo.joint.name) for servo in servos]
+    register[rows] = [servo.registers["present_position"] for servo in servos]
+    known[rows] = True
+    angles = WholeTurns(robot).find_angles(register, known)
+    placed, found = list(servos), list[Finding]()
+    for i, row in enumerate(rows):
+        if row in angles:
+            placed[i] = replace(servos[i], angle=float(angles[row][0]))
+            found += _check_place(robot.joints[row], angles[row])
+    return placed, found
+
+
+def _check_place(joint: Joint, angles: Array) -> list[Finding]:
+    """List what is wrong with the possible angles of a joint [rad], likeliest first, (k,)."""
+    here = angles[0]
+    if not joint.lower - OUTSIDE_RANGE <= here <= joint.upper + OUTSIDE_RANGE:
+        text = f"is at {here:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad"
+        remedy = "move it back by hand, or calibrate it"
+        return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
+    elsewhere = sorted({f"{a:+.2f}" for a in angles[1:] if abs(a - here) > OUTSIDE_RANGE})
+    if not elsewhere:
+        return []
+    text = f"is taken to be at {here:+.2f} rad, may be at {' or '.join(elsewhere)}: turns apart"
+    remedy = "if it is not there, turn it to its middle by hand and connect again"
+    return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
 
 
 def _describe_alert(servo: ServoFacts, alert: HardwareError) -> Finding:

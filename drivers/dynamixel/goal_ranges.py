@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.dynamixel.control_table import ControlTable, table_named
 from robots import Robot
-from robots.servo import MAX_TICKS, PWM_FULL_SCALE, LimitMode
+from robots.servo import MAX_TICKS, PWM_FULL_SCALE
 
 SLOPES = ("cw_compliance_slope", "ccw_compliance_slope")
 """Items of a servo that has a compliance instead of a P gain."""
@@ -22,9 +22,9 @@ def has_slope(table: ControlTable) -> bool:
     return SLOPES[0] in table
 
 
-def goal_range(table: ControlTable, limit_by: LimitMode) -> tuple[int, int]:
-    """Return the goals that the operating mode for a kind of torque limit takes [ticks]."""
-    if limit_by == "current":
+def goal_range(table: ControlTable) -> tuple[int, int]:
+    """Return the goals that a servo takes [ticks]."""
+    if table.counts_turns:
         return -MAX_TICKS, MAX_TICKS
     return 0, table["max_position_limit"].upper or 0
 
@@ -48,9 +48,9 @@ def to_slope(gain: Counts) -> Counts:
 class GoalScales:
     """Ranges and scales of the goals of a robot's servos, each of shape (n,)."""
 
-    def __init__(self, robot: Robot, limit_by: LimitMode) -> None:
+    def __init__(self, robot: Robot) -> None:
         tables = [table_named(joint.servo.model.name) for joint in robot.joints]
-        self.lowest, self.highest = np.array([goal_range(t, limit_by) for t in tables]).T
+        self.lowest, self.highest = np.array([goal_range(t) for t in tables]).T
         """Positions [ticks]."""
         self.full_scale = np.array([full_scale(table) for table in tables])
         """Counts of the torque limit that are the whole supply."""

@@ -94,7 +94,7 @@ class ServoChain:
         self.writer.forget()
         if not servo.table.has_watchdog:
             return True
-        lowest, highest = goal_range(servo.table, self._limit_by)
+        lowest, highest = goal_range(servo.table)
         goal = min(max(ticks, lowest), highest)
         return self.bus.write_item(servo.id, servo.table["goal_position"], goal)
 

@@ -12,6 +12,8 @@ from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies
+from drivers.dynamixel.whole_turns import WholeTurns
+from drivers.state import Integers
 from robots import Robot
 
 TORQUE, WATCHDOG, SUPPLY = "torque_enable", "bus_watchdog", "present_input_voltage"
@@ -44,9 +46,13 @@ class ServoStates:
         speed = [4.0 * joint.servo.model.no_load_speed for joint in robot.joints]
         tick = np.array([joint.servo.model.rad_per_tick for joint in robot.joints])
         self._fastest = np.maximum(FASTEST, speed) / tick  # ticks/s, (n,)
-        self.ticks = np.zeros(n, dtype=int)
-        """Present positions [ticks]; not measured before ``stamp`` is finite."""
-        self._doubtful_ticks = np.zeros(n, dtype=int)
+        self._whole_turns = WholeTurns(robot)
+        self._half_turn = np.array([joint.servo.model.ticks_per_turn for joint in robot.joints]) / 2
+        self.register = np.zeros(n, dtype=int)
+        """Position registers [ticks]; not measured before ``stamp`` is finite."""
+        self.turns = np.zeros(n, dtype=int)
+        """Whole turns that the registers lack [ticks]."""
+        self._doubtful = np.zeros(n, dtype=int)  # registers
         self.velocity = np.zeros(n)
         """Of the servos behind their gears [rad/s]."""
         self.current = np.zeros(n)
@@ -73,6 +79,11 @@ class ServoStates:
         """The goal is to restart at the present position, with the watchdog."""
         self._off_reads = np.zeros(n, dtype=int)  # in a row, where torque should be on
 
+    @property
+    def ticks(self) -> Integers:
+        """Return the present positions [ticks], (n,)."""
+        return self.register + self.turns
+
     def row(self, device: int) -> int:
         """Return the joint of an id."""
         return int(self._row[device])
@@ -80,10 +91,12 @@ class ServoStates:
     # Measurements -----------------------------------------------------------------------------
 
     def update_from_facts(self, servos: Iterable[ServoFacts]) -> None:
-        """Take over supply and temperature from the diagnostics at startup."""
+        """Take over position, supply and temperature from the diagnostics at startup."""
         for servo in servos:
             row = self.row(servo.id)
             self.voltage[row], self.temperature[row] = servo.voltage, servo.temperature
+            self.register[row] = servo.registers["present_position"]
+        self.turns = self._whole_turns.resolve(self.register, self.register) - self.register
 
     def update_cyclic(self, replies: Replies, now: float) -> None:
         """Take over position, velocity and current, read at a time [s].
@@ -93,26 +106,36 @@ class ServoStates:
         """
         rows = self._row[replies.devices]
         layout = self._layouts[rows[0]]  # that of all servos on its port
-        ticks = layout.decode(layout.position, replies)
-        leaps = np.abs(ticks - self.ticks[rows]) > LEAP + self._fastest[rows] * (
+        register = layout.decode(layout.position, replies)
+        leaps = np.abs(register - self.register[rows]) > LEAP + self._fastest[rows] * (
             now - self.stamp[rows]
         )
         if leaps.any():
             reach = LEAP + self._fastest[rows] * self._period
-            is_confirmed = np.abs(ticks - self._doubtful_ticks[rows]) <= reach
-            self._doubtful_ticks[rows[leaps]] = ticks[leaps]
+            is_confirmed = np.abs(register - self._doubtful[rows]) <= reach
+            self._doubtful[rows[leaps]] = register[leaps]
             accepted = ~leaps | is_confirmed
-            replies, rows, ticks = replies.select(accepted), rows[accepted], ticks[accepted]
+            replies, rows, register = replies.select(accepted), rows[accepted], register[accepted]
         self.is_unsure[rows] |= self.is_on[rows] & (now - self.stamp[rows] > MISSED * self._period)
         load, velocity = (layout.decode(i, replies) for i in (layout.load, layout.velocity))
         self.current[rows] = self._current_scale[rows] * load
         self.velocity[rows] = self._velocity_scale[rows] * velocity
-        self.ticks[rows] = ticks
+        self._take_over(rows, register)
         self.stamp[rows] = now
         alerted = (replies.errors & ALERT).astype(int)
         if alerted.any() or self.alert.any():
             known = self.alert[rows]
             self.alert[rows] = np.where(alerted, np.where(known, known, ALERT), 0)
+
+    def _take_over(self, rows: Integers, register: Integers) -> None:
+        """Take over position registers; one that leaps by half a turn has lost its whole turns."""
+        leaps = np.abs(register - self.register[rows]) > self._half_turn[rows]
+        before = self.ticks
+        self.register[rows] = register
+        if leaps.any():
+            found = self._whole_turns.resolve(self.register, before, rows[leaps])
+            lost = rows[leaps]
+            self.turns[lost] = found[lost] - self.register[lost]
 
     def update_background(self, row: int, item: str, data: bytes) -> None:
         """Take over the registers of one item of the background read."""

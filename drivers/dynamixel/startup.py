@@ -135,7 +135,7 @@ def diagnose_robot(
     for chain in chains:
         chain.writer.write_all("torque_enable", 0)
         chain.unmute()
-        diagnostics = diagnose(chain.bus, chain.joints)
+        diagnostics = diagnose(chain.bus, robot, chain.joints)
         servos += diagnostics.servos
         findings += diagnostics.findings
     return Diagnostics(tuple(servos), tuple(findings))

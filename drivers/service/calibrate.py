@@ -112,6 +112,12 @@ class JointMeasurement:
         return last - first > TICKS_PER_TURN - 1
 
     @property
+    def is_out_of_reach(self) -> bool:
+        """Return whether its servo can be sent to its whole range with another zero alone."""
+        counts = table_named(self.joint.servo.model.name).counts_turns
+        return not (counts or fits_one_turn(self.ticks) or self.is_wider_than_a_turn)
+
+    @property
     def warnings(self) -> list[str]:
         """List what a person should check before this is saved."""
         warnings = []
@@ -122,11 +128,11 @@ class JointMeasurement:
             )
         if self.is_reversed:
             warnings.append(f"it turns the other way than known before: sign {self.sign:+d}")
-        if self.is_wider_than_a_turn:
+        if not fits_one_turn(self.ticks):
             first, last = self.ticks
             warnings.append(
-                f"its range needs ticks {first} to {last}, more than one turn of its servo: "
-                f"it reaches 0 to {TICKS_PER_TURN - 1}"
+                f"its range needs ticks {first} to {last}, beyond one turn of its servo: programs "
+                f"that do not count turns reach 0 to {TICKS_PER_TURN - 1}"
             )
         return warnings
 
@@ -274,7 +280,7 @@ def check_ranges(measured: Sequence[JointMeasurement]) -> None:
     Raises:
         PositionRangeError: naming those that cannot.
     """
-    beyond = [m for m in measured if not (fits_one_turn(m.ticks) or m.is_wider_than_a_turn)]
+    beyond = [m for m in measured if m.is_out_of_reach]
     if beyond:
         raise PositionRangeError(beyond)
 

@@ -56,7 +56,8 @@ class RobotBus:
         servos: list[ServoFacts] = []
         findings = list(self.findings)
         for port in self.ports:
-            found = diagnose(port.bus, [j for j in port.joints if joints is None or j in joints])
+            chosen = [j for j in port.joints if joints is None or j in joints]
+            found = diagnose(port.bus, self.robot, chosen)
             servos += found.servos
             findings += found.findings
         return Diagnostics(tuple(servos), tuple(findings))

@@ -16,6 +16,7 @@ from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
+from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import Integers
 from robots import Joint, Robot, TorqueLimit
 from robots.quaternion import Array
@@ -26,7 +27,6 @@ PLUGIN = "dynamixel_hardware_interface/DynamixelHardware"
 MODEL_FOLDER = "/param/dxl_model"
 MIDDLE = TICKS_PER_TURN // 2
 """Ticks that the plugin takes for angle 0."""
-MOST_HOMING = 1024  # ticks of a homing offset that position mode accepts (e-manual)
 ERROR_TIMEOUT = 500  # ms without a reply, after which the plugin gives up
 GOAL_TOLERANCE = 0.2  # rad, from which a loaded joint is not where a motion ends
 STOPPED = 0.1  # rad/s; servos count speed in steps of 0.024
@@ -66,7 +66,7 @@ class RobotControl:
             SetupError: if it has no bus of Dynamixels.
             Ros2ControlError: if joints on different ports are coupled.
         """
-        notes = tuple(_find_notes(robot, limit))
+        notes = tuple(_find_notes(robot))
         return cls(
             xacro=_write_xacro(robot, limit, notes),
             controllers=_write_controllers(robot),
@@ -74,7 +74,7 @@ class RobotControl:
         )
 
 
-def _find_notes(robot: Robot, limit: TorqueLimit) -> Iterator[str]:
+def _find_notes(robot: Robot) -> Iterator[str]:
     bus = find_bus(robot)
     if plain := {j.servo.model.name for j in robot.joints if not has_watchdog(j)}:
         raise SetupError(
@@ -95,11 +95,10 @@ def _find_notes(robot: Robot, limit: TorqueLimit) -> Iterator[str]:
             f"zeros other than {MIDDLE} ticks become homing offsets in the EEPROM ("
             f"{', '.join(moved)}); getup expects offsets of 0: reset them before you use it again"
         )
-    far = [j.name for j in robot.joints if abs(MIDDLE - j.servo.zero_ticks) > MOST_HOMING]
-    if far and limit.mode == "pwm":
+    if crossing := [j.name for j in robot.actuators if not fits_one_turn(tick_range(j))]:
         yield (
-            f"the zeros of {', '.join(far)} are more than {MOST_HOMING} ticks from {MIDDLE}: "
-            "position mode ignores such a homing offset, and these joints are off"
+            f"the ranges of {', '.join(crossing)} leave one turn of their servos, and the plugin "
+            "does not count turns: switch the power on with these joints near their middle"
         )
     if bus.board is not None and bus.board.powers_servos:
         yield "the board switches the servos' power: switch it on before ROS starts"

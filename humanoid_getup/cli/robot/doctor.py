@@ -20,6 +20,7 @@ from humanoid_getup.cli.shared.console import console_for, count_of, make_table,
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.inputs import load_robot, name_ports
+from robots import Joint, Robot
 from robots.quaternion import Array
 from robots.servo import LimitMode
 
@@ -36,7 +37,7 @@ class ServoRow(msgspec.Struct, frozen=True, kw_only=True):
     firmware: int
     temperature_c: float
     voltage_v: float
-    angle_rad: float
+    angle_rad: float | None
     ticks: int
     lower_rad: float
     upper_rad: float
@@ -96,12 +97,12 @@ def to_result(health: HealthCheck) -> DoctorResult:
         gyro_rad_s=imu and imu.gyro,
         imu=health.imu_name,
         imu_rate_hz=health.imu_rate,
-        joints={servo.joint.name: _describe_servo(servo) for servo in health.servos},
+        joints={servo.joint.name: _describe_servo(servo, health.robot) for servo in health.servos},
     )
 
 
-def _describe_servo(servo: ServoFacts) -> ServoRow:
-    registers = servo.registers
+def _describe_servo(servo: ServoFacts, robot: Robot) -> ServoRow:
+    registers, joint = servo.registers, _find_joint(servo, robot)
     return ServoRow(
         id=servo.id,
         model=servo.table.model,
@@ -110,13 +111,18 @@ def _describe_servo(servo: ServoFacts) -> ServoRow:
         voltage_v=servo.voltage,
         angle_rad=servo.angle,
         ticks=registers["present_position"],
-        lower_rad=servo.joint.lower,
-        upper_rad=servo.joint.upper,
+        lower_rad=joint.lower,
+        upper_rad=joint.upper,
         return_delay_s=registers["return_delay_time"] * servo.table["return_delay_time"].scale,
         operating_mode=registers["operating_mode"],
         torque_on=bool(registers["torque_enable"]),
         hardware_error=registers["hardware_error_status"],
     )
+
+
+def _find_joint(servo: ServoFacts, robot: Robot) -> Joint:
+    """Find the joint of a servo, whose own range is another than the servo's where coupled."""
+    return robot.joints[robot.joint_names.index(servo.joint.name)]
 
 
 def print_health(health: HealthCheck, console: Console) -> None:
@@ -150,7 +156,7 @@ def print_health(health: HealthCheck, console: Console) -> None:
 def _tabulate(health: HealthCheck) -> Table:
     table = make_table(HEADINGS, left=("joint", "model"))
     for servo in health.servos:
-        joint, registers = servo.joint, servo.registers
+        joint, registers = _find_joint(servo, health.robot), servo.registers
         lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))
         error = HardwareError(servo.errors)
         table.add_row(
@@ -160,7 +166,7 @@ def _tabulate(health: HealthCheck) -> Table:
             str(servo.firmware),
             f"{servo.temperature:.0f}",
             f"{servo.voltage:.1f}",
-            f"{math.degrees(servo.angle):+.1f}",
+            "-" if servo.angle is None else f"{math.degrees(servo.angle):+.1f}",
             f"{lower:+d} to {upper:+d}",
             f"{registers['return_delay_time'] * 2}",
             servo.mode_name,

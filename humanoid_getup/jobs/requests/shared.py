@@ -166,7 +166,8 @@ class TorqueOptions(JobRequest):
     torque_limit: TorqueLimitValue = None
     limit_by: Literal["current", "pwm", "ideal"] | None = None
     """What the torque limit acts on: the motors' current, in current-based position mode; their
-    PWM, in position mode; or, on the twin, ideally the torque; default: the robot's own."""
+    PWM, in extended position mode; or, on the twin, ideally the torque; default: the robot's
+    own."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from robots.servo import RAD_PER_TICK
+from robots.servo import MAX_TICKS, RAD_PER_TICK
 
 GOAL, TORQUE, PWM, WATCHDOG = 116, 64, 100, 98
 ONE_TICK = RAD_PER_TICK + 1e-9
@@ -232,7 +232,7 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
     asked = Command(joint_pos=pos, gain_scale=gain, torque_limit=torque, pwm_limit=share)
     orders = translator.to_registers(asked)
     sent = translator.to_command(orders, asked)
-    assert np.all((orders.goal >= 0) & (orders.goal <= 4095))
+    assert np.all(np.abs(orders.goal) <= MAX_TICKS)
     assert np.all((orders.pwm >= 0) & (orders.pwm <= 885))
     assert np.all((orders.p_gain >= 0) & (orders.p_gain <= 800))
     assert np.all(sent.torque_limit <= torque)

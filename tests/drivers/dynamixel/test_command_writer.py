@@ -16,6 +16,7 @@ from drivers.dynamixel.protocol2 import Instruction, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.wire import PROTOCOL_2
+from robots.servo import MAX_TICKS
 
 # Registers of an XM430 (e-manual).
 TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
@@ -172,21 +173,21 @@ def test_after_forgetting_gains_and_limits_are_sent_again(bus, writer, states):
     assert [name for name, _ in bus.take()] == ["gain", "pwm", "goal"]
 
 
-def test_goals_and_seeds_stay_in_one_turn(bus, writer, states):
-    states.ticks[:] = [-40, 5000]
-    writer.write(registers(goal=(7, 4095)), states, BOTH)
+def test_goals_and_seeds_are_in_the_turns_that_the_registers_count(bus, writer, states):
+    states.register[:], states.turns[:] = [40, 904], [-4096, 4096]
+    writer.write(registers(goal=(-4060, 5005)), states, BOTH)
     writes = bus.take()
-    assert ("seed", {1: 0, 2: 4095}) in writes
-    assert writes[-1] == ("goal", {1: 7, 2: 4095})
+    assert ("seed", {1: 40, 2: 904}) in writes
+    assert writes[-1] == ("goal", {1: 36, 2: 909})
     writer.write(registers(NONE), states, BOTH)
-    assert bus.take()[-1] == ("goal", {1: 0, 2: 4095})
+    assert bus.take()[-1] == ("goal", {1: 40, 2: 904})
 
 
 def test_goal_currents_are_set_before_torque_and_seeds_may_lie_beyond_a_turn(
     bus, current_writer, states
 ):
-    """Current-based position mode counts turns: a goal in another turn would be a leap."""
-    states.ticks[:] = [-40, 5000]
+    """The servos count turns: a goal in another turn would be a leap."""
+    states.register[:] = [-40, 5000]
     current_writer.write(registers(), states, BOTH)
     assert bus.take() == [
         ("gain", {1: 800, 2: 800}),
@@ -310,9 +311,9 @@ def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
 
 
 @pytest.mark.parametrize("angle", [1e9, -1e9])
-def test_an_absurd_target_becomes_the_end_of_the_turn(tiny, angle):
+def test_an_absurd_target_becomes_one_that_servos_take(tiny, angle):
     found = CommandConverter(tiny, "pwm").to_registers(Command.position(tiny, np.full(2, angle)))
-    assert np.all((found.goal >= 0) & (found.goal <= 4095))
+    assert np.all(np.abs(found.goal) <= MAX_TICKS)
 
 
 def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):

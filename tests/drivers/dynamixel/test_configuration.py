@@ -74,7 +74,7 @@ def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
 
 def test_the_mode_follows_from_what_limits_torque(bench: Bench):
     assert bench.setup("pwm").run(bench.bus)
-    assert bench.servo.peek("operating_mode") == 3
+    assert bench.servo.peek("operating_mode") == 4
     assert bench.servo.peek("position_d_gain") == 0
     assert bench.setup("current").run(bench.bus)
     assert bench.servo.peek("operating_mode") == 5

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from memory_rig import Rig
 
@@ -21,6 +22,8 @@ from drivers.state import HardwareError
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Joint
+from robots.description.servo_catalog import servo_models
+from robots.servo import RAD_PER_TICK
 
 READING = (Instruction.PING, Instruction.READ)
 
@@ -36,7 +39,7 @@ def rig(tiny):
 
 def look(rig: Rig):
     bus = DynamixelBus(rig.port, sleeps=False)
-    return diagnose(bus, rig.robot.joints)
+    return diagnose(bus, rig.robot, rig.robot.joints)
 
 
 def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):
@@ -247,19 +250,52 @@ def test_each_limit_is_where_the_manual_puts_it(tiny, registers: dict, words: st
 
 
 @pytest.mark.parametrize(("beyond", "count"), [(0.09, 0), (0.12, 1)])
-@pytest.mark.parametrize("end", [-1, 1])
-def test_a_tenth_of_a_radian_outside_the_range_is_no_finding(tiny, end: int, beyond, count):
-    joint = replace(tiny.joints[0], lower=-0.5, upper=0.5)
-    ticks = joint.servo.to_ticks(end * (0.5 + beyond))
-    found = check(joint, present_position=ticks)
-    assert [severity for severity, _ in found] == [Severity.WARNING] * count
+def test_a_tenth_of_a_radian_outside_the_range_is_no_finding(rig, beyond: float, count: int):
+    ticks = rig.robot.joints[0].servo.to_ticks(rig.robot.joints[0].upper + beyond)
+    feel(rig, float(ticks), 12.0)
+    assert [f.severity for f in look(rig).findings] == [Severity.WARNING] * count
 
 
-def test_a_range_that_leaves_the_turn_is_a_warning(tiny):
+def test_a_range_that_crosses_the_end_of_the_servos_turn_is_no_finding(tiny):
+    """The driver counts the turns."""
+    left, right = tiny.joints
+    moved = replace(left, servo=replace(left.servo, zero_ticks=100))
+    rig = Rig(replace(tiny, joints=(moved, right)))
+    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
+    rig.virtual.physics.advance(1.0)
+    rig.port.open()
+    feel(rig, 3800.0, 12.0)
+    found = look(rig)
+    assert found.findings == ()
+    assert found.servos[0].angle == pytest.approx((3800 - 4096 - 100) * RAD_PER_TICK)
+
+
+def test_a_range_that_leaves_the_positions_of_a_servo_that_counts_no_turns_is_a_warning(tiny):
     joint = tiny.joints[0]
-    shifted = replace(joint, servo=replace(joint.servo, zero_ticks=100))
-    (found,) = check(shifted, present_position=100)
-    assert found[1].startswith("its range needs ticks -") and "expected 0 to 4095" in found[1]
+    model = servo_models()["STS3215-C018"]
+    moved = replace(joint, servo=replace(joint.servo, model=model, zero_ticks=100))
+    servo = ServoFacts(
+        joint=moved,
+        table=table_named("STS3215"),
+        firmware=9,
+        registers=SOUND | {"present_position": 100},
+    )
+    found = [str(finding) for finding in check_servo(servo)]
+    assert any("its range needs ticks -" in line and "expected 0 to 4095" in line for line in found)
+
+
+@pytest.mark.parametrize(("ticks", "elsewhere"), [(4090.0, "-3.15"), (4000.0, None)])
+def test_a_joint_that_may_be_at_both_ends_of_its_turn_is_a_warning(tiny, ticks, elsewhere):
+    left, right = tiny.joints
+    wide = replace(left, lower=-np.pi, upper=np.pi)
+    rig = Rig(replace(tiny, joints=(wide, right)))
+    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
+    rig.virtual.physics.advance(1.0)
+    rig.port.open()
+    feel(rig, ticks, 12.0)
+    found = [str(finding) for finding in look(rig).findings]
+    assert len(found) == (elsewhere is not None)
+    assert elsewhere is None or f"may be at {elsewhere}: turns apart" in found[0]
 
 
 @pytest.mark.parametrize(("duration", "count"), [(0.008, 0), (0.0081, 1)])

@@ -25,15 +25,15 @@ def test_the_gain_as_shipped_is_the_slope_as_shipped():
 
 
 @pytest.mark.parametrize(
-    ("model", "last", "full"),
+    ("model", "ends", "full"),
     [
-        ("XM430-W350", 4095, 885),
-        ("AX-12A", 1023, 1023),
-        ("XL-320", 1023, 1023),
-        ("STS3215", 4095, 1000),
+        ("XM430-W350", (-1_048_575, 1_048_575), 885),  # in extended position mode
+        ("AX-12A", (0, 1023), 1023),
+        ("XL-320", (0, 1023), 1023),
+        ("STS3215", (0, 4095), 1000),
     ],
 )
-def test_positions_and_supply_have_the_counts_of_the_manual(model: str, last: int, full: int):
+def test_positions_and_supply_have_the_counts_of_the_manual(model: str, ends, full: int):
     table = table_named(model)
-    assert goal_range(table, "pwm") == (0, last)
+    assert goal_range(table) == ends
     assert full_scale(table) == full

@@ -22,7 +22,7 @@ TORQUE_PER_AMPERE = 4.1 / 2.3
     ("by", "mode", "d_gain"),
     [
         ("current", OperatingMode.CURRENT_BASED_POSITION, 4506),
-        ("pwm", OperatingMode.POSITION, 0),
+        ("pwm", OperatingMode.EXTENDED_POSITION, 0),
     ],
 )
 def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain):

@@ -136,7 +136,7 @@ def test_a_silent_servo_may_be_further_away_the_longer_it_was_silent(states):
     update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
     far = 2000 + 30 + 13030  # a second's way
     update(states, reply(1, far), now=BEGIN + 1.0)
-    assert states.ticks[0] == far
+    assert states.register[0] == far
 
 
 @pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])

@@ -24,6 +24,7 @@ from drivers.service.calibrate import (
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import Joint, Robot
 from robots.description.calibration import Calibration
+from robots.description.servo_catalog import servo_models
 
 
 @pytest.fixture(autouse=True)
@@ -147,9 +148,15 @@ def measured(joint: Joint, zero: int) -> JointMeasurement:
     return JointMeasurement(joint, zero, joint.servo.sign)
 
 
-def test_a_range_beyond_one_turn_is_refused_and_nothing_is_saved(tiny: Robot, tmp_path):
-    good, bad = measured(tiny.joints[0], 2048), measured(tiny.joints[1], 100)
-    check_ranges([good])
+def with_type(joint: Joint, name: str) -> Joint:
+    return replace(joint, servo=replace(joint.servo, model=servo_models()[name]))
+
+
+def test_a_range_beyond_the_servos_turn_is_refused_and_nothing_is_saved(tiny: Robot, tmp_path):
+    """Unless it counts turns: a range may cross the end of its turn."""
+    left, right = (with_type(joint, "STS3215-C018") for joint in tiny.joints)
+    good, bad = measured(left, 2048), measured(right, 100)
+    check_ranges([good, measured(tiny.joints[1], 100)])
     with pytest.raises(PositionRangeError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
         save(tiny, [good, bad], tmp_path / "calibration.toml")
     assert not (tmp_path / "calibration.toml").exists()
@@ -157,11 +164,12 @@ def test_a_range_beyond_one_turn_is_refused_and_nothing_is_saved(tiny: Robot, tm
 
 def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: Robot, tmp_path):
     """Half a turn to each side has 4097 ticks, and a turn 4096."""
-    wide = replace(tiny.joints[0], lower=-math.pi, upper=math.pi)
+    joint = with_type(tiny.joints[0], "STS3215-C018")
+    wide = replace(joint, lower=-math.pi, upper=math.pi)
     narrow = replace(wide, upper=math.pi - 0.002)
     save(tiny, [measured(wide, 2048)], tmp_path / "calibration.toml")
     (warning,) = measured(wide, 2048).warnings
-    assert "needs ticks 0 to 4096, more than one turn of its servo: it reaches 0 to" in warning
+    assert "needs ticks 0 to 4096, beyond one turn of its servo: programs that do not" in warning
     assert measured(narrow, 2048).warnings == []
     with pytest.raises(PositionRangeError, match="zero 2060 needs ticks 12 to 41"):
         check_ranges([measured(narrow, 2060)])

@@ -102,7 +102,7 @@ def test_the_torque_limit_is_in_the_register_of_its_mode(
 ):
     (plugin,) = export("op3", tmp_path / "control", **options)
     assert plugin.baud == 2_000_000
-    mode = 5 if register == "Goal Current" else 3
+    mode = 5 if register == "Goal Current" else 4
     for registers, joint in nonempty(zip(plugin.registers, op3.joints, strict=True)):
         assert registers["Operating Mode"] == mode
         assert registers[register] == value
@@ -158,6 +158,11 @@ def test_a_zero_elsewhere_is_a_homing_offset_that_is_told(tmp_path: Path):
     assert [registers.get("Homing Offset") for registers in plugin.registers] == [None, 1048]
     text = (tmp_path / "control" / "ros2_control.xacro").read_text("utf-8")
     assert "become homing offsets in the EEPROM (r_hip)" in text
-    export(str(TINY), tmp_path / "pwm", limit_by="pwm")
-    text = (tmp_path / "pwm" / "ros2_control.xacro").read_text("utf-8")
-    assert "position mode ignores such a homing offset" in text
+
+
+def test_joints_that_turn_further_than_their_servos_turn_are_named(tmp_path: Path):
+    export("toddlerbot", tmp_path / "control")
+    text = (tmp_path / "control" / "ros2_control.xacro").read_text("utf-8")
+    (note,) = (line for line in text.splitlines() if "does not count turns" in line)
+    assert "ranges of waist_yaw, waist_roll, " in note and "right_elbow_yaw" in note
+    assert "knee" not in note

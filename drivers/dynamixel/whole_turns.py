@@ -1,0 +1,104 @@
+"""Whole turns of servos, which their position registers leave open after a start."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.dynamixel.control_table import table_named
+from drivers.servo_units import ServoUnits
+from drivers.state import Integers
+from robots import Joint, Robot
+from robots.quaternion import Array
+
+OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range
+
+
+class WholeTurns:
+    """Finds the turns that servos have made, from the ranges of their joints.
+
+    A servo that starts counts from within one turn, wherever its joint is: behind a gear or a
+    coupling, or beyond the half turn, its count is whole turns off. Under power it counts on.
+    Servos without extended position mode never count beyond one turn.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._units, self._transmission = ServoUnits(robot), robot.transmission
+        self._lower, self._upper = robot.lower - OUTSIDE_RANGE, robot.upper + OUTSIDE_RANGE
+        self._turn: Integers = np.array([_count_turn(joint) for joint in robot.joints])
+        self._zero = np.array([joint.servo.zero_ticks for joint in robot.joints])
+        reach = [max(abs(joint.lower), abs(joint.upper)) for joint in robot.actuators]
+        ratio = np.array([joint.servo.gear for joint in robot.joints])
+        self._most = np.ceil(ratio * reach / (2.0 * np.pi)).astype(int) + 1
+        pairs = [coupling.columns for coupling in self._transmission.couplings]
+        alone = np.flatnonzero(~self._transmission.is_coupled)
+        self._groups = [*pairs, *([row] for row in alone.tolist())]
+
+    def resolve(self, register: Integers, near: Integers, rows: Integers | None = None) -> Integers:
+        """Add whole turns to register values, with which joints are within their ranges.
+
+        Of several the nearest is taken; it alone counts where no turns lead into a range.
+
+        Args:
+            register: Position registers [ticks], (n,).
+            near: Positions to be near to [ticks], (n,).
+            rows: Joints that this is about, with those coupled to them; None for all.
+
+        Returns:
+            Positions [ticks], (n,); those of other joints are ``near``.
+        """
+        ticks = near.copy()
+        for group in self._groups:
+            if rows is None or np.isin(group, rows).any():
+                ticks[group] = self._choose(group, register, near)
+        return ticks
+
+    def find_candidates(self, group: list[int], register: Integers) -> Integers:
+        """Find the positions of a group's servos with their joints within range, (k, group)."""
+        turns = [self._list_turns(row, int(register[row])) for row in group]
+        ticks = np.tile(register, (int(np.prod([len(t) for t in turns])), 1))
+        ticks[:, group] = list(product(*turns))
+        angles = self._units.to_rad(ticks)[:, group]
+        inside = (angles >= self._lower[group]) & (angles <= self._upper[group])
+        return ticks[inside.all(axis=1)][:, group]
+
+    def find_angles(self, register: Integers, known: NDArray[np.bool_]) -> dict[int, Array]:
+        """Find the possible angles of joints [rad], likeliest first, by place, (k,) each.
+
+        Joints whose servo, or one coupled to it, is not ``known``, (n,), are left out.
+        """
+        angles: dict[int, Array] = {}
+        for group in (g for g in self._groups if known[g].all()):
+            chosen = self._choose(group, register, register)
+            others = self.find_candidates(group, register)
+            others = others[(others != chosen).any(axis=1)]
+            ticks = np.tile(register, (1 + len(others), 1))
+            ticks[:, group] = [chosen, *others]
+            found = self._units.to_rad(ticks)
+            angles |= {row: found[:, row] for row in group}
+        return angles
+
+    def _choose(self, group: list[int], register: Integers, near: Integers) -> Integers:
+        candidates = self.find_candidates(group, register)
+        if len(candidates) == 0:
+            turn = np.maximum(self._turn[group], 1)
+            turns = np.rint((near[group] - register[group]) / turn).astype(int)
+            return register[group] + turns * self._turn[group]
+        distance = np.abs(candidates - near[group]).sum(axis=1)
+        return np.asarray(candidates[int(distance.argmin())])
+
+    def _list_turns(self, row: int, register: int) -> list[int]:
+        turn = int(self._turn[row])
+        if turn == 0:
+            return [register]
+        most = int(self._most[row])
+        middle = register - round((register - int(self._zero[row])) / turn) * turn
+        return [middle + k * turn for k in range(-most, most + 1)]
+
+
+def _count_turn(joint: Joint) -> int:
+    """Return the ticks of a whole turn that a servo counts on; 0 if it never does."""
+    model = joint.servo.model
+    return round(model.ticks_per_turn) if table_named(model.name).counts_turns else 0

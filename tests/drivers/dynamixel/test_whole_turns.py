@@ -1,0 +1,103 @@
+"""The turns of servos that start within one turn are found by the ranges of their joints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_rig import Rig
+
+from drivers import Command
+from drivers.dynamixel.whole_turns import WholeTurns
+from drivers.servo_units import ServoUnits
+from robots import Robot, load_robot
+from robots.servo import TICKS_PER_TURN
+
+SHARES = st.lists(st.floats(0.0, 1.0), min_size=30, max_size=30)
+
+
+@pytest.fixture(scope="module")
+def toddlerbot() -> Robot:
+    """It has a differential of 2.4 turns, gears, and joints that turn right round."""
+    return load_robot("toddlerbot")
+
+
+def place(robot: Robot, shares: list[float]) -> np.ndarray:
+    """Place joints within their ranges, clear of the angles that a start cannot tell apart."""
+    lower, upper = np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0)
+    waist = robot.joint_names.index("waist_yaw")
+    lower[waist], upper[waist] = -1.0, 1.0
+    return lower + (upper - lower) * np.array(shares)
+
+
+@settings(max_examples=30, deadline=None)
+@given(shares=SHARES)
+def test_servos_that_just_started_are_where_their_joints_can_be(toddlerbot: Robot, shares):
+    true = ServoUnits(toddlerbot).to_ticks(place(toddlerbot, shares))
+    register = np.mod(true, TICKS_PER_TURN)
+    assert np.array_equal(WholeTurns(toddlerbot).resolve(register, register), true)
+
+
+@settings(max_examples=30, deadline=None)
+@given(shares=SHARES, fall=st.integers(-300, 300))
+def test_servos_that_restart_are_near_to_where_they_were(toddlerbot: Robot, shares, fall: int):
+    """Also where the ranges alone cannot tell: the waist may be at either of its ends."""
+    joint_pos = toddlerbot.lower + (toddlerbot.upper - toddlerbot.lower) * np.array(shares)
+    true = ServoUnits(toddlerbot).to_ticks(joint_pos)
+    register = np.mod(true, TICKS_PER_TURN)
+    assert np.array_equal(WholeTurns(toddlerbot).resolve(register, true + fall), true)
+
+
+def test_what_cannot_be_told_apart_is_listed(toddlerbot: Robot):
+    """A turn of both servos is 2.62 rad of waist yaw: its ends are 3.14 rad apart."""
+    waist, roll = (toddlerbot.joint_names.index(name) for name in ("waist_yaw", "waist_roll"))
+    joint_pos = np.zeros(toddlerbot.n)
+    joint_pos[waist] = 1.3
+    ticks = ServoUnits(toddlerbot).to_ticks(joint_pos)
+    found = WholeTurns(toddlerbot).find_angles(ticks, np.ones(toddlerbot.n, dtype=bool))
+    assert found[waist] == pytest.approx([1.3, 1.3 - 2.0 * np.pi / 2.4], abs=0.001)
+    assert found[roll] == pytest.approx(0.0, abs=0.001)
+    assert all(len(found[row]) == 1 for row in range(toddlerbot.n) if row not in (waist, roll))
+
+
+def test_a_joint_outside_its_range_is_taken_as_its_servo_counts(tiny: Robot):
+    register = np.array([3500, 2048])
+    assert WholeTurns(tiny).resolve(register, register).tolist() == [3500, 2048]
+
+
+def test_joints_without_the_servo_that_they_are_coupled_to_have_no_angle(toddlerbot: Robot):
+    known = np.ones(toddlerbot.n, dtype=bool)
+    known[toddlerbot.joint_names.index("waist_roll")] = False
+    found = WholeTurns(toddlerbot).find_angles(np.full(toddlerbot.n, 2048), known)
+    assert len(found) == toddlerbot.n - 2
+
+
+class TestOnTheBus:
+    """A servo in extended position mode, whose register loses its turns by a restart."""
+
+    def make(self, tiny: Robot) -> Rig:
+        """Make a robot whose left hip crosses the end of its servo's turn."""
+        left, right = tiny.joints
+        moved = replace(left, servo=replace(left.servo, zero_ticks=100))
+        return Rig(replace(tiny, joints=(moved, right)), limit_by="pwm")
+
+    def test_a_joint_crosses_the_end_of_its_servos_turn_and_back(self, tiny: Robot):
+        with self.make(tiny) as rig:
+            for angle in (-0.5, 0.5, -0.5):
+                goal = np.array([angle, 0.0])
+                state = rig.turn(Command.position(rig.robot, goal), 150)
+                truth = rig.virtual.simulation.joint_pos
+                assert state.joint_pos == pytest.approx(truth, abs=0.002)
+                assert state.joint_pos[0] == pytest.approx(angle, abs=0.15)
+
+    def test_a_servo_that_restarts_beyond_the_end_of_its_turn_is_still_measured_right(self, tiny):
+        with self.make(tiny) as rig:
+            goal = Command.position(rig.robot, np.array([-0.5, 0.0]))
+            before = rig.turn(goal, 150)
+            assert rig.servo("l_hip").peek("present_position") < 0
+            rig.servo("l_hip").reboot()
+            after = rig.turn(goal, 150)
+            assert rig.servo("l_hip").peek("present_position") > 0, "the test shows nothing"
+            assert after.joint_pos == pytest.approx(before.joint_pos, abs=0.05)
+            assert rig.peek("torque_enable") == [1, 1]

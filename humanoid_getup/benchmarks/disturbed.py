@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
 from drivers import Command, Twin
 from humanoid_getup.benchmarks.bench_result import CaseBench, MeasuredRise, RefusableSummary
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, Report, rise_once
 from humanoid_getup.benchmarks.world_change import (
     WorldChange,
@@ -115,6 +118,20 @@ class DisturbedRise:
         return rise_once(twin, strategy, seed, options)
 
 
+@dataclass(frozen=True, kw_only=True)
+class DisturbedPiece:
+    """One of many falls, from which every way rises in every disturbed world."""
+
+    number: int
+    fall: Fall
+    seed: int
+    cases: tuple[str, ...]
+    """Names of the disturbances."""
+
+
+RunDisturbed: TypeAlias = RunPieces[DisturbedPiece, list[MeasuredRise]]
+
+
 def bench_disturbed(
     planner: PlannedRise,
     policies: Mapping[str, Strategy],
@@ -122,8 +139,9 @@ def bench_disturbed(
     seed: int,
     each: int,
     classes: Sequence[str] = BENCH_CLASSES,
-    disturbances: Mapping[str, WorldChange] = DISTURBANCES,
+    cases: Sequence[str] = tuple(DISTURBANCES),
     report: Report = lambda _: None,
+    run: RunDisturbed | None = None,
 ) -> CaseBench[RefusableSummary]:
     """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
 
@@ -136,20 +154,19 @@ def bench_disturbed(
         seed: Of the falls, the plans and what is random in a disturbance.
         each: Falls of each class.
         classes: Start classes.
-        disturbances: What is disturbed, by name.
+        cases: Names of the disturbances.
         report: Called after each rise.
+        run: Does the pieces by equal strategies; None: one after another, here.
     """
     rng = np.random.default_rng(seed)
     falls = sample_falls(planner.world, dict.fromkeys(classes, each), rng)
-    rises = list[MeasuredRise]()
-    for number, fall in enumerate(falls):
-        ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
-        for case, disturbance in disturbances.items():
-            trial = DisturbedRise.of(planner.world, fall, disturbance, [seed, 2, number])
-            for way, strategy in ways.items():
-                rise = trial.rise(strategy, fall, [seed, 3, number])
-                rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
-                report(rises[-1])
+    pieces = {
+        str(k): DisturbedPiece(number=k, fall=fall, seed=seed, cases=tuple(cases))
+        for k, fall in enumerate(falls)
+    }
+    run = run or one_by_one(partial(measure_disturbed, planner, policies))
+    found = collect(pieces, run, lambda rises: [report(rise) for rise in rises])
+    rises = [rise for group in found.values() for rise in group]
     return CaseBench(
         name="disturbed",
         seed=seed,
@@ -157,9 +174,24 @@ def bench_disturbed(
         robot=planner.world.robot.name,
         torque_limit_nm=planner.torque_limit.value,
         limit_by=planner.torque_limit.by,
-        cases=RefusableSummary.table(rises, disturbances, (OPEN_LOOP, FEEDBACK, *policies)),
+        cases=RefusableSummary.table(rises, cases, (OPEN_LOOP, FEEDBACK, *policies)),
         rises=rises,
     )
+
+
+def measure_disturbed(
+    planner: PlannedRise, policies: Mapping[str, Strategy], piece: DisturbedPiece
+) -> list[MeasuredRise]:
+    """Rise from one fall in every disturbed world, by plans and by policies."""
+    fall, number, seed = piece.fall, piece.number, piece.seed
+    ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
+    rises = list[MeasuredRise]()
+    for case in piece.cases:
+        trial = DisturbedRise.of(planner.world, fall, DISTURBANCES[case], [seed, 2, number])
+        for way, strategy in ways.items():
+            rise = trial.rise(strategy, fall, [seed, 3, number])
+            rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
+    return rises
 
 
 def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, WorldChange]:

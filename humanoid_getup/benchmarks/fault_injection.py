@@ -9,7 +9,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from functools import partial
+from typing import Any, Self, TypeAlias
 
 import msgspec
 import numpy as np
@@ -28,6 +29,7 @@ from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.bench_result import CaseBench
 from humanoid_getup.benchmarks.checked_driver import CheckedDriver, ServoTrace
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.experiments.judging.summary import Quantiles, summarize
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
@@ -212,14 +214,27 @@ class FaultyPlayer(MotionPlayer):
         return self._case.corrupt(command) if self.injected else command
 
 
+@dataclass(frozen=True, kw_only=True)
+class FaultPiece:
+    """One play of a motion, with the fault of a case."""
+
+    case: str
+    number: int
+    seed: int
+
+
+RunFaults: TypeAlias = RunPieces[FaultPiece, FaultTrial]
+
+
 def bench_faults(
     world: World,
     motion: Motion,
     *,
     seed: int,
     each: int,
-    cases: Mapping[str, FaultCase] = CASES,
-    report: Callable[[FaultSummary], None] = lambda _: None,
+    cases: Sequence[str] = (),
+    report: Callable[[FaultTrial], object] = lambda _: None,
+    run: RunFaults | None = None,
 ) -> CaseBench[FaultSummary]:
     """Inject each fault several times during a motion on the virtual bus.
 
@@ -228,19 +243,31 @@ def bench_faults(
         motion: Motion to play, from its own start.
         seed: Of the times, the servos and the damage.
         each: Plays of each case.
-        cases: Faults by name.
-        report: Called with the summary of each case.
+        cases: Names of the faults; none for all.
+        report: Called after each play.
+        run: Does the plays; None: one after another, here.
     """
-    table: dict[str, FaultSummary] = {}
-    for name, case in cases.items():
-        trials = [_try(world, motion, case, np.random.default_rng([seed, i])) for i in range(each)]
-        table[name] = _summarize(trials)
-        report(table[name])
+    cases = cases or tuple(CASES)
+    pieces = {
+        f"{case}: {k}": FaultPiece(case=case, number=k, seed=seed)
+        for case in cases
+        for k in range(each)
+    }
+    found = collect(pieces, run or one_by_one(partial(play_with_fault, world, motion)), report)
+    table = {
+        case: _summarize([found[key] for key, piece in pieces.items() if piece.case == case])
+        for case in cases
+    }
     return CaseBench(name="faults", seed=seed, n=each, motion=motion.name, cases=table)
 
 
-def _try(world: World, motion: Motion, case: FaultCase, rng: np.random.Generator) -> FaultTrial:
-    robot = world.robot
+def play_with_fault(world: World, motion: Motion, piece: FaultPiece) -> FaultTrial:
+    """Play a motion on the virtual bus in lock-step, and inject a fault at a random moment."""
+    robot, case, rng = (
+        world.robot,
+        CASES[piece.case],
+        np.random.default_rng([piece.seed, piece.number]),
+    )
     virtual = VirtualRobot(Simulation(world), powered=True)
     faulty = PortOptions(rng=rng)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=faulty) as ports:

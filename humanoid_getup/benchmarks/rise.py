@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from msgspec import UNSET, UnsetType, convert
@@ -16,10 +18,11 @@ from humanoid_getup.benchmarks.bench_result import (
     MethodSummary,
     RiseBench,
 )
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, summarize
+from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
@@ -50,8 +53,17 @@ class RisePiece:
     """Name of the strategy, if several are compared."""
 
 
-RunRises = Callable[[Mapping[str, RisePiece], Callable[[str, MeasuredRise], None]], None]
-"""Does rises, by name, anywhere and in any order; hands each over as it ends."""
+@dataclass(frozen=True, kw_only=True)
+class HeatPiece:
+    """Rises in a row by which the servos of one robot heat up, with a rest after each."""
+
+    falls: tuple[Fall, ...]
+    seed: int
+    way: str
+
+
+RunRises: TypeAlias = RunPieces[RisePiece, MeasuredRise]
+RunMethods: TypeAlias = RunPieces[RisePiece | HeatPiece, MeasuredRise | float]
 
 
 def bench_rise(
@@ -76,7 +88,7 @@ def bench_rise(
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
     pieces = list_pieces(falls, seed, preflight=strategy.options.filtering)
-    rises = rise_all(pieces, run or run_here(strategy), report, ledger)
+    rises = rise_all(pieces, run or one_by_one(partial(measure_rise, strategy)), report, ledger)
     return RiseBench(
         name="rise",
         seed=seed,
@@ -111,6 +123,7 @@ def bench_methods(
     each: int,
     heat: bool = True,
     report: Report = lambda _: None,
+    run: RunMethods | None = None,
 ) -> CaseBench[MethodSummary]:
     """Get up from the same settled falls by several strategies, on the twin.
 
@@ -120,17 +133,27 @@ def bench_methods(
         each: Falls of each of `BENCH_CLASSES`.
         heat: Whether to measure how hot the servos become in ten rises in a row, too.
         report: Called after each rise.
+        run: Does the pieces by equal strategies; None: one after another, here.
     """
     first = next(iter(strategies.values()))
     falls = _sample(first.world, each, seed)
+    pieces = {
+        f"{name}: {number}": piece
+        for name in strategies
+        for number, piece in _list_method_pieces(falls, seed, name, heat=heat).items()
+    }
+
+    def end(result: MeasuredRise | float) -> None:
+        if isinstance(result, MeasuredRise):
+            report(result)
+
+    found = collect(pieces, run or one_by_one(partial(measure_method, strategies)), end)
     cases: dict[str, MethodSummary] = {}
-    for name, strategy in strategies.items():
-        rises = rise_all(list_pieces(falls, seed, way=name), run_here(strategy), report)
-        hottest: Quantiles | UnsetType = UNSET
-        if heat:
-            rows = (falls[k : k + IN_A_ROW] for k in range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW))
-            hottest = summarize(_heat_up(strategy, row, seed) for row in rows)
-        cases[name] = MethodSummary.of(rises, hottest_after_ten_rises_c=hottest)
+    for name in strategies:
+        own = [found[key] for key, piece in pieces.items() if piece.way == name]
+        rises = [result for result in own if isinstance(result, MeasuredRise)]
+        hottest = summarize(result for result in own if isinstance(result, float))
+        cases[name] = MethodSummary.of(rises, hottest_after_ten_rises_c=hottest if heat else UNSET)
     return CaseBench(
         name="methods",
         seed=seed,
@@ -189,14 +212,28 @@ def rise_all(
     return [rises[name] for name in pieces]
 
 
-def run_here(strategy: Strategy) -> RunRises:
-    """Do rises one after another in this process."""
+def _list_method_pieces(
+    falls: Sequence[Fall], seed: int, way: str, *, heat: bool
+) -> dict[str, RisePiece | HeatPiece]:
+    """List the rises of a method, and the rows of rises that heat its servos up."""
+    rows = range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW) if heat else ()
+    return {
+        **list_pieces(falls, seed, way=way),
+        **{
+            f"heat {k}": HeatPiece(falls=tuple(falls[k : k + IN_A_ROW]), seed=seed, way=way)
+            for k in rows
+        },
+    }
 
-    def run(pieces: Mapping[str, RisePiece], end: Callable[[str, MeasuredRise], None]) -> None:
-        for name, piece in pieces.items():
-            end(name, measure_rise(strategy, piece))
 
-    return run
+def measure_method(
+    strategies: Mapping[str, Strategy], piece: RisePiece | HeatPiece
+) -> MeasuredRise | float:
+    """Rise by the strategy of a piece; return its figures, or the hottest servo's temperature."""
+    strategy = strategies[str(piece.way)]
+    if isinstance(piece, HeatPiece):
+        return _heat_up(strategy, piece.falls, piece.seed)
+    return measure_rise(strategy, piece)
 
 
 def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:
@@ -225,7 +262,7 @@ def rise_once(
     return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
 
 
-def _heat_up(strategy: Strategy, falls: list[Fall], seed: int) -> float:
+def _heat_up(strategy: Strategy, falls: Sequence[Fall], seed: int) -> float:
     """Rise and rest repeatedly; return the hottest servo's temperature at the end [°C]."""
     twin = Twin(strategy.world)
     simulation = twin.simulation

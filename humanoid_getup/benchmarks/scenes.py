@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from humanoid_getup.benchmarks.bench_result import CaseBench, MeasuredRise, RefusableSummary
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.benchmarks.rise import Report, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
 from humanoid_getup.simulation.world import World
-from robots import FULL_TORQUE, Robot, TorqueLimit
+from humanoid_getup.strategies.plan import Strategy
+from robots import Robot, TorqueLimit
 
 SCENES = (
     "flat",
@@ -41,6 +44,24 @@ class SceneFalls:
     falls: tuple[Fall, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class ScenePiece:
+    """One of many falls in a scene, from which every method rises once."""
+
+    scene: str
+    ground: int
+    """Number of the ground, of those that a seed makes."""
+    grounds: int
+    """How many grounds there are."""
+    number: int
+    """Of the fall in its scene."""
+    fall: Fall
+    seed: int
+
+
+RunScenes: TypeAlias = RunPieces[ScenePiece, list[MeasuredRise]]
+
+
 def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[SceneFalls]:
     """Sample falls in a scene, evenly from the classes in which robots lie there.
 
@@ -58,44 +79,94 @@ def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[S
         yield SceneFalls(world=world, falls=tuple(falls))
 
 
+def _list_pieces(robot: Robot, scene: str, each: int, seed: int) -> Iterator[ScenePiece]:
+    """List the falls in a scene; they are sampled here, in their order."""
+    groups, number = [*sample_scene_falls(robot, scene, each, seed)], 0
+    for ground, group in enumerate(groups):
+        for fall in group.falls:
+            yield ScenePiece(
+                scene=scene,
+                ground=ground,
+                grounds=len(groups),
+                number=number,
+                fall=fall,
+                seed=seed,
+            )
+            number += 1
+
+
+class SceneRises:
+    """Rises by several methods in scenes, whose strategies it makes one scene after the other."""
+
+    def __init__(
+        self, robot: Robot, methods: Sequence[RiseMethod], torque_limit: TorqueLimit
+    ) -> None:
+        self._robot, self._methods, self._limit = robot, methods, torque_limit
+        self._place: tuple[str, int, int] | None = None
+        self._strategies: list[tuple[RiseMethod, Strategy]] = []
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of the methods."""
+        return [method.name for method in self._methods]
+
+    def measure(self, piece: ScenePiece) -> list[MeasuredRise]:
+        """Rise from one fall by every method."""
+        self._enter(piece)
+        rises = list[MeasuredRise]()
+        for method, strategy in self._strategies:
+            rise = rise_from(
+                strategy, piece.fall, piece.number, piece.seed, preflight=method.preflight
+            )
+            names = {"case": piece.scene, "way": method.name}
+            rises.append(MeasuredRise.refusable(rise, **names, fall=piece.number))
+        return rises
+
+    def _enter(self, piece: ScenePiece) -> None:
+        """Make the strategies for the ground of a piece, unless they are made."""
+        place = (piece.scene, piece.ground, piece.seed)
+        if place == self._place:
+            return
+        grounds = load_grounds(piece.scene, self._robot, piece.grounds, piece.seed)
+        world = World(self._robot, grounds[piece.ground][0])
+        self._strategies = [(one, one.make(world, self._limit)) for one in self._methods]
+        self._place = place
+
+
 def bench_scenes(
     robot: Robot,
-    methods: Sequence[RiseMethod],
-    torque_limit: TorqueLimit = FULL_TORQUE,
+    methods: SceneRises,
     *,
     seed: int,
     each: int,
     scenes: Sequence[str] = SCENES,
     report: Report = lambda _: None,
+    run: RunScenes | None = None,
 ) -> CaseBench[RefusableSummary]:
     """Rise once from the same falls in every scene, by every method, on the twin.
 
     Args:
         robot: Robot.
-        methods: Methods to compare.
-        torque_limit: Of the servos.
+        methods: Rises of this robot by the methods to compare.
         seed: Of rough ground, falls and plans.
         each: Falls in each scene.
         scenes: Names or files of scenes.
         report: Called after each rise.
+        run: Does the pieces by equal methods; None: one after another, here.
     """
-    rises = list[MeasuredRise]()
-    for scene in scenes:
-        number = 0
-        for group in sample_scene_falls(robot, scene, each, seed):
-            strategies = [(one, one.make(group.world, torque_limit)) for one in methods]
-            for fall in group.falls:
-                for method, strategy in strategies:
-                    rise = rise_from(strategy, fall, number, seed, preflight=method.preflight)
-                    way = method.name
-                    rises.append(MeasuredRise.refusable(rise, case=scene, way=way, fall=number))
-                    report(rises[-1])
-                number += 1
+    pieces = {
+        f"{piece.scene}: {piece.number}": piece
+        for scene in scenes
+        for piece in _list_pieces(robot, scene, each, seed)
+    }
+    run = run or one_by_one(methods.measure)
+    found = collect(pieces, run, lambda rises: [report(rise) for rise in rises])
+    rises = [rise for group in found.values() for rise in group]
     return CaseBench(
         name="scenes",
         seed=seed,
         n=each,
         robot=robot.name,
-        cases=RefusableSummary.table(rises, scenes, [method.name for method in methods]),
+        cases=RefusableSummary.table(rises, scenes, methods.names),
         rises=rises,
     )

@@ -20,12 +20,13 @@ from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import bench_disturbed
 from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
+from humanoid_getup.benchmarks.pieces import one_by_one
 from humanoid_getup.benchmarks.rise import (
     Report,
     list_pieces,
+    measure_rise,
     rise_all,
     rise_from,
-    run_here,
     summarize_classes,
 )
 from humanoid_getup.benchmarks.rise_method import RiseMethod
@@ -155,7 +156,8 @@ class Whole:
         pieces = list_pieces(
             falls.falls, self.seed, classes=falls.classes, preflight=method.preflight
         )
-        rises = rise_all(pieces, run_here(method.make(self.world, cap.limit)), report)
+        strategy = method.make(self.world, cap.limit)
+        rises = rise_all(pieces, one_by_one(partial(measure_rise, strategy)), report)
         kept = convert(rises, list[KeptRise], from_attributes=True)
         return MethodRises(classes=falls.classes, missing=falls.missing, rises=kept)
 
@@ -180,14 +182,13 @@ class Whole:
         planner, each = self.planner, -(-self.each // FEWER)
 
         def rise(case: str, report: Report) -> DisturbedRises:
-            chosen = {case: self.disturbances[case]}
             result = bench_disturbed(
                 planner,
                 self.policies,
                 seed=self.seed,
                 each=each,
                 classes=self.falls.classes,
-                disturbances=chosen,
+                cases=(case,),
                 report=report,
             )
             return DisturbedRises(cases=result.cases)

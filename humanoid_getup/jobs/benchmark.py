@@ -19,10 +19,21 @@ from humanoid_getup.benchmarks import (
     speed,
 )
 from humanoid_getup.benchmarks.bench_result import BenchHead
-from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.engines.versions import Versions
+from humanoid_getup.jobs.bench_pieces import (
+    load_played,
+    make_disturbed,
+    make_methods,
+    make_planner,
+    make_scene_rises,
+    spread_disturbed,
+    spread_faults,
+    spread_methods,
+    spread_rises,
+    spread_scenes,
+)
 from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world, make_torque_limit
+from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world
 from humanoid_getup.jobs.measure_bodies import measure_bodies
 from humanoid_getup.jobs.measure_robot import measure_robot
 from humanoid_getup.jobs.policies import load_policy
@@ -41,16 +52,14 @@ from humanoid_getup.jobs.requests.bench import (
     BenchSoak,
 )
 from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, SceneOptions, accept_kind
-from humanoid_getup.jobs.rise_pieces import make_planner, spread_rises
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MotionDatabase, find_lying_down, load_database
-from humanoid_getup.playback.stand_holder import make_stand
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
-from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
+from humanoid_getup.strategies.choice import NEAREST, STRAIGHT
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from humanoid_getup.strategies.track_record import PLAN
 from robots import Body
@@ -118,50 +127,39 @@ def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
 
 def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans and policies on the same falls."""
-    world, database = _load(request)
-    limit = make_torque_limit(request, world.robot)
-    with refusing():
-        strategies = {
-            name: make_strategy(world, name, torque_limit=limit, database=database)
-            for name in request.ways
-        }
+    strategies = make_methods(request, request.ways)
+    run = spread_methods(request, strategies, monitor)
+    bench = partial(rise.bench_methods, strategies, run=run)
     rises = len(rise.BENCH_CLASSES) * request.n * len(strategies)
-    return _count(request, monitor, rise.bench_methods, strategies, count=rises, of="rises")
+    return _count(request, monitor, bench, count=rises, of="rises")
 
 
 def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans, with and without feedback, and policies in disturbed worlds."""
-    world, database = _load(request)
-    limit = make_torque_limit(request, world.robot)
     with refusing():
-        cases = disturbed.select(world.robot, request.cases)
-        policies = {
-            name: make_strategy(world, name, torque_limit=limit)
-            for name in request.policies
-            if name
-        }
+        cases = [*disturbed.select(load_robot(request), request.cases)]
+    planner, policies = make_disturbed(request, request.policies)
+    run = spread_disturbed(request, planner, policies, monitor)
+    bench = partial(disturbed.bench_disturbed, planner, policies, cases=cases, run=run)
     rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
-    planner = PlannedRise(world, database, torque_limit=limit)
-    bench = partial(disturbed.bench_disturbed, planner, policies, disturbances=cases)
     return _count(request, monitor, bench, count=rises, of="rises")
 
 
 def _bench_scenes(request: BenchScenes, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans, policies and stored motions in every scene."""
+    names = request.scenes or scenes.SCENES
     with refusing():
         robot = load_robot(request)
-        database = load_database(robot)
-        names = request.scenes or scenes.SCENES
         for name in names:
             load_scene(name, robot, request.seed)
-    limit = make_torque_limit(request, robot)
-
     for name in request.ways:
         if name not in (PLAN, NEAREST, STRAIGHT):  # refuses a policy that does not fit
             load_policy(robot, name, request.torque_limit)
-    methods = [RiseMethod.of(name, database) for name in request.ways]
-    bench = partial(scenes.bench_scenes, robot, methods, limit, scenes=names)
-    return _count(request, monitor, bench, count=len(names) * len(methods) * request.n, of="rises")
+    rises = make_scene_rises(request, request.ways)
+    run = spread_scenes(request, rises, monitor)
+    bench = partial(scenes.bench_scenes, robot, rises, scenes=names, run=run)
+    count = len(names) * len(request.ways) * request.n
+    return _count(request, monitor, bench, count=count, of="rises")
 
 
 def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> BenchHead:
@@ -189,12 +187,11 @@ def _bench_filter(request: BenchFilter, monitor: ProgressMonitor) -> BenchHead:
 
 def _bench_faults(request: BenchFaults, monitor: ProgressMonitor) -> BenchHead:
     """Inject each kind of fault in the middle of a motion, or of a held stand."""
-    world, cases = load_world(request), len(fault_injection.CASES)
-    robot, is_stand = world.robot, request.motion == STANDING
-    motion = make_stand(robot) if is_stand else find_motion(robot, request.motion)
-    return _count(
-        request, monitor, fault_injection.bench_faults, world, motion, count=cases, of="cases"
-    )
+    world, motion = load_played(request)
+    run = spread_faults(request, world, motion, monitor)
+    bench = partial(fault_injection.bench_faults, world, motion, run=run)
+    plays = len(fault_injection.CASES) * request.n
+    return _count(request, monitor, bench, count=plays, of="plays")
 
 
 def _bench_kill(request: BenchKill, monitor: ProgressMonitor) -> BenchHead:

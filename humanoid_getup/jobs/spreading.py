@@ -14,10 +14,12 @@ from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.engines.workers import Workers
 from humanoid_getup.jobs.errors import needing
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
+from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
 from humanoid_getup.progress.callback import ProgressMonitor
-from humanoid_getup.scenes.named_scenes import SUFFIX
+from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE
 from robots import list_robots
 
+FILES = (SCENE, POLICY, ".npz")
 HERE = {"engine": "local", "address": ""}
 """Engine in the request of a worker, which starts none."""
 Piece = TypeVar("Piece")
@@ -65,7 +67,7 @@ def make_worker_request(kind: type[Request], request: Request, **changes: Any) -
     values = {field.name: getattr(request, field.name) for field in fields(kind)} | HERE | changes
     values["robot"] = make_robot_absolute(values["robot"])
     if "scene" in values:
-        values["scene"] = make_scene_absolute(values["scene"])
+        values["scene"] = make_absolute(values["scene"])
     return kind(**values)
 
 
@@ -74,6 +76,6 @@ def make_robot_absolute(robot: str) -> str:
     return robot if robot in list_robots() else str(Path(robot).resolve())
 
 
-def make_scene_absolute(scene: str) -> str:
-    """Return a scene's name, or the absolute path of its file."""
-    return str(Path(scene).resolve()) if scene.endswith(SUFFIX) else scene
+def make_absolute(name: str) -> str:
+    """Return the absolute path of a scene's, policy's or motion's file; a name as it is."""
+    return str(Path(name).resolve()) if name.endswith(FILES) else name

@@ -96,6 +96,11 @@ class BenchBodies(SearchBudgetOption):
 
 
 @dataclass(frozen=True, kw_only=True)
+class EngineBench(EngineOptions, RobotOption):
+    """Options of a benchmark of a robot whose pieces an engine does."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
     """Option for the number of falls of a benchmark."""
 
@@ -104,7 +109,7 @@ class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRise(EngineOptions, PreferenceOptions, FallsOptions):
+class BenchRise(EngineBench, PreferenceOptions, FallsOptions):
     """Rise from many settled falls: success rates, times and faults."""
 
     planning: bool = True
@@ -127,7 +132,7 @@ class BenchRise(EngineOptions, PreferenceOptions, FallsOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMethods(FallsOptions):
+class BenchMethods(EngineBench, FallsOptions):
     """Get up from the same falls by plans and by policies: success, time, load, impact, heat."""
 
     ways: Annotated[tuple[str, ...], READ, arg(metavar="WAY,...")] = ("plan", "robust")
@@ -135,7 +140,7 @@ class BenchMethods(FallsOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchDisturbed(FallsOptions):
+class BenchDisturbed(EngineBench, FallsOptions):
     """Get up in worlds that no plan knows of: loads, slopes, a step, weak servos."""
 
     policies: Annotated[tuple[str, ...], READ, Items(none=True), arg(metavar="POLICY,...")] = (
@@ -147,7 +152,7 @@ class BenchDisturbed(FallsOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchScenes(BodyOption, TorqueOptions, RobotOption):
+class BenchScenes(EngineBench, BodyOption, TorqueOptions):
     """Get up in every scene by plans, policies, stored motions and straight interpolation."""
 
     n: Count = 20
@@ -190,7 +195,7 @@ class BenchFilter(BodyOption, SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchFaults(BodyOption, SceneOptions):
+class BenchFaults(EngineBench, BodyOption, SceneOptions):
     """Inject each kind of fault in the middle of a motion; exit code 1 if any was unsafe."""
 
     n: Count = 20

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.dynamixel.servo_states import ServoStates
-from humanoid_getup.benchmarks.fault_injection import CASES, bench_faults, bench_kill
+from humanoid_getup.benchmarks.fault_injection import bench_faults, bench_kill
 from humanoid_getup.benchmarks.soak import bench_soak
 from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion import Motion
@@ -25,9 +25,7 @@ def motion(op3: Robot) -> Motion:
 
 def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
     names = ("one answer late", "servo dead", "overload latch", "command of NaN", "unplugged")
-    table = bench_faults(
-        world, motion, seed=0, each=1, cases={name: CASES[name] for name in names}
-    ).cases
+    table = bench_faults(world, motion, seed=0, each=1, cases=names).cases
     assert list(table) == list(names)
     for name, case in table.items():
         assert (case.beyond_limits, case.believed_wrong, case.never_safe) == (0, 0, 0), name
@@ -44,12 +42,12 @@ def test_a_wrong_position_would_be_seen(world: World, motion: Motion, monkeypatc
     update = ServoStates.update_cyclic
 
     def pretend(states: ServoStates, replies, now: float) -> None:
-        old = states.ticks.copy()
+        old = states.register.copy()
         update(states, replies, now)
-        states.ticks[:] = old
+        states.register[:] = old
 
     monkeypatch.setattr(ServoStates, "update_cyclic", pretend)
-    table = bench_faults(world, motion, seed=0, each=1, cases={"none": CASES["none"]}).cases
+    table = bench_faults(world, motion, seed=0, each=1, cases=["none"]).cases
     assert table["none"].believed_wrong > 0
 
 

@@ -1,0 +1,81 @@
+"""Benchmarks of methods, worlds, scenes and faults give the same figures with several workers."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from paths import REPOSITORY
+
+from humanoid_getup.benchmarks import fault_injection
+from humanoid_getup.benchmarks.bench_result import WALL_TIMES
+from humanoid_getup.jobs.benchmark import benchmark
+from humanoid_getup.jobs.requests.bench import (
+    BenchDisturbed,
+    BenchFaults,
+    BenchMethods,
+    BenchScenes,
+    EngineBench,
+)
+from robots.storage.encoding import to_json
+
+pytestmark = pytest.mark.scale  # a minute
+
+
+def read(request: EngineBench) -> dict[str, Any]:
+    """Run a benchmark; return its figures without the wall times of plans."""
+    return _without_wall_times(json.loads(to_json(benchmark(request))))
+
+
+def _without_wall_times(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_wall_times(v) for k, v in value.items() if k not in WALL_TIMES}
+    if isinstance(value, list):
+        return [_without_wall_times(one) for one in value]
+    return value
+
+
+@pytest.fixture
+def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Name a policy as a file of the working directory, which a worker may not share."""
+    shutil.copy(REPOSITORY / "robots" / "op3" / "policies" / "robust.onnx", tmp_path / "mine.onnx")
+    monkeypatch.chdir(tmp_path)
+    return "mine.onnx"
+
+
+def test_methods_are_compared_by_processes_as_by_one(policy: str):
+    few: dict[str, Any] = {"n": 1, "seed": 4, "ways": (policy, "nearest")}
+    here = read(BenchMethods(engine="local:1", **few))
+    assert list(here["cases"]) == [policy, "nearest"]
+    assert read(BenchMethods(engine="local:2", **few)) == here
+
+
+def test_scenes_are_measured_by_processes_as_by_one(policy: str, tmp_path: Path):
+    scene = tmp_path / "ice.toml"
+    scene.write_text("[ground]\nfriction = 0.3\n", "utf-8")
+    few: dict[str, Any] = {
+        "n": 2,
+        "seed": 4,
+        "ways": (policy, "nearest"),
+        "scenes": ("ice.toml", "rough:easy"),
+    }
+    here = read(BenchScenes(engine="local:1", **few))
+    assert [rise["case"] for rise in here["rises"]] == ["ice.toml"] * 4 + ["rough:easy"] * 4
+    assert {rise["way"] for rise in here["rises"]} == {policy, "nearest"}
+    assert read(BenchScenes(engine="local:2", **few)) == here
+
+
+def test_disturbed_worlds_are_measured_by_processes_as_by_one(policy: str):
+    few: dict[str, Any] = {"n": 1, "seed": 4, "policies": (policy,), "cases": ("friction 0.3",)}
+    here = read(BenchDisturbed(engine="local:1", **few))
+    assert f"friction 0.3: {policy}" in here["cases"]
+    assert read(BenchDisturbed(engine="local:2", **few)) == here
+
+
+def test_faults_are_injected_by_processes_as_by_one(monkeypatch: pytest.MonkeyPatch):
+    chosen = {name: fault_injection.CASES[name] for name in ("servo dead", "operator's stop key")}
+    monkeypatch.setattr(fault_injection, "CASES", chosen)
+    here = read(BenchFaults(engine="local:1", n=1))
+    assert here["cases"]["servo dead"]["succeeded"] == 0
+    assert read(BenchFaults(engine="local:2", n=1)) == here

@@ -18,7 +18,7 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
@@ -65,6 +65,7 @@ def rise(strategy: PlannedRise, fall: Fall, seed: list[int]) -> RiseFigures:
             served.paths,
             clock=CycleClock(),
             limit_by=strategy.torque_limit.mode,
+            options=DriverOptions(make_port=served.make_port),
         )
         with driver:  # switches servo power on
             pass

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from drivers.imu.source import ImuSource
+from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
@@ -25,6 +26,10 @@ class ServedRobot(Protocol):
     @property
     def imu(self) -> ImuSource | None:
         """Return the source of an IMU on I2C that keeps step with its client; None without one."""
+        ...
+
+    def make_port(self, path: str, baud: int) -> SerialPort:
+        """Make the client's end of a port, for a driver in this process."""
         ...
 
     @property

@@ -9,10 +9,12 @@ from typing import Self
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.source import ImuSource
+from drivers.serial_port import SerialPort
 from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip, VirtualUartImu
 from drivers.virtual_bus.serving.i2c_line import I2cLine
 from drivers.virtual_bus.serving.imu_line import ImuLine
 from drivers.virtual_bus.serving.interfaces import SideLine
+from drivers.virtual_bus.serving.lock_step_port import LockStepPort
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.virtual_devices import VirtualDevices
 from robots.imu import IMU_PORT
@@ -101,6 +103,16 @@ class VirtualPorts:
 
     def __exit__(self, *error: object) -> None:
         self._open.close()
+
+    def make_port(self, path: str, baud: int) -> SerialPort:
+        """Make the client's end of a port, for a driver in this process.
+
+        In lock-step no time of the wall decides whether a reply is missing.
+        """
+        if self._is_real_time:
+            return SerialPort(path, baud)
+        bus = next(bus for bus in self.buses.values() if bus.path == path)
+        return LockStepPort(path, baud, bus)
 
     def _link_to(self, port: str) -> Path | None:
         """Return the path of one of several ports, None for a temporary one."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers import Command, State
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.servo_units import ServoUnits
 from drivers.virtual_bus.servo_physics import ServoPhysics
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -93,7 +93,8 @@ class CheckedDriver(DynamixelBackend):
 
     def __init__(self, virtual: VirtualRobot, ports: VirtualPorts, **options: Any) -> None:
         """Drive a virtual robot; the options are those of `DynamixelBackend`."""
-        super().__init__(virtual.robot, ports.paths, **options)
+        own = DriverOptions(make_port=ports.make_port)
+        super().__init__(virtual.robot, ports.paths, options=own, **options)
         self._virtual, self._virtual_ports = virtual, ports
         self.trace = ServoTrace(virtual.physics)
         self.too_fast = 0

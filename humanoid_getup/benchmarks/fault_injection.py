@@ -16,7 +16,6 @@ import msgspec
 import numpy as np
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
-from drivers.dynamixel.backend import DriverOptions
 from drivers.dynamixel.clock import CycleClock
 from drivers.errors import DriverError
 from drivers.state import HardwareError
@@ -41,7 +40,6 @@ from robots import Robot
 
 WINDOW = (0.1, 0.8)  # part of the motion, or of a held stand, in which the fault is injected
 AFTERMATH = 0.5  # s of bus time observed after the run: longer than the servos' watchdog
-OPTIONS = DriverOptions(answer_margin=0.03)  # s; replies that are lost are waited for
 
 
 class FaultyError(Exception):
@@ -271,7 +269,7 @@ def play_with_fault(world: World, motion: Motion, piece: FaultPiece) -> FaultTri
     virtual = VirtualRobot(Simulation(world), powered=True)
     faulty = PortOptions(rng=rng)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP, options=faulty) as ports:
-        driver = CheckedDriver(virtual, ports, clock=CycleClock(), options=OPTIONS)
+        driver = CheckedDriver(virtual, ports, clock=CycleClock())
         with driver:
             pass  # the first connection configures the servos, which may take time
         start = find_rest(world, motion.posture(0))

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from drivers import Command, SafetyGuard, State, run
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.lock_step import QUIET
@@ -144,7 +144,8 @@ def bench_soak(
     virtual = VirtualRobot(Simulation(world), powered=True)
     counts, began = SoakCounts(), time.perf_counter()
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = CountingBackend(world.robot, ports.paths, clock=CycleClock())
+        options = DriverOptions(make_port=ports.make_port)
+        driver = CountingBackend(world.robot, ports.paths, clock=CycleClock(), options=options)
         guard = SafetyGuard(driver)
         start = sample_falls(world, {"supine": 1}, rng)[0].posture
         ports.main.call(lambda: virtual.place(start))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Backend, Twin
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
@@ -68,6 +68,7 @@ def open_backend(
             limit_by=limit_by,
             imu=served.imu,
             without_imu=without_imu,
+            options=DriverOptions(make_port=served.make_port),
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass

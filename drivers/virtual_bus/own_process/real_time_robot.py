@@ -15,6 +15,7 @@ from typing import Any
 
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import DriverError
+from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.imu.reading import ImuReading
@@ -52,6 +53,7 @@ class RealTimeRobot:
 
     imu = None
     """A driver reads an IMU on I2C at its path."""
+    make_port = SerialPort
 
     def __init__(
         self,

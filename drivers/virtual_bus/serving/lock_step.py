@@ -30,13 +30,17 @@ class LockStep:
         self._wire, self._exchange, self._wait = wire, exchange, wait
         self._reader = InstructionReader(exchange.statistics, timed=False, wire=exchange.wire)
         self._held: deque[tuple[float, bytes, int]] = deque()
+        self.handled = 0
+        """Bytes of clients whose instructions are executed."""
 
     def serve(self) -> None:
         """Wait for instructions and execute them."""
         wire = self._wire
         if self._wait(wire.fileno(), IDLE if wire.plugged else QUIET) and wire.plugged:
-            for request in self._reader.receive(wire.read(), 0.0, wire.baud):
+            data = wire.read()
+            for request in self._reader.receive(data, 0.0, wire.baud):
                 self._run(request)
+            self.handled += len(data)
         elif not wire.plugged:
             self._held.clear()
             self._exchange.pass_until(self._exchange.time + QUIET)

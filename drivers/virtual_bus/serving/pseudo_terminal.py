@@ -53,6 +53,8 @@ class PseudoTerminal:
         self.link = self._folder / "port" if self._folder else Path(link or "")
         self._master = self._slave = -1
         self._device = ""
+        self.delivered = 0
+        """Bytes written to clients."""
         try:
             self.plug()
         except BaseException:
@@ -120,9 +122,11 @@ class PseudoTerminal:
         As in a serial adapter, the rest is lost when the client does not read.
         """
         try:
-            return os.write(self._master, data) if self.plugged else 0
+            count = os.write(self._master, data) if self.plugged else 0
         except BlockingIOError:
             return 0
+        self.delivered += count
+        return count
 
     @property
     def unread(self) -> int:

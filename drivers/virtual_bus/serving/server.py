@@ -110,6 +110,7 @@ class VirtualBus:
         if line is not None:
             self._calls.lines.append(line)
         self._wire: PseudoTerminal | None = None
+        self._served: RealTime | LockStep | None = None
         self._thread: threading.Thread | None = None
         self._error: BaseException | None = None
         self._stopping = threading.Event()
@@ -173,6 +174,16 @@ class VirtualBus:
         return self._wire.path
 
     @property
+    def handled(self) -> int:
+        """Return the bytes of clients whose instructions are executed; 0 in real time."""
+        return self._served.handled if isinstance(self._served, LockStep) else 0
+
+    @property
+    def delivered(self) -> int:
+        """Return the bytes that were written to clients."""
+        return self._wire.delivered if self._wire else 0
+
+    @property
     def time(self) -> float:
         """Return the bus time that devices and physics have reached [s]."""
         return self._exchange.time
@@ -208,7 +219,7 @@ class VirtualBus:
     def _run(self, wire: PseudoTerminal, ready: threading.Event) -> None:
         try:
             self._calls.open()
-            served = self._make_served(wire)
+            served = self._served = self._make_served(wire)
             ready.set()
             while not self._stopping.is_set():
                 served.serve()

@@ -165,9 +165,11 @@ class TrainingRunner(OnPolicyRunner):
         """Fit the critic to the returns of the present policy; return the error of each round.
 
         Not to distort the policy, the statistics of its observations are kept meanwhile; those of
-        the critic's are kept from then on.
+        the critic's are kept from then on. Several processes fit one critic to the steps of all.
         """
         actor: Any = self.alg._raw_actor
+        if self.is_distributed:
+            self.alg.broadcast_parameters()
         _freeze(actor)
         self.env.reports = False
         errors = [self._fit_once() for _ in range(CRITIC_ROUNDS)]
@@ -186,6 +188,7 @@ class TrainingRunner(OnPolicyRunner):
                 observed, rewards, dones, extras = self.env.step(alg.act(observed))
                 alg.process_env_step(observed, rewards, dones, extras)
             alg.compute_returns(observed)
+        alg.critic.update_normalization(alg.storage.observations.flatten(0, 1))
         optimizer = torch.optim.Adam(alg.critic.parameters(), lr=CRITIC_RATE)
         errors = []
         for batch in alg.storage.mini_batch_generator(4, 4):
@@ -193,6 +196,8 @@ class TrainingRunner(OnPolicyRunner):
             error = (value - batch.returns.clone()).square().mean()
             optimizer.zero_grad()
             error.backward()
+            if self.is_distributed:
+                alg.reduce_parameters()
             optimizer.step()
             errors.append(float(error.detach()))
         alg.storage.clear()

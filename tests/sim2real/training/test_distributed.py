@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,8 +16,10 @@ pytest.importorskip("rsl_rl")
 from distributed_training import TINY
 from paths import REPOSITORY
 
-from sim2real.training.config import RECIPES, STEPS
+from robots import Robot
+from sim2real.training.config import RECIPES, STEPS, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
+from sim2real.training.export import export_policy
 from sim2real.training.train import check_processes
 
 SCRIPT = REPOSITORY / "tests/support/distributed_training.py"
@@ -60,14 +63,18 @@ def test_what_several_processes_cannot_train_is_refused():
         check_processes(RECIPES["styled"], DistributedProcess(of=2))
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def train_by_two(folder: Path, *arguments: object) -> None:
     """Train by two processes of this machine."""
-    folder = tmp_path_factory.mktemp("training")
     torchrun = (sys.executable, "-m", "torch.distributed.run", "--standalone")
-    line = [*torchrun, "--nproc-per-node", "2", str(SCRIPT), str(folder)]
+    line = [*torchrun, "--nproc-per-node", "2", str(SCRIPT), str(folder), *map(str, arguments)]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("training")
+    train_by_two(folder, TINY.iterations)
     return folder
 
 
@@ -90,6 +97,37 @@ def test_two_processes_share_curricula_and_figures(trained: Path):
         STEPS * TINY.robots * count for count in range(1, TINY.iterations + 1)
     ]
     assert sum(int(row["falls"]) for row in rows) == first["ended"] > 0
+
+
+@pytest.mark.train
+def test_two_processes_that_resume_continue_with_the_curricula_of_all(
+    trained: Path, tmp_path: Path
+):
+    folder = tmp_path / "resumed"
+    shutil.copytree(trained, folder)
+    train_by_two(folder, TINY.iterations + 2)
+    before = read_process(trained, 0)
+    first, second = (read_process(folder, number) for number in range(2))
+    for name in ("lift", "ended", "success"):
+        assert first["begun"][name] == second["begun"][name] == before[name]
+        assert first[name] == second[name]
+    assert first["actor"] == second["actor"] != before["actor"]
+    with (folder / "progress.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == TINY.iterations + 2
+    assert sum(int(row["falls"]) for row in rows) == first["ended"] > before["ended"] > 0
+
+
+@pytest.mark.train
+def test_two_processes_fit_one_critic_to_a_policy_file(op3: Robot, trained: Path, tmp_path: Path):
+    file, folder = tmp_path / "parent.onnx", tmp_path / "child"
+    export_policy(TrainingRecord.load(trained), op3, file)
+    train_by_two(folder, 1, file)
+    first, second = (read_process(folder, number) for number in range(2))
+    assert first["begun"]["critic"] == second["begun"]["critic"]
+    # Twelve rounds of 20 steps, by all robots.
+    assert first["begun"]["critic"]["obs_normalizer.count"] == 12 * STEPS * TINY.robots
+    assert first["actor"] == second["actor"]
 
 
 def read_process(folder: Path, number: int) -> dict[str, Any]:

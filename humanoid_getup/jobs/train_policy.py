@@ -38,12 +38,10 @@ def train(
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("loading torch")
     with needing("train"):
-        import torch
-
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
         from sim2real.training.train import TrainingInputs, check_inputs, train
-    _check_device(request.device, has_gpu=torch.cuda.is_available())
+    _check_device(request.device)
     recipe = RECIPES[request.recipe]
     recipe = replace(
         recipe,
@@ -93,7 +91,10 @@ def export(
         return export_policy(training, robot, request.out)
 
 
-def _check_device(device: str, *, has_gpu: bool) -> None:
+def _check_device(device: str) -> None:
+    from torch import cuda
+
+    has_gpu = cuda.is_available()
     name, _, number = device.partition(":")
     is_numbered = number.isdecimal() or device == name
     if is_numbered and (name == "cpu" or (name == "cuda" and has_gpu)):

@@ -1,6 +1,9 @@
 """Threads are limited within a block, whatever ends it."""
 
 import contextlib
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -31,3 +34,38 @@ def test_numpy_has_one_thread_within_a_block():
     with numpy_threads(1):
         assert set(count_numpy_threads()) <= {1}
     assert count_numpy_threads() == usual
+
+
+@pytest.mark.parametrize(("own", "expected"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
+def test_idle_threads_of_torch_sleep_unless_the_user_wants_otherwise(own, expected):
+    """OpenMP reads the variable when torch is imported, so that it has to be set before."""
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    environment |= {"OMP_WAIT_POLICY": own} if own else {}
+    done = subprocess.run(
+        [sys.executable, "-c", AT_TORCH],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+    )
+    assert done.stdout.split() == [expected]
+
+
+AT_TORCH = """
+import os, sys
+from pathlib import Path
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.requests.learning import TrainRequest
+from humanoid_getup.jobs.train_policy import train
+
+class Watch:
+    def find_spec(self, name, *_):
+        if name == "torch":
+            print(os.environ["OMP_WAIT_POLICY"])
+
+sys.meta_path.insert(0, Watch())
+try:
+    train(TrainRequest(out=Path("never"), device="none"))
+except BadInputError:
+    pass
+"""

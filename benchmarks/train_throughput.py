@@ -2,11 +2,16 @@
 
 Bare physics steps the same robots on `mujoco.batch` with the targets that the environment sent,
 each policy step from the state that the environment was in: nothing is sensed, rewarded or reset.
-Compared with it: the environment with random actions; training, learning included; and the same
-task as single-robot Gymnasium environments in two processes under stable-baselines3 (`pip install
+Compared with it, in turn: the environment with random actions; training, learning included, as it
+is by default, with `--overlap`, and by two processes of torchrun; and, once, the same task as
+single-robot Gymnasium environments in two processes under stable-baselines3 (`pip install
 stable-baselines3`; skipped if missing).
 
-    python benchmarks/train_throughput.py --recipe quick --json throughput.json
+    python benchmarks/train_throughput.py --json throughput.json
+
+Minutes until 95 % of the falls end standing, in each of the three ways:
+
+    python benchmarks/train_throughput.py --until 0.95 --json minutes.json
 
 A training with style curves needs a prior and a training to begin with, and has no peer:
 
@@ -16,7 +21,10 @@ A training with style curves needs a prior and a training to begin with, and has
 from __future__ import annotations
 
 import importlib.util
+import math
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -29,6 +37,7 @@ import mujoco
 import numpy as np
 import tyro
 from mujoco.batch import Batch
+from training_progress import TrainingProgress
 
 from humanoid_getup.policy.observation import Floats
 from robots import Robot, load_robot
@@ -36,13 +45,18 @@ from robots.quaternion import Array
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.training.config import RECIPES, STEPS, Recipe
-from sim2real.training.iteration_log import TrainReport
 from sim2real.training.library_threads import numpy_threads
 from sim2real.training.styled_training import keep_prior
-from sim2real.training.train import POOL, TrainingInputs, build_env, build_options, load_pool, train
+from sim2real.training.train import POOL, build_env, build_options, load_pool
 
-ROUNDS = 5  # of bare physics and of the environment, in turn
 PROCESSES = 2
+TORCHRUN = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(PROCESSES))
+# Arguments of Python and of `getup train`; the last is not for recipes with style curves.
+WAYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "training": ((), ()),
+    "overlapped": ((), ("--overlap",)),
+    "two processes": (TORCHRUN, ()),
+}
 
 
 @dataclass(frozen=True)
@@ -50,6 +64,7 @@ class Task:
     """A training to measure."""
 
     robot: Robot
+    recipe_name: str
     recipe: Recipe
     pool: StartPool
     threads: int
@@ -58,6 +73,11 @@ class Task:
     prior: Path | None
     """Folder of the pose prior of a training with style curves."""
     parent: Path | None
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """Return the ways in which the recipe can be trained."""
+        return tuple(WAYS)[: -1 if self.recipe.style else None]
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         if self.prior is not None:
@@ -87,50 +107,56 @@ class Recorder:
         return self._batch.rollout(steps, control, **rest)
 
 
-def measure_stepping(task: Task, rng: np.random.Generator) -> tuple[float, float]:
-    """Return policy steps per second of bare physics and of the environment."""
-    n = task.recipe.robots
-    env = task.make_env(n, task.threads)
-    env.reset(seed=0)
-    env.episodes.age[:] = rng.integers(0, env.longest, n)
-    bare_batch = Batch(env.sim.model, n, task.threads)
-    recorder = Recorder(env.sim.batch)
-    env.sim.batch = recorder  # pyright: ignore[reportAttributeAccessIssue]
-    bare, whole = [], []
-    for _ in range(ROUNDS):
+class Stepping:
+    """Steps the environment with random actions, and bare physics as the environment did."""
+
+    def __init__(self, task: Task, rng: np.random.Generator) -> None:
+        self._task, self._rng, n = task, rng, task.recipe.robots
+        self._env = task.make_env(n, task.threads)
+        self._env.reset(seed=0)
+        self._env.episodes.age[:] = rng.integers(0, self._env.longest, n)
+        self._bare = Batch(self._env.sim.model, n, task.threads)
+        self._recorder = Recorder(self._env.sim.batch)
+        self._env.sim.batch = self._recorder  # pyright: ignore[reportAttributeAccessIssue]
+
+    def measure(self) -> tuple[float, float]:
+        """Return policy steps per second of bare physics and of the environment."""
+        recorder, count = self._recorder, self._task.steps * self._env.num_envs
         recorder.rolled.clear()
-        actions = rng.uniform(-1.0, 1.0, (task.steps, n, len(env.head.names)))
-        began = time.perf_counter()
-        for action in actions:
-            env.step(action)
-        whole.append(task.steps * n / (time.perf_counter() - began))
+        shape = self._task.steps, self._env.num_envs, len(self._env.head.names)
+        actions = self._rng.uniform(-1.0, 1.0, shape)
+        with numpy_threads(1):  # as a training does
+            began = time.perf_counter()
+            for action in actions:
+                self._env.step(action)
+            whole = count / (time.perf_counter() - began)
         began = time.perf_counter()
         for state, steps, control in recorder.rolled:
-            bare_batch.state[:] = state
-            bare_batch.rollout(steps, control, record=())
-        bare.append(task.steps * n / (time.perf_counter() - began))
-    return statistics.median(bare), statistics.median(whole)
+            self._bare.state[:] = state
+            self._bare.rollout(steps, control, record=())
+        return count / (time.perf_counter() - began), whole
 
 
-def measure_training(task: Task, iterations: int) -> float:
-    """Return policy steps per second of training, from the first update's end on."""
-    seen: list[tuple[float, int]] = []
-
-    def note(report: TrainReport) -> None:
-        seen.append((time.perf_counter(), report.steps))
-
-    recipe = replace(task.recipe, iterations=iterations + 1)
+def measure_training(task: Task, way: str, iterations: int) -> float:
+    """Return policy steps per second of a training, from the second iteration on."""
     with tempfile.TemporaryDirectory() as folder:
-        train(
-            task.robot,
-            recipe,
-            0,
-            Path(folder),
-            TrainingInputs(parent=task.parent, prior=task.prior, threads=task.threads),
-            note,
-        )
-    (began, before), (ended, after) = seen[0], seen[-1]
-    return (after - before) / (ended - began)
+        train(task, way, Path(folder), iterations + 2)
+        return TrainingProgress.read(Path(folder)).steps_per_s(begin=1)
+
+
+def train(task: Task, way: str, folder: Path, iterations: int) -> None:
+    """Train in a way by `getup train`, from the falls of the task."""
+    task.pool.save(folder / POOL, task.robot)
+    recipe, (launcher, options) = task.recipe_name, WAYS[way]
+    line = [sys.executable, *launcher, "-m", "humanoid_getup.cli.main", "train", *options]
+    line += ["--recipe", recipe, "--robot", task.robot.name, "--out", str(folder)]
+    line += ["--iterations", str(iterations), "--robots", str(task.recipe.robots)]
+    line += ["--threads", str(task.threads)]
+    line += ["--prior", str(task.prior)] if task.prior else []
+    line += ["--parent", str(task.parent)] if task.parent else []
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    if done.returncode > 1:
+        raise SystemExit(done.stderr)
 
 
 class OneRobot(gymnasium.Env):
@@ -165,6 +191,8 @@ class OneRobot(gymnasium.Env):
 
 def measure_peer(task: Task, iterations: int) -> float | None:
     """Return policy steps per second of stable-baselines3's PPO; None if it is missing."""
+    if not iterations or task.recipe.style:
+        return None
     if importlib.util.find_spec("stable_baselines3") is None:
         print("stable-baselines3 is not installed: skipped")
         return None
@@ -193,6 +221,30 @@ def measure_peer(task: Task, iterations: int) -> float | None:
         robots.close()
 
 
+def measure_speeds(task: Task, rounds: int, iterations: int) -> dict[str, list[float]]:
+    """Measure bare physics, the environment and each way of training in turn, some times."""
+    stepping = Stepping(task, np.random.default_rng(0))
+    speeds: dict[str, list[float]] = {name: [] for name in ("bare", "env", *task.ways)}
+    for _ in range(rounds):
+        bare, env = stepping.measure()
+        speeds["bare"].append(bare)
+        speeds["env"].append(env)
+        for way in task.ways:
+            speeds[way].append(measure_training(task, way, iterations))
+    return speeds
+
+
+def measure_learning(task: Task, share: float) -> dict[str, float | None]:
+    """Train the whole recipe in each way; return the minutes to a share of falls that stand."""
+    minutes: dict[str, float | None] = {}
+    for way in task.ways:
+        with tempfile.TemporaryDirectory() as folder:
+            train(task, way, Path(folder), task.recipe.iterations)
+            minutes[way] = TrainingProgress.read(Path(folder)).minutes_to(share)
+        print(f"{way:18} {minutes[way] or math.nan:6.1f} min to {share:.0%} standing", flush=True)
+    return minutes
+
+
 def main(
     *,
     robot: str = "op3",
@@ -201,13 +253,15 @@ def main(
     parent: Path | None = None,
     robots: int | None = None,
     threads: int = 0,
-    iterations: int = 10,
+    rounds: int = 3,
+    iterations: int = 25,
     peer_iterations: int = 2,
     steps: int = 40,
     falls: int = 128,
+    until: float | None = None,
     json: Path | None = None,
 ) -> None:
-    """Compare training with bare physics.
+    """Compare ways of training with bare physics.
 
     Args:
         robot: Name of a robot.
@@ -216,37 +270,47 @@ def main(
         parent: Policy file, or folder of a training, that such a training begins with.
         robots: Robots side by side; default: the recipe's.
         threads: Threads that step physics; 0 for one per processor.
-        iterations: Iterations of training.
-        peer_iterations: Iterations of stable-baselines3.
+        rounds: Measurements of each, in turn.
+        iterations: Iterations of training; every 25th writes a checkpoint.
+        peer_iterations: Iterations of stable-baselines3; 0 for none.
         steps: Policy steps in a round.
         falls: Settled falls in the pool.
+        until: Train whole recipes instead, and print the minutes to this share of falls that end
+            standing.
         json: File for the results.
     """
-    chosen = replace(RECIPES[recipe], falls=falls)
+    chosen = replace(RECIPES[recipe], falls=falls if until is None else RECIPES[recipe].falls)
     chosen = replace(chosen, robots=robots or chosen.robots)
     if chosen.style is not None and prior is None:
         raise SystemExit(f"--prior is missing, expected with recipe {recipe}, see `getup prior`")
     loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
-    task = Task(loaded, chosen, pool, threads, steps, prior, parent)
-    with numpy_threads(1):  # as a training does
-        bare, env = measure_stepping(task, np.random.default_rng(0))
-    rates = {"bare": bare, "env": env, "training": measure_training(task, iterations)}
-    peer = None if chosen.style else measure_peer(task, peer_iterations)
-    rates |= {} if peer is None else {"stable_baselines3": peer}
-    for name, rate in rates.items():
-        print(f"{name:18} {rate:9,.0f} policy steps/s  {rate / bare:5.2f} of bare")
-    record = {
-        "name": "train_throughput",
-        "recipe": recipe,
-        "robots": chosen.robots,
-        "mujoco": mujoco.__version__,
-        "policy_steps_per_s": rates,
-        "over_bare": {name: rate / bare for name, rate in rates.items()},
+    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent)
+    head = {"name": "train_throughput", "recipe": recipe, "robots": chosen.robots}
+    head |= {"mujoco": mujoco.__version__, "n": rounds}
+    if until is not None:
+        write(head | {"share": until, "minutes": measure_learning(task, until)}, json)
+        return
+    speeds = measure_speeds(task, rounds, iterations)
+    if peer := measure_peer(task, peer_iterations):
+        speeds["stable_baselines3"] = [peer] * rounds
+    over = {
+        name: [rate / bare for rate, bare in zip(rates, speeds["bare"], strict=True)]
+        for name, rates in speeds.items()
     }
-    if json:
-        json.write_text(dumps(record, indent=1) + "\n", "utf-8")
+    for name, rates in speeds.items():
+        ratio = f"{statistics.median(over[name]):.2f} of bare"
+        spread = f"{min(over[name]):.2f} to {max(over[name]):.2f}"
+        print(f"{name:18} {statistics.median(rates):9,.0f} policy steps/s  {ratio} ({spread})")
+    medians = {name: statistics.median(rates) for name, rates in speeds.items()}
+    write(head | {"policy_steps_per_s": medians, "each": speeds, "over_bare": over}, json)
+
+
+def write(record: dict[str, Any], file: Path | None) -> None:
+    """Write the results, if there is a file for them."""
+    if file:
+        file.write_text(dumps(record, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

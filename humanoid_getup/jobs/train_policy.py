@@ -47,6 +47,7 @@ def train(
         recipe,
         iterations=request.iterations or recipe.iterations,
         robots=request.robots or recipe.robots,
+        overlap=request.overlap,
     )
     motions = len(list((robot.folder / MOTION_FOLDER).glob("*.npz")))
     leads = DistributedProcess.from_environment(os.environ).leads

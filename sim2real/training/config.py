@@ -84,6 +84,8 @@ class Recipe:
 
     learning_rate: float = 1e-3
     """Initial one; it is adapted to the divergence."""
+    overlap: bool = False
+    """Whether the next steps are collected while the networks learn from the last ones."""
     style: StyleRecipe | None = None
     """``None`` for a policy that follows no style curves."""
 

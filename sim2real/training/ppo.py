@@ -8,6 +8,7 @@ import torch
 from rsl_rl.algorithms import PPO
 from rsl_rl.extensions import Symmetry
 from rsl_rl.models import MLPModel
+from rsl_rl.modules import GaussianDistribution
 from rsl_rl.storage import RolloutStorage
 from torch.optim.swa_utils import AveragedModel
 
@@ -35,6 +36,18 @@ class MirroredBatches(Symmetry):
         return torch.zeros(())
 
 
+class SeededGaussian(GaussianDistribution):
+    """rsl-rl's Gaussian, whose samples may come from a generator of its own."""
+
+    generator: torch.Generator | None = None
+    """``None`` for torch's."""
+
+    def sample(self) -> torch.Tensor:
+        """Sample actions."""
+        with torch.no_grad():
+            return torch.normal(self.mean, self.std, generator=self.generator)
+
+
 class AveragingPPO(PPO):
     """PPO with an exponential moving average of its actor's weights.
 
@@ -44,13 +57,14 @@ class AveragingPPO(PPO):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._threads = torch.get_num_threads()
+        self.threads = torch.get_num_threads()
+        """Threads of an update."""
         self.symmetry = MirroredBatches(**kwargs["symmetry_cfg"])
         self.average = _average(self._raw_actor)
 
     def update(self) -> dict[str, float]:
         """Learn from the collected steps; update the average."""
-        with torch_threads(self._threads):
+        with torch_threads(self.threads):
             losses = super().update()
         del losses["symmetry"]
         self.average.update_parameters(self._raw_actor)

@@ -220,7 +220,7 @@ def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> d
     symmetric by construction; without, they learn symmetry from mirrored mini-batches.
     """
     gaussian = {
-        "class_name": "GaussianDistribution",
+        "class_name": "sim2real.training.ppo:SeededGaussian",
         "init_std": recipe.first_std,
         "std_type": "log",
         "std_range": (0.1, recipe.most_std),  # at least 0.1, so that exploration continues

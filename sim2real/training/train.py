@@ -45,6 +45,7 @@ from sim2real.training.config import (
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.library_threads import numpy_threads, torch_threads
+from sim2real.training.overlapped_runner import OverlappedRunner
 from sim2real.training.policy_parent import check_policy_parent, is_policy_file
 from sim2real.training.rsl_rl_env import RslEnv
 from sim2real.training.runner import TrainingRunner, build_config
@@ -124,6 +125,10 @@ def check_processes(recipe: Recipe, process: DistributedProcess) -> None:
         ValueError: if they cannot.
     """
     process.count_robots(recipe.robots)
+    if process.of > 1 and recipe.overlap:
+        raise ValueError(
+            f"--overlap is given to {process.of} processes, expected one: leave it out"
+        )
     if process.of > 1 and recipe.style is not None:
         raise ValueError(
             f"a recipe with style curves is given to {process.of} processes, expected one: what it "
@@ -169,7 +174,8 @@ def _train(
         env.begin(seed, np.random.default_rng(seed))
         mirrors = env.env.mirrors if recipe.style else None
         config = build_config(recipe, seed, mirrors)
-        runner = TrainingRunner(env, config, folder, device, process)
+        runner_type = OverlappedRunner if recipe.overlap else TrainingRunner
+        runner = runner_type(env, config, folder, device, process)
         if (folder / CHECKPOINT).exists():
             runner.resume()
         elif parent is not None and is_policy_file(parent):

@@ -66,6 +66,8 @@ class TrainRequest(RobotOption):
     """Updates of the policy; default: the recipe's."""
     robots: Annotated[int | None, at_least(1)] = None
     """Number of robots that are simulated at once; default: the recipe's."""
+    overlap: bool = False
+    """Collect the next steps while the networks learn from the last ones, in one process."""
 
 
 @dataclass(frozen=True, kw_only=True)

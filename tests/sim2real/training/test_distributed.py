@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,8 @@ def test_what_several_processes_cannot_train_is_refused():
     three = DistributedProcess(of=3)
     with pytest.raises(ValueError, match="512 robots, expected a multiple of its 3 processes"):
         check_processes(RECIPES["quick"], three)
+    with pytest.raises(ValueError, match="--overlap is given to 2 processes, expected one"):
+        check_processes(replace(RECIPES["quick"], overlap=True), DistributedProcess(of=2))
     with pytest.raises(ValueError, match="style curves is given to 2 processes, expected one"):
         check_processes(RECIPES["styled"], DistributedProcess(of=2))
 

@@ -67,6 +67,22 @@ def read_actor(folder: Path) -> dict:
     return {key: value for key, value in state["actor_state_dict"].items() if "mlp" in key}
 
 
+def test_an_overlapped_training_imitates_first_and_keeps_its_statistics(learn):
+    states = [
+        torch.load(
+            learn(f"after {count}", replace(QUICK, overlap=True, iterations=count))
+            / "checkpoint.pt",
+            weights_only=True,
+        )["actor_state_dict"]
+        for count in (1, 3)
+    ]
+    statistics = [name for name in states[0] if "normalizer" in name]
+    assert len(statistics) > 3
+    assert all(torch.equal(states[0][name], states[1][name]) for name in statistics)
+    name = next(name for name in states[0] if name.endswith("kept.0.weight"))
+    assert not torch.equal(states[0][name], states[1][name])
+
+
 def test_a_trained_policy_follows_a_style_on_the_robot(op3, learn, tmp_path):
     folder, file = learn("one"), tmp_path / "styled.onnx"
     record = TrainingRecord.load(folder)

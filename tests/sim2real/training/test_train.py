@@ -30,6 +30,8 @@ from sim2real.training.ppo import AVERAGE, SHARE, UPDATES
 from sim2real.training.runner import TrainingRunner, build_config
 from sim2real.training.train import PROGRESS, TrainingInputs, train
 
+OVERLAPPED = replace(TINY, overlap=True)
+
 
 class KilledError(Exception):
     """The training was killed."""
@@ -73,10 +75,29 @@ def unbroken(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_one_seed_is_one_policy_on_any_number_of_threads(op3, unbroken, tmp_path):
-    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=2))
-    assert_same_policy(unbroken, tmp_path)
-    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
+@pytest.fixture(scope="module")
+def overlapped(op3, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("overlapped")
+    train(op3, OVERLAPPED, 1, folder, TrainingInputs(threads=1))
+    return folder
+
+
+each_way = pytest.mark.parametrize(
+    ("recipe", "whole"), [(TINY, "unbroken"), (OVERLAPPED, "overlapped")]
+)
+
+
+@each_way
+def test_one_seed_is_one_policy_on_any_number_of_threads(op3, recipe, whole, tmp_path, request):
+    train(op3, recipe, 1, tmp_path, TrainingInputs(threads=2))
+    expected = request.getfixturevalue(whole)
+    assert_same_policy(expected, tmp_path)
+    assert what_was_learnt(expected) == what_was_learnt(tmp_path)
+
+
+def test_an_overlapped_training_is_not_continued_in_another_way(op3, overlapped):
+    with pytest.raises(TrainingFolderError, match=r"another recipe\.overlap \(True, now False\)"):
+        train(op3, TINY, 1, overlapped, TrainingInputs(threads=1))
 
 
 def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
@@ -122,13 +143,17 @@ def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
     assert not torch.equal(read_policy(unbroken)[name], read_policy(tmp_path)[name])
 
 
+@each_way
 @pytest.mark.parametrize("killed_at", [0, 1, 3])
-def test_a_killed_training_continues_as_if_nothing_had_happened(op3, unbroken, tmp_path, killed_at):
+def test_a_killed_training_continues_as_if_nothing_had_happened(
+    op3, recipe, whole, tmp_path, request, killed_at
+):
     with pytest.raises(KilledError):
-        train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1), report=kill_at(killed_at))
-    train(op3, TINY, 1, tmp_path, TrainingInputs(threads=1))
-    assert_same_policy(unbroken, tmp_path)
-    assert what_was_learnt(unbroken) == what_was_learnt(tmp_path)
+        train(op3, recipe, 1, tmp_path, TrainingInputs(threads=1), report=kill_at(killed_at))
+    train(op3, recipe, 1, tmp_path, TrainingInputs(threads=1))
+    expected = request.getfixturevalue(whole)
+    assert_same_policy(expected, tmp_path)
+    assert what_was_learnt(expected) == what_was_learnt(tmp_path)
 
 
 def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp_path):

@@ -233,6 +233,7 @@ def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
         found = _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
         raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
+    found.setdefault("recipe.overlap", False)  # in folders from before there was a choice
     wanted = _flatten(as_kept(requested))
     for key in FREE:
         found.pop(key, None)

@@ -137,6 +137,17 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
         train(op3, TINY, 1, folder, TrainingInputs(threads=1))
 
 
+def test_a_training_from_before_there_was_overlap_goes_on(op3, unbroken, tmp_path):
+    folder = tmp_path / "training"
+    shutil.copytree(unbroken, folder)
+    record = json.loads((folder / RECIPE).read_text("utf-8"))
+    del record["recipe"]["overlap"]
+    (folder / RECIPE).write_text(json.dumps(record), "utf-8")
+    train(op3, TINY, 1, folder, TrainingInputs(threads=1))
+    with pytest.raises(TrainingFolderError, match=r"another recipe\.overlap \(False, now True\)"):
+        train(op3, OVERLAPPED, 1, folder, TrainingInputs(threads=1))
+
+
 def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
     train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1))
     name = "actor_state_dict.mlp.0.weight"

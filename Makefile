@@ -11,7 +11,7 @@ TORCH ?= torch==2.13.0
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rise check test test-times test-train test-studio test-scale test-lerobot test-slow wheel-test docs docs-serve fuzz mutants clean
+.PHONY: help setup rise check test test-times test-train test-studio test-scale test-warp test-lerobot test-slow wheel-test docs docs-serve fuzz mutants clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /:/' | \
@@ -38,6 +38,10 @@ $(VENV)/studio: $(VENV)/dev
 
 $(VENV)/scale: $(VENV)/dev
 	$(BIN)/pip install -q -e ".[ray,dask]"
+	touch $@
+
+$(VENV)/warp: $(VENV)/train
+	$(BIN)/pip install -q -e ".[warp]"
 	touch $@
 
 $(VENV)/docs: $(VENV)/core
@@ -74,13 +78,13 @@ check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/lint-imports
 
 test: setup  ## Run the tests, but for those of learning and the slow ones.
-	$(PYTEST) -m "not slow and not train and not realtime and not studio and not scale"
+	$(PYTEST) -m "not slow and not train and not realtime and not studio and not scale and not warp"
 
 test-times: setup  ## Run the same tests in one process; list the largest processor times.
-	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime and not studio and not scale"
+	$(BIN)/pytest --times 40 -m "not slow and not train and not realtime and not studio and not scale and not warp"
 
 test-train: $(VENV)/train  ## Install the train extra with a CPU torch; run the tests of learning.
-	$(PYTEST) -m "train and not slow"
+	$(PYTEST) -m "train and not slow and not warp"
 
 test-studio: $(VENV)/studio  ## Install the studio and Chromium; run the tests of the page.
 	command -v chromium > /dev/null || { apt-get -q update && apt-get -qy install chromium; } \
@@ -89,6 +93,9 @@ test-studio: $(VENV)/studio  ## Install the studio and Chromium; run the tests o
 
 test-scale: $(VENV)/scale  ## Install Ray and Dask; run the tests of work on many processes.
 	$(BIN)/pytest -m "scale and not slow"
+
+test-warp: $(VENV)/warp  ## Install mujoco-warp; run its tests (kernels compile for minutes at first).
+	$(BIN)/pytest -m "warp and not slow"
 
 test-lerobot: $(LEROBOT_VENV)/ready  ## Install LeRobot; run the tests of its plugin.
 	PYTHONPATH=$(CURDIR)/plugins/lerobot_robot_getup/tests/cpu_torchvision \

@@ -1,13 +1,13 @@
-"""Vectorized simulation: N worlds stepped at once on a thread pool."""
+"""Vectorized simulation: N worlds stepped at once, on a thread pool or on a GPU."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.physics import MUJOCO, Physics
 from humanoid_getup.simulation.world import World
 from robots.drive import limit_servos
 from robots.quaternion import Array
@@ -23,10 +23,19 @@ DRIVE_FIELDS = ("geom_friction", "actuator_gainprm", "actuator_forcerange")
 class VecSim:
     """Steps N copies of a world, each under its own domain parameters.
 
-    Every copy moves bit for bit as it would alone in a loop of ``mj_step``.
+    Every copy moves bit for bit as it would alone in a loop of ``mj_step``, unless the physics is
+    that of mujoco-warp.
     """
 
-    def __init__(self, world: World, n: int, *, pwm_limit: float = 1.0, threads: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        n: int,
+        *,
+        pwm_limit: float = 1.0,
+        threads: int = 0,
+        physics: Physics = MUJOCO,
+    ) -> None:
         """Build ``n`` copies under nominal domain parameters.
 
         The PWM limit is the largest share of the supply at the motors; 0 threads are one per
@@ -34,7 +43,7 @@ class VecSim:
         """
         self.world, self.n = world, n
         self.robot, self.model = world.robot, world.model
-        self.batch = Batch(world.model, n, threads)
+        self.batch = physics.make_batch(world.model, n, threads)
         self.parameters = DomainParameters.nominal(world, n)
         self.diverged = np.zeros(n, dtype=bool)
         """Whether a world's physics diverged in the last advance: its state is invalid, (N,)."""

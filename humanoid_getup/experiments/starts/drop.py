@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.scenes.start_region import ANYWHERE, StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.physics import MUJOCO, Physics
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture
@@ -34,10 +35,12 @@ class FallError(ValueError):
 class Drops:
     """Drops batches of robots of one world with torque off."""
 
-    def __init__(self, world: World, count: int, *, threads: int = 0) -> None:
+    def __init__(
+        self, world: World, count: int, *, threads: int = 0, physics: Physics = MUJOCO
+    ) -> None:
         """Prepare for batches of a size; 0 threads are one per processor."""
         self.world, self.count = world, count
-        self._sim = VecSim(world, count, threads=threads)
+        self._sim = VecSim(world, count, threads=threads, physics=physics)
 
     def drop(
         self,

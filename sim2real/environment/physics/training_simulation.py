@@ -13,6 +13,7 @@ from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
+from humanoid_getup.simulation.physics import MUJOCO, Physics
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from humanoid_getup.style.extraction import compute_features
@@ -39,13 +40,14 @@ class TrainingSim(VecSim):
         pwm_limit: float = 1.0,
         threads: int = 0,
         noise: ObservationNoise | None = None,
+        physics: Physics = MUJOCO,
     ) -> None:
         """Build N robots with nominal parameters, as :class:`VecSim` does.
 
         The world is one of :func:`build_training_world`; a policy step has ``cycles`` control
         periods.
         """
-        super().__init__(world, n, pwm_limit=pwm_limit, threads=threads)
+        super().__init__(world, n, pwm_limit=pwm_limit, threads=threads, physics=physics)
         self.cycles, self.noise = cycles, noise or ObservationNoise()
         self.step_time = self.robot.control_period * cycles
         """Duration of a policy step [s]."""

@@ -12,6 +12,7 @@ from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
 from humanoid_getup.jobs.trained_policy import TrainedPolicy
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.simulation.physics import Physics
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported
@@ -41,13 +42,18 @@ def train(
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
         from sim2real.training.train import TrainingInputs, check_inputs, train
-    _check_device(request.device)
+    _check_device(request.device, has_gpu=torch.cuda.is_available())
+    if request.physics == "warp":
+        monitor.begin("loading mujoco-warp")
+        with needing("warp"):
+            Physics("warp").load()
     recipe = RECIPES[request.recipe]
     recipe = replace(
         recipe,
         iterations=request.iterations or recipe.iterations,
         robots=request.robots or recipe.robots,
         overlap=request.overlap,
+        physics=request.physics,
     )
     motions = len(list((robot.folder / MOTION_FOLDER).glob("*.npz")))
     leads = DistributedProcess.from_environment(os.environ).leads
@@ -65,7 +71,7 @@ def train(
     )
     with refusing():
         robot.require_imu_site()
-        check_inputs(robot, recipe, request.out, parent, prior)
+        check_inputs(robot, recipe, request.out, parent, prior, request.device)
         train(robot, recipe, request.seed, request.out, inputs, note)
     return trained
 

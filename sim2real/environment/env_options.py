@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.simulation.physics import MUJOCO, Physics
 from sim2real.environment.physics.randomization import DomainRandomization
 from sim2real.environment.rewards import QUICK, Reward
 
@@ -38,3 +39,5 @@ class EnvOptions:
     """[s]"""
     threads: int = 0
     """Threads that step physics; 0 for one per processor."""
+    physics: Physics = MUJOCO
+    """Engine that steps physics, and its device."""

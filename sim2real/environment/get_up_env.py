@@ -98,6 +98,7 @@ class GetUpEnv(VectorEnv):
             pwm_limit=action.pwm_limit,
             threads=options.threads,
             noise=noise,
+            physics=options.physics,
         )
         self._motions = (
             style.library.state_qpos if style else list_motion_starts(robot, world.model)

@@ -12,6 +12,7 @@ import msgspec
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from humanoid_getup.progress.ledger import check_recipe as compare_recipes
+from humanoid_getup.simulation.physics import PhysicsName
 from robots import Robot
 from robots.storage.encoding import as_kept
 from robots.storage.files import read_bounded
@@ -82,6 +83,8 @@ class Recipe:
     supported; for an initial policy that rises, 0.3 bridges the change of conditions.
     """
 
+    physics: PhysicsName = "mujoco"
+    """Engine that steps physics; mujoco-warp differs from MuJoCo by single precision."""
     learning_rate: float = 1e-3
     """Initial one; it is adapted to the divergence."""
     overlap: bool = False
@@ -159,6 +162,7 @@ RECIPES = {
 RECIPE = "recipe.json"
 """Name of the file in a training's folder."""
 FREE = ("recipe.iterations",)  # may differ: a finished training can be continued
+SINCE: dict[str, object] = {"recipe.physics": "mujoco"}  # of files that were written before it
 
 
 class TrainingFolderError(ValueError):
@@ -230,7 +234,7 @@ def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
         TrainingFolderError: naming all that differs.
     """
     try:
-        found = _flatten(json.loads(read_bounded(file, MAX_TEXT)))
+        found = SINCE | _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
         raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
     found.setdefault("recipe.overlap", False)  # in folders from before there was a choice

@@ -15,6 +15,7 @@ import torch
 
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.physics import MUJOCO, Physics
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.encoding import to_json
@@ -61,8 +62,8 @@ POOL = "falls.npz"
 PROGRESS = "progress.csv"
 
 
-def build_options(recipe: Recipe, threads: int) -> EnvOptions:
-    """Build the environment's options."""
+def build_options(recipe: Recipe, threads: int, device: str = "cpu") -> EnvOptions:
+    """Build the environment's options; physics on a GPU shares that of the networks."""
     return EnvOptions(
         robots=recipe.robots,
         randomization=RANDOMIZATIONS[recipe.randomization],
@@ -70,6 +71,7 @@ def build_options(recipe: Recipe, threads: int) -> EnvOptions:
         physics_step=recipe.physics_step,
         assistive_force=recipe.lift,
         threads=threads,
+        physics=Physics(recipe.physics, device if device.startswith("cuda") else ""),
     )
 
 
@@ -147,7 +149,7 @@ def _train(
 ) -> None:
     """Train as one of the processes, which are connected."""
     parent, seed, device = inputs.parent, process.seed(common_seed), inputs.device
-    source = check_inputs(robot, recipe, folder, parent, inputs.prior)
+    source = check_inputs(robot, recipe, folder, parent, inputs.prior, device)
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
     outputs = action.names
@@ -164,7 +166,7 @@ def _train(
     own = replace(recipe, robots=process.count_robots(recipe.robots))
     threads = process.threads(inputs.threads)
     env = RslEnv(
-        build_env(robot, own, action, common_seed, folder, threads),
+        build_env(robot, own, action, common_seed, folder, threads, device),
         device,
         iteration_log,
         process.gather if process.of > 1 else None,
@@ -192,15 +194,22 @@ def _train(
 
 
 def check_inputs(
-    robot: Robot, recipe: Recipe, folder: Path, parent: Path | None, prior: Path | None
+    robot: Robot,
+    recipe: Recipe,
+    folder: Path,
+    parent: Path | None,
+    prior: Path | None,
+    device: str = "cpu",
 ) -> Path | None:
     """Check the inputs of a training; return the folder of its pose prior, if it needs one.
 
     Raises:
         OSError: if a file cannot be read.
         TrainingFolderError: if parent or prior are missing, or do not fit the recipe.
-        ValueError: if the prior is another robot's, or the robot has no rises to start along.
+        ValueError: if the prior is another robot's, the robot has no rises to start along, or its
+            model, or the device, is none for the recipe's physics.
     """
+    check_physics(robot, recipe, device)
     if parent is not None and is_policy_file(parent):
         check_policy_parent(parent, robot, recipe)
     if recipe.backwards:
@@ -214,8 +223,27 @@ def check_inputs(
     return check_prior(robot, prior, parent, folder)
 
 
+def check_physics(robot: Robot, recipe: Recipe, device: str) -> None:
+    """Check that the engine of a recipe can step its robot in its scene.
+
+    Raises:
+        ValueError: if it cannot.
+    """
+    options = build_options(recipe, 1, device)
+    if options.physics.name == MUJOCO.name:
+        return
+    scene = make_terrain(robot, 0).scene if recipe.terrain else FLAT_SCENE
+    options.physics.make_batch(build_training_world(robot, scene, PHYSICS_STEP).model, 1)
+
+
 def build_env(
-    robot: Robot, recipe: Recipe, action: ActionSpec, seed: int, folder: Path, threads: int
+    robot: Robot,
+    recipe: Recipe,
+    action: ActionSpec,
+    seed: int,
+    folder: Path,
+    threads: int,
+    device: str = "cpu",
 ) -> GetUpEnv:
     """Build the environment of a training with the falls, and the prior, in its folder.
 
@@ -223,7 +251,7 @@ def build_env(
         FallError: if too few falls settle.
         ValueError: if a file is of another robot.
     """
-    options, style = build_options(recipe, threads), recipe.style
+    options, style = build_options(recipe, threads, device), recipe.style
     pool, terrain = prepare_pool(robot, recipe, seed, folder)
     if terrain is not None:
         x, y = terrain.flat_center

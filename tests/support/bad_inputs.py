@@ -455,6 +455,12 @@ GROUPS: dict[str, list[Case]] = {
         case("train --out mine --robots 0", "--robots is 0, expected 1 to 1000000"),
         case("train --out text.txt", "text.txt is not a folder"),
         case("train --out mine --device abacus", "--device is 'abacus'", extra="rsl_rl"),
+        case("train --out mine --physics newton", "--physics is 'newton', expected mujoco or warp"),
+        case(
+            "train --robot other_solver --physics warp --out mine",
+            "mujoco-warp cannot simulate this model: mjSOL_PGS is unsupported",
+            extra="mujoco_warp",
+        ),
         case(
             "train --out mine --parent none", "--parent is none, expected the folder of a training"
         ),
@@ -1184,6 +1190,9 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     (copy("not_text", "motions") / "robot.toml").write_bytes(b"\xff\xfe")
     (copy("no_model", "motions") / "model.xml").unlink()
     (copy("not_xml", "motions") / "model.xml").write_text("<mujoco")
+    model = copy("other_solver", "motions") / "model.xml"
+    text = model.read_text("utf-8").replace("<option ", '<option solver="PGS" ', 1)
+    model.write_text(text, "utf-8")
     toml = copy("wrong_joint", "motions") / "robot.toml"
     toml.write_text(toml.read_text("utf-8").replace('"l_knee"', '"l_tail"'), "utf-8")
     limit, servos = 'limit_by = "current"', ("XM430-W350", "XL430-W250")

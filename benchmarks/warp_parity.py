@@ -24,7 +24,9 @@ from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.start_region import ANYWHERE
+from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import load_robot
 from robots.quaternion import Array
@@ -34,7 +36,8 @@ from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.starts.settled_falls import SETTLED_SPEED
 from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
 
-LYING = ("supine", "prone", "left", "right", "none")
+STATES, STEPS_BETWEEN = 24, 4  # of each fall, from which single steps are compared
+SAME_SPEED = 0.01  # rad/s and m/s
 Labels = NDArray[np.str_]
 
 
@@ -94,9 +97,33 @@ def compare(name: str, one: Timed, other: Timed) -> dict[str, object]:
     return {"n": n, "agree": agree, "interval_95": (low, high), "counts": counts}
 
 
+def compare_steps(world: World, starts: Array, warp: Physics) -> dict[str, object]:
+    """Take single steps from the same states of falls; print and return how many differ."""
+    n = len(starts)
+    falling, *engines = (VecSim(world, n, threads=1, physics=p) for p in (MUJOCO, MUJOCO, warp))
+    limp = DomainParameters.nominal(world, n, torque_limit=0.0)
+    for sim in (falling, *engines):
+        sim.set_parameters(sim.everyone, limp)
+    falling.place(falling.everyone, starts)
+    target = np.zeros((n, world.robot.n))
+    largest = []
+    for _ in range(STATES):
+        falling.hold(target, STEPS_BETWEEN)
+        for sim in engines:
+            sim.place(sim.everyone, falling.qpos, falling.qvel)
+            sim.hold(target, 1)
+        one, other = engines
+        largest.append(np.abs(one.qvel - other.qvel).max(axis=1))
+    change = np.concatenate(largest)
+    differ = int(np.sum(change > SAME_SPEED))
+    print(f"steps: {differ} of {change.size} differ by more than {SAME_SPEED:g} rad/s or m/s")
+    return {"n": change.size, "differ": differ, "median": float(np.median(change))}
+
+
 def sample_starts(world: World, n: int, seed: int) -> Array:
     """Sample postures in which robots are dropped, (n, nq)."""
-    sampler, rng = DropSampler(world, (ANYWHERE,)), np.random.default_rng(seed)
+    sampler = DropSampler(world, world.scene.starts or (ANYWHERE,))
+    rng = np.random.default_rng(seed)
     return np.array([sampler.sample(rng) for _ in range(n)])
 
 
@@ -119,6 +146,7 @@ def main(
     *,
     robot: str = "op3",
     policy: str = "robust",
+    scene: str = "flat",
     n: int = 256,
     seed: int = 0,
     step: float = 0.004,
@@ -131,6 +159,7 @@ def main(
     Args:
         robot: Name of a robot.
         policy: Name of one of its policies; '' for falls alone.
+        scene: Name of a scene.
         n: Falls.
         seed: Of the falls.
         step: Physics step [s].
@@ -140,11 +169,12 @@ def main(
     """
     loaded, warp = load_robot(robot), Physics("warp", device)
     variants = (MODEL_VARIANTS[variant],) if variant else ()
-    world = build_training_world(loaded, load_scene("flat", loaded), step, variants=variants)
+    world = build_training_world(loaded, load_scene(scene, loaded), step, variants=variants)
     starts = sample_starts(world, n, seed)
-    found = {
+    found: dict[str, dict[str, object]] = {
         "settled": compare_engines("settled", lambda p, q: settle(world, p, q)[0], starts, warp)
     }
+    found["steps"] = compare_steps(world, starts, warp)
     if policy:
         network = OnnxPolicy.load(find_policy(loaded, policy), loaded)
         lying = settle(world, MUJOCO, starts)[1]
@@ -153,7 +183,7 @@ def main(
         )
     if json:
         record = {"name": "warp_parity", "robot": robot, "seed": seed, "n": n, "step": step}
-        record |= {"variant": variant}
+        record |= {"scene": scene, "variant": variant}
         json.write_text(dumps(record | found, indent=1) + "\n", "utf-8")
 
 

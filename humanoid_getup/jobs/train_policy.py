@@ -42,7 +42,7 @@ def train(
         from sim2real.training.config import RECIPES
         from sim2real.training.distributed import DistributedProcess
         from sim2real.training.train import TrainingInputs, check_inputs, train
-    _check_device(request.device, has_gpu=torch.cuda.is_available())
+    _check_device(request.device)
     if request.physics == "warp":
         monitor.begin("loading mujoco-warp")
         with needing("warp"):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from humanoid_getup.policy.action import choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
+from humanoid_getup.simulation.physics import Physics, PhysicsName
 from robots import load_robot
 from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
@@ -34,11 +35,14 @@ class GetUpChoices:
     """Seed of the falls; that of the episodes goes to ``reset``."""
     threads: int = 0
     """Threads that step physics; 0 for one per processor."""
+    physics: PhysicsName = "mujoco"
+    """Engine that steps physics; mujoco-warp takes a GPU if there is one."""
 
     def __post_init__(self) -> None:
         for kind, name, known in (
             ("rewards", self.rewards, REWARDS),
             ("randomization", self.randomization, RANDOMIZATIONS),
+            ("physics", self.physics, get_args(PhysicsName)),
         ):
             if name not in known:
                 raise ValueError(f"unknown {kind} '{name}', expected {', '.join(known)}")
@@ -48,7 +52,7 @@ def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
     """Build a training environment of some robots; ``choices`` are `GetUpChoices`.
 
     Raises:
-        ValueError: if there is no such robot, reward or randomization.
+        ValueError: if there is no such robot, reward, randomization or physics.
     """
     chosen = GetUpChoices(**choices)
     robot = load_robot(chosen.robot)
@@ -57,6 +61,7 @@ def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
         randomization=RANDOMIZATIONS[chosen.randomization],
         rewards=REWARDS[chosen.rewards],
         threads=chosen.threads,
+        physics=Physics(chosen.physics),
     )
     world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
     pool = make_pool(world, chosen.falls, pool_rng(chosen.seed))

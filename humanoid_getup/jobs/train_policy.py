@@ -44,7 +44,7 @@ def train(
         from sim2real.training.train import TrainingInputs, check_inputs, train
     _check_device(request.device)
     if request.physics == "warp":
-        monitor.begin("loading mujoco-warp")
+        monitor.begin("loading mujoco-warp, whose kernels compile for minutes the first time")
         with needing("warp"):
             Physics("warp").load()
     recipe = RECIPES[request.recipe]

@@ -20,7 +20,6 @@ from humanoid_getup.jobs.requests.shared import (
     TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import Items, at_least, between
-from humanoid_getup.simulation.physics import PhysicsName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +62,7 @@ class TrainRequest(RobotOption):
     """Threads that step physics; 0: all of the machine."""
     device: str = "cpu"
     """Device of the networks: cpu or cuda."""
-    physics: PhysicsName = "mujoco"
+    physics: Literal["mujoco", "warp"] = "mujoco"
     """Engine that steps physics: mujoco on the processor, or warp (mujoco-warp) on a GPU: that of
     the networks, else the first one, else the processor, which is slow."""
     iterations: Annotated[int | None, at_least(1)] = None

@@ -20,6 +20,7 @@ from run_getup import Run
 from humanoid_getup.jobs.requests.learning import TrainRequest
 from humanoid_getup.jobs.trained_policy import format_time
 from humanoid_getup.progress.callback import Progress
+from humanoid_getup.simulation.physics import PhysicsName
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train
@@ -88,6 +89,10 @@ def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: byte
 
 def test_the_recipes_are_the_choices_of_the_option():
     assert get_args(get_type_hints(TrainRequest)["recipe"]) == tuple(RECIPES)
+
+
+def test_the_engines_are_the_choices_of_the_option():
+    assert get_type_hints(TrainRequest)["physics"] == PhysicsName
 
 
 def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):

@@ -11,12 +11,13 @@ import numpy as np
 from drivers import State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.simulation.world import World
-from robots import quaternion
+from robots import Robot, quaternion
 from robots.kinematics import GravitySense, imu_in_torso, place
 from robots.quaternion import Array
 
 TIME_SLACK = 1e-6  # s; clocks that sum up periods differ by their rounding
 SETTLING = 0.5  # s after the motion in which its last attitude gives way to that of the stance
+LAG = 0.043  # s; an ankle that follows its targets sooner corrects by less
 ALIGNED = 0.9  # cosine between the axis of a joint and the one about which the torso turns
 
 
@@ -45,9 +46,11 @@ class Balance:
     The error is the rotation by which gravity in the torso differs from that of the recorded
     posture at the same time, and the difference of the angular velocities. It is fed back to the
     ankles once the recorded torso is upright and the feet alone carry the robot, and as long as
-    the stand is held. A motion may end before its last sway does, so the attitude that counts
-    thereafter is that of the standing posture. A correction never leads out of the joints' ranges
-    and speeds.
+    the stand is held. The gains suit servos whose lag, damping over stiffness, is `LAG` or more: a
+    stiffer ankle makes more torque of a correction, and rocks the robot as soon as its IMU is late
+    by a period. Its gains are as much smaller as its lag is. A motion may end before its last sway
+    does, so the attitude that counts thereafter is that of the standing posture. A correction never
+    leads out of the joints' ranges and speeds.
     """
 
     def __init__(self, world: World, motion: Motion, gains: BalanceGains = GAINS) -> None:
@@ -59,7 +62,7 @@ class Balance:
         self._stance_b = quaternion.gravity_in_body(world.robot.standing.orientation)  # (3,)
         self._turn = _differentiate(motion)  # (T, 3)
         self._share = _share(world, motion, gains)  # (T,)
-        self._ankles = find_ankles(world)  # (2, n)
+        self._ankles = find_ankles(world) * _find_eases(world.robot)  # (2, n)
         self._reach = world.robot.max_velocity * world.robot.control_period
 
     def reset(self, held: Array) -> None:
@@ -130,6 +133,12 @@ def find_ankles(world: World) -> Array:
             # The foot stays, so the torso turns against the joint.
             ankles[axis, ankle] = -np.sign(axes[ankle, axis])
     return ankles
+
+
+def _find_eases(robot: Robot) -> Array:
+    """Find the factors on corrections of joints that follow their targets soon, (n,)."""
+    lag = robot.torque_speed_slope / robot.position_gain
+    return np.minimum(lag / LAG, 1.0)
 
 
 def _find_chain(world: World, body: int) -> list[int]:

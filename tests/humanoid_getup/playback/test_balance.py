@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nonempty import nonempty
 
-from drivers import GuardLimits, SafetyGuard, State, Twin
+from drivers import Command, GuardLimits, SafetyGuard, State, Twin
 from humanoid_getup.benchmarks.world_change import WorldChange, disturb_start, disturb_world
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.motions.motion import Motion
@@ -21,7 +21,7 @@ from humanoid_getup.playback.play import play
 from humanoid_getup.playback.stand_holder import make_stand
 from humanoid_getup.playback.supervisor import Supervisor, supervise_hold
 from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
+from robots import Robot, load_robot, quaternion
 from robots.kinematics import place
 
 SMALL = 0.1  # rad
@@ -255,3 +255,34 @@ def test_on_a_steep_slope_a_stand_lasts_only_with_balance(op3: Robot, world: Wor
         supervise_hold(world, make_stand(op3), least=5.0, is_released=lambda: True, held=held)
     )
     assert not stands(MotionPlayer(op3, make_stand(op3), hold=5.0, held=held))
+
+
+def rock(world: World, late: int, *, softly: bool, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Kick a robot that stands, whose IMU is some periods late; return its last speed [rad/s]."""
+    robot = world.robot
+    with monkeypatch.context() as patch:
+        if not softly:
+            patch.setattr("humanoid_getup.playback.balance.LAG", 1e-6)
+        balance = Balance(world, make_stand(robot))
+    target, kick = robot.standing.joint_pos, 0.3 * find_ankles(world)[1]
+    balance.reset(target)
+    seen, speeds = list[State](), list[float]()
+    with Twin(world, robot.standing) as twin:
+        for cycle in range(round(4.0 / robot.control_period)):
+            state = twin.read()
+            seen.append(state)
+            old = seen[max(cycle - late, 0)]
+            felt = replace(state, gyro=old.gyro, orientation=old.orientation)
+            sent = balance.correct(felt, 10.0, target)
+            is_kicked = 0.5 <= cycle * robot.control_period < 0.6
+            twin.write(Command.position(robot, sent + kick * is_kicked))
+            speeds.append(float(np.abs(state.joint_vel).max()))
+    return max(speeds[-round(1.0 / robot.control_period) :])
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_stiff_ankles_do_not_rock_a_robot_whose_imu_is_late(late: int, monkeypatch):
+    """ToddlerBot's ankles follow their targets four times as soon as those of the OP3."""
+    world = World(load_robot("toddlerbot"))
+    assert rock(world, late, softly=True, monkeypatch=monkeypatch) < 0.1
+    assert rock(world, late, softly=False, monkeypatch=monkeypatch) > 2.0

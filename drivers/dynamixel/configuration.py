@@ -38,7 +38,7 @@ def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, in
         # Neither time-based profiles nor torque on by goal update; the direction is up to the
         # calibration.
         "drive_mode": registers.get("drive_mode", 0) & DriveMode.REVERSE,
-        "operating_mode": position_mode(table, limit_by),
+        "operating_mode": _find_mode(servo, limit_by),
     }
     wanted |= WHOLE_TURN
     if table["status_return_level"].eeprom:
@@ -54,6 +54,13 @@ def position_mode(table: ControlTable, limit_by: LimitMode) -> int:
     if table.mode_names and table.default_mode is not None:
         return table.default_mode
     return int(OPERATING_MODES[limit_by])
+
+
+def _find_mode(servo: ServoFacts, limit_by: LimitMode) -> int:
+    """Return the operating mode of a servo: it keeps its limits in position mode alone."""
+    mode = position_mode(servo.table, limit_by)
+    keeps = servo.joint.servo.keeps_limits and mode == OperatingMode.EXTENDED_POSITION
+    return int(OperatingMode.POSITION) if keeps else mode
 
 
 def list_ram_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, int]:

@@ -22,6 +22,7 @@ ERROR = "hardware_error_status"
 TRIPPED = 0xFF  # Bus Watchdog register: -1, the servo has stopped by itself
 LEAP = 30  # ticks that a position may jump at any time: noise, and the clock's jitter
 FASTEST = 20.0  # rad/s, or four times the no-load speed of a servo where that is more
+EDGE = 0.1  # of a turn, that a joint may move while its servo starts
 MISSED = 2.5  # periods of silence in which a servo may have restarted
 
 
@@ -128,9 +129,16 @@ class ServoStates:
             self.alert[rows] = np.where(alerted, np.where(known, known, ALERT), 0)
 
     def _take_over(self, rows: Integers, register: Integers) -> None:
-        """Take over position registers; one that leaps by half a turn has lost its whole turns."""
-        leaps = np.abs(register - self.register[rows]) > self._half_turn[rows]
-        before = self.ticks
+        """Take over position registers, and find the whole turns of servos that lost theirs.
+
+        Their registers leap by half a turn or more into the first turn, from beyond it or near its
+        ends: within it a start changes nothing, and a leap is a joint that was turned by hand.
+        """
+        turn, before = 2 * self._half_turn[rows], self.ticks
+        old, margin = self.register[rows], EDGE * turn
+        leaps = np.abs(register - old) > self._half_turn[rows]
+        leaps &= (old < margin) | (old >= turn - margin) | ~np.isfinite(self.stamp[rows])
+        leaps &= (register >= 0) & (register < turn)
         self.register[rows] = register
         if leaps.any():
             found = self._whole_turns.resolve(self.register, before, rows[leaps])

@@ -26,7 +26,7 @@ class WholeTurns:
 
     def __init__(self, robot: Robot) -> None:
         self._units, self._transmission = ServoUnits(robot), robot.transmission
-        self._lower, self._upper = robot.lower - OUTSIDE_RANGE, robot.upper + OUTSIDE_RANGE
+        self._lower, self._upper = robot.lower, robot.upper
         self._turn: Integers = np.array([_count_turn(joint) for joint in robot.joints])
         self._zero = np.array([joint.servo.zero_ticks for joint in robot.joints])
         reach = [max(abs(joint.lower), abs(joint.upper)) for joint in robot.actuators]
@@ -39,7 +39,7 @@ class WholeTurns:
     def resolve(self, register: Integers, near: Integers, rows: Integers | None = None) -> Integers:
         """Add whole turns to register values, with which joints are within their ranges.
 
-        Of several the nearest is taken; it alone counts where no turns lead into a range.
+        Of several the nearest are taken; where none lead into the ranges, those that are least out.
 
         Args:
             register: Position registers [ticks], (n,).
@@ -57,12 +57,17 @@ class WholeTurns:
 
     def find_candidates(self, group: list[int], register: Integers) -> Integers:
         """Find the positions of a group's servos with their joints within range, (k, group)."""
+        ticks, beyond = self._list_positions(group, register)
+        return ticks[beyond <= OUTSIDE_RANGE]
+
+    def _list_positions(self, group: list[int], register: Integers) -> tuple[Integers, Array]:
+        """List positions of a group's servos, (k, group), and how far out joints are, (k,)."""
         turns = [self._list_turns(row, int(register[row])) for row in group]
         ticks = np.tile(register, (int(np.prod([len(t) for t in turns])), 1))
         ticks[:, group] = list(product(*turns))
         angles = self._units.to_rad(ticks)[:, group]
-        inside = (angles >= self._lower[group]) & (angles <= self._upper[group])
-        return ticks[inside.all(axis=1)][:, group]
+        beyond = np.maximum(self._lower[group] - angles, angles - self._upper[group])
+        return ticks[:, group], np.maximum(beyond, 0.0).max(axis=1)
 
     def find_angles(self, register: Integers, known: NDArray[np.bool_]) -> dict[int, Array]:
         """Find the possible angles of joints [rad], likeliest first, by place, (k,) each.
@@ -81,13 +86,10 @@ class WholeTurns:
         return angles
 
     def _choose(self, group: list[int], register: Integers, near: Integers) -> Integers:
-        candidates = self.find_candidates(group, register)
-        if len(candidates) == 0:
-            turn = np.maximum(self._turn[group], 1)
-            turns = np.rint((near[group] - register[group]) / turn).astype(int)
-            return register[group] + turns * self._turn[group]
-        distance = np.abs(candidates - near[group]).sum(axis=1)
-        return np.asarray(candidates[int(distance.argmin())])
+        ticks, beyond = self._list_positions(group, register)
+        ticks = ticks[beyond <= max(OUTSIDE_RANGE, float(beyond.min()) + 1e-9)]
+        distance = np.abs(ticks - near[group]).sum(axis=1)
+        return np.asarray(ticks[int(distance.argmin())])
 
     def _list_turns(self, row: int, register: int) -> list[int]:
         turn = int(self._turn[row])

@@ -18,7 +18,10 @@ NOT_INSTALLED = {
     "PIL": "pillow",
     "mcap_ros2": "mcap-ros2-support",
     "yaml": "pyyaml",
+    "warp": "warp-lang",
+    "mujoco_warp": "mujoco-warp",
 }  # in every environment: modules named unlike their package
+EXTRAS = ("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm", "warp")
 
 
 def list_imports() -> set[str]:
@@ -52,18 +55,13 @@ def imported() -> dict[str, set[str]]:
 
 
 def test_every_imported_package_is_declared(imported: dict[str, set[str]]):
-    declared = list_declared("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm")
+    declared = list_declared(*EXTRAS)
     assert [name for name, homes in imported.items() if not homes & declared] == []
 
 
 def test_every_declared_package_is_imported(imported: dict[str, set[str]]):
     used = set().union(*imported.values())
-    assert (
-        list_declared("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm")
-        - used
-        - IMPORTED_BY_OTHERS
-        == set()
-    )
+    assert list_declared(*EXTRAS) - used - IMPORTED_BY_OTHERS == set()
 
 
 def test_license_and_notice_are_filled_in_and_ship():

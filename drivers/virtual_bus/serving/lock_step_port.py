@@ -15,6 +15,11 @@ class CountingBus(Protocol):
     """A bus that counts the bytes of its port."""
 
     @property
+    def running(self) -> bool:
+        """Return whether it serves its port."""
+        ...
+
+    @property
     def handled(self) -> int:
         """Return the bytes of clients that it has read, and done what they say."""
         ...
@@ -28,7 +33,7 @@ class CountingBus(Protocol):
 class LockStepPort(SerialPort):
     """A serial port on which a reply is missing once the bus has done all that was written.
 
-    No time of the wall decides it, so that neither a busy computer loses a reply, nor is anything
+    No time of the wall ends a read, so that neither a busy computer loses a reply, nor is anything
     waited for that does not come.
     """
 
@@ -67,5 +72,7 @@ class LockStepPort(SerialPort):
         return count
 
     def _is_done(self) -> bool:
-        """Return whether the bus has handled all bytes, and all of its own have come."""
+        """Return whether the bus has handled all bytes, and all of its own have come; or ended."""
+        if not self._bus.running:
+            return True
         return self._bus.handled >= self._written and self._received >= self._bus.delivered

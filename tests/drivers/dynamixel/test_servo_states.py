@@ -132,6 +132,25 @@ def test_a_leap_is_believed_once_the_next_reply_confirms_it(states, second, is_c
     assert states.ticks[0] == 3500 - second + 10
 
 
+@pytest.mark.parametrize(("before", "register", "ticks"), [(1000, 4060, 4060), (2048, 4200, 4200)])
+def test_a_joint_that_was_turned_by_hand_has_not_lost_its_turns(tiny, before, register, ticks):
+    """The servo counted on while nothing read it; a start leaves what is within the first turn."""
+    states = ServoStates(tiny, 0.008)
+    update(states, reply(1, before), reply(2, 1000), now=BEGIN)
+    update(states, reply(1, register), now=BEGIN + 10.0)
+    assert states.ticks[0] == ticks
+
+
+@pytest.mark.parametrize(("before", "register"), [(-300, 3796), (5, 4093)])
+def test_a_servo_that_restarts_beyond_its_first_turn_is_where_it_was(tiny, before, register):
+    left, right = tiny.joints
+    moved = replace(left, servo=replace(left.servo, zero_ticks=0))
+    states = ServoStates(replace(tiny, joints=(moved, right)), 0.008)
+    update(states, reply(1, before), reply(2, 1000), now=BEGIN)
+    update(states, reply(1, register), now=BEGIN + 1.0)
+    assert states.ticks[0] == register - 4096
+
+
 def test_a_silent_servo_may_be_further_away_the_longer_it_was_silent(states):
     update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
     far = 2000 + 30 + 13030  # a second's way

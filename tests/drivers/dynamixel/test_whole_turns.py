@@ -66,6 +66,19 @@ def test_a_joint_outside_its_range_is_taken_as_its_servo_counts(tiny: Robot):
     assert WholeTurns(tiny).resolve(register, register).tolist() == [3500, 2048]
 
 
+def test_a_joint_beyond_its_range_is_taken_at_the_nearer_end():
+    """Wolfgang's shoulders turn almost right round: a register alone would put one at its other
+    end."""
+    wolfgang = load_robot("wolfgang")
+    row = wolfgang.joint_names.index("RShoulderRoll")
+    joint_pos = wolfgang.standing.joint_pos.copy()
+    joint_pos[row] = wolfgang.upper[row] + 0.15
+    true = ServoUnits(wolfgang).to_ticks(joint_pos)
+    register = np.mod(true, TICKS_PER_TURN)
+    found = ServoUnits(wolfgang).to_rad(WholeTurns(wolfgang).resolve(register, register))
+    assert found == pytest.approx(joint_pos, abs=0.002)
+
+
 def test_joints_without_the_servo_that_they_are_coupled_to_have_no_angle(toddlerbot: Robot):
     known = np.ones(toddlerbot.n, dtype=bool)
     known[toddlerbot.joint_names.index("waist_roll")] = False

@@ -27,7 +27,7 @@ def place(robot: Robot, shares: list[float]) -> np.ndarray:
     """Place joints within their ranges, clear of the angles that a start cannot tell apart."""
     lower, upper = np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0)
     waist = robot.joint_names.index("waist_yaw")
-    lower[waist], upper[waist] = -1.0, 1.0
+    lower[waist], upper[waist] = -0.9, 0.9
     return lower + (upper - lower) * np.array(shares)
 
 

@@ -17,8 +17,6 @@ from spoiling import spoil
 
 from drivers.service import calibrate as service
 from drivers.service.calibrate import (
-    JointMeasurement,
-    PositionRangeError,
     describe_direction,
 )
 from drivers.state import HardwareError
@@ -213,29 +211,15 @@ def test_a_zero_far_off_is_warned_of(calibrate):
     assert "moves by +26.4°, more than 10°" in warning
 
 
-@pytest.mark.parametrize("options", [("--yes",), ()])
-def test_a_zero_whose_range_leaves_the_servos_turn_is_refused(folder, capsys, options, monkeypatch):
-    person = Person("", "yes")
-    monkeypatch.setattr(command, "open_prompt", lambda *_: None if options else person)
-    out = folder / "calibration.toml"
+def test_a_zero_whose_range_leaves_the_servos_turn_is_warned_of(calibrate):
+    """The driver counts turns; other programs do not."""
     with real_robot(l_hip=JointCalibration(900, 1)) as served:
-        mine = ("--robot", str(folder), "--port", served.path, "--json", "-", "--out", str(out))
-        message = refuse(capsys, *mine, *options, code=3, table=True)
+        code, message = calibrate(served, None, "--yes")
+    assert code == 0
     # The range of the hip is -90 to +60 degrees: 1024 ticks below its zero, 683 above.
-    assert "joint 'l_hip' (id 1): zero 900 needs ticks -124 to 1583, expected 0 to 4095" in message
-    assert "r_hip" not in message
-    assert not out.exists()
-    assert not any("save" in question for question in person.asked)
-
-
-def test_no_zero_beyond_the_servos_turn_reaches_a_file(tmp_path):
-    robot = load_robot(TINY)
-    measured = JointMeasurement(robot.joints[0], zero_ticks=4095 - 682, sign=1)
-    with pytest.raises(PositionRangeError, match="needs ticks 2389 to 4096"):
-        service.save(robot, [measured], tmp_path / "calibration.toml")
-    assert not list(tmp_path.iterdir())
-    service.save(robot, [replace(measured, zero_ticks=4095 - 683)], tmp_path / "calibration.toml")
-    assert Calibration.load(tmp_path / "calibration.toml", robot).joints["l_hip"].zero_ticks == 3412
+    warning = message["joints"]["l_hip"]["warnings"][-1]
+    assert "needs ticks -124 to 1583, beyond one turn of its servo: programs that do" in warning
+    assert message["joints"]["r_hip"]["warnings"] == []
 
 
 # On a virtual bus -----------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.start_region import ANYWHERE
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import load_robot
@@ -50,7 +50,7 @@ class Timed:
     seconds: float
 
 
-def settle(world: World, physics: Physics, starts: Array) -> tuple[Timed, Array]:
+def settle(world: World, physics: PhysicsEngine, starts: Array) -> tuple[Timed, Array]:
     """Let robots fall limp; return where they lie, by class, and their MuJoCo positions."""
     drops = Drops(world, len(starts), threads=1, physics=physics)
     drops.settle(starts, SETTLED_SPEED, longest=0.1)  # loads the kernels
@@ -63,7 +63,7 @@ def settle(world: World, physics: Physics, starts: Array) -> tuple[Timed, Array]
     return Timed(np.array(labels), seconds), qpos
 
 
-def rise(world: World, physics: Physics, policy: OnnxPolicy, starts: Array) -> Timed:
+def rise(world: World, physics: PhysicsEngine, policy: OnnxPolicy, starts: Array) -> Timed:
     """Let a policy get all robots up; return who stood."""
     action = policy.action
     sim = TrainingSim(
@@ -97,7 +97,7 @@ def compare(name: str, one: Timed, other: Timed) -> dict[str, object]:
     return {"n": n, "agree": agree, "interval_95": (low, high), "counts": counts}
 
 
-def compare_steps(world: World, starts: Array, warp: Physics) -> dict[str, object]:
+def compare_steps(world: World, starts: Array, warp: PhysicsEngine) -> dict[str, object]:
     """Take single steps from the same states of falls; print and return how many differ."""
     n = len(starts)
     falling, *engines = (VecSim(world, n, threads=1, physics=p) for p in (MUJOCO, MUJOCO, warp))
@@ -128,7 +128,7 @@ def sample_starts(world: World, n: int, seed: int) -> Array:
 
 
 def compare_engines(
-    name: str, play: Callable[[Physics, Array], Timed], starts: Array, warp: Physics
+    name: str, play: Callable[[PhysicsEngine, Array], Timed], starts: Array, warp: PhysicsEngine
 ) -> dict[str, object]:
     """Play both engines, and MuJoCo from rounded starts."""
     mujoco, same = play(MUJOCO, starts), play(MUJOCO, rounded(starts))
@@ -167,7 +167,7 @@ def main(
         device: Of mujoco-warp: cpu, cuda or cuda:N; default: a GPU if there is one.
         json: File for the results.
     """
-    loaded, warp = load_robot(robot), Physics("warp", device)
+    loaded, warp = load_robot(robot), PhysicsEngine("warp", device)
     variants = (MODEL_VARIANTS[variant],) if variant else ()
     world = build_training_world(loaded, load_scene(scene, loaded), step, variants=variants)
     starts = sample_starts(world, n, seed)

@@ -245,10 +245,6 @@ class DynamixelBus:
         """Restart a device; ``None`` if it does not confirm."""
         return self.request(self.ask(protocol2.reboot(device)), tries).get(device)
 
-    def clear_turns(self, device: int, tries: int = 1) -> Status | None:
-        """Bring a position back into one turn; ``None`` if the device does not confirm."""
-        return self.request(self.ask(protocol2.clear_turns(device)), tries).get(device)
-
     def factory_reset(self, device: int, kept: Reset) -> Status | None:
         """Set a device's EEPROM to its defaults; ``None`` if it does not confirm."""
         return self.request(self.ask(protocol2.factory_reset(device, kept))).get(device)

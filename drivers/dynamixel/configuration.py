@@ -10,8 +10,8 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import ControlTable, DriveMode, Item, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.goal_ranges import SLOPES, has_slope, to_slope
-from drivers.dynamixel.protocol2 import Span, Status, is_confirmed
-from robots.servo import TICKS_PER_TURN, LimitMode
+from drivers.dynamixel.protocol2 import Span, Status
+from robots.servo import LimitMode
 
 RECHECKED = ("return_delay_time", "drive_mode", "operating_mode")
 """EEPROM items that are read again when a servo may have restarted."""
@@ -113,14 +113,12 @@ class ServoSetup:
     @property
     def done(self) -> bool:
         """Return whether the servo is ready."""
-        return not (self._left or self._must_check or self._must_clear)
+        return not (self._left or self._must_check)
 
     def step(self, bus: DynamixelBus, tries: int = 1) -> bool:
         """Send the next instruction; return whether the servo confirmed it."""
         if self._must_check:
             return self._check(bus, tries)
-        if self._must_clear:
-            return self._clear(bus, tries)
         name, value = self._left[0]
         item = self._servo.table[name]
         if self._is_muted or name == "status_return_level":
@@ -146,9 +144,6 @@ class ServoSetup:
         return True
 
     def _begin(self) -> None:
-        # Only position mode brings the position back into one turn by itself.
-        position = self._servo.registers["present_position"]
-        self._must_clear = self._limit_by == "current" and not 0 <= position < TICKS_PER_TURN
         lock = self._servo.table.keeps_by_lock
         kept = list(list_eeprom_settings(self._servo, self._limit_by).items())
         self._is_locked = False
@@ -171,13 +166,6 @@ class ServoSetup:
             if status is not None or bus.read_item(self._servo.id, item, tries=1) == value:
                 return status or Status(self._servo.id)
         return None
-
-    def _clear(self, bus: DynamixelBus, tries: int) -> bool:
-        """Bring the position back into one turn; the torque is off since the diagnosis."""
-        confirmed = is_confirmed(bus.clear_turns(self._servo.id, tries))
-        self._must_clear = not confirmed
-        self.failed = "" if confirmed else "its position is beyond one turn and cannot be cleared"
-        return confirmed
 
     def _check(self, bus: DynamixelBus, tries: int) -> bool:
         """Read the servo's model and EEPROM; refuse another model or firmware."""

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-import numpy as np
-
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import (
     ControlTable,
@@ -19,13 +17,11 @@ from drivers.dynamixel.control_table import (
     types_of,
 )
 from drivers.dynamixel.protocol2 import Span, Status, read_identity
-from drivers.dynamixel.whole_turns import OUTSIDE_RANGE, WholeTurns
 from drivers.errors import DriverError
 from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
 from robots import Joint, Robot
 from robots.bus_settings import BAUD_RATES
-from robots.quaternion import Array
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
@@ -93,7 +89,7 @@ class ServoFacts:
     registers: Mapping[str, int]
     """Values of the items that were read, by name."""
     angle: float | None = None
-    """Joint angle [rad]; None while the servo that it is coupled to is silent."""
+    """Joint angle [rad]; None until it is located, or if the servo it is coupled to is silent."""
 
     @property
     def id(self) -> int:
@@ -145,6 +141,11 @@ class Diagnostics:
         """Return the findings that forbid motion."""
         return tuple(f for f in self.findings if f.severity is Severity.ERROR)
 
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Return the findings that forbid nothing."""
+        return tuple(f for f in self.findings if f.severity is Severity.WARNING)
+
 
 DIAGNOSED = (
     "return_delay_time",
@@ -178,8 +179,11 @@ DIAGNOSED = (
 )
 
 
-def diagnose(bus: DynamixelBus, robot: Robot, joints: Iterable[Joint]) -> Diagnostics:
-    """Read the servos of some joints of a robot, and list all problems; nothing is written."""
+def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
+    """Read the servos of some joints, and list all problems; nothing is written.
+
+    Where the joints are follows from the servos of all ports: `joint_places.locate`.
+    """
     joints = list(joints)
     servos: list[ServoFacts] = []
     findings: list[Finding] = []
@@ -196,8 +200,6 @@ def diagnose(bus: DynamixelBus, robot: Robot, joints: Iterable[Joint]) -> Diagno
             if servo is not None:
                 servos.append(servo)
                 findings += check_servo(servo)
-    servos, misplaced = _locate(robot, servos)
-    findings += misplaced
     if silent:
         findings[:0] = _explain_silence(bus, silent, is_alone=not (servos or findings))
     return Diagnostics(tuple(servos), tuple(merge_findings(findings, joints)))
@@ -293,36 +295,6 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             "mount its horn so that the range is within one turn, and calibrate it",
         )
     return found
-
-
-def _locate(robot: Robot, servos: list[ServoFacts]) -> tuple[list[ServoFacts], list[Finding]]:
-    """Add the joint angles to what was read; list joints that are not where they should be."""
-    register, known = np.zeros(robot.n, dtype=int), np.zeros(robot.n, dtype=bool)
-    rows = [robot.joint_names.index(servo.joint.name) for servo in servos]
-    register[rows] = [servo.registers["present_position"] for servo in servos]
-    known[rows] = True
-    angles = WholeTurns(robot).find_angles(register, known)
-    placed, found = list(servos), list[Finding]()
-    for i, row in enumerate(rows):
-        if row in angles:
-            placed[i] = replace(servos[i], angle=float(angles[row][0]))
-            found += _check_place(robot.joints[row], angles[row])
-    return placed, found
-
-
-def _check_place(joint: Joint, angles: Array) -> list[Finding]:
-    """List what is wrong with the possible angles of a joint [rad], likeliest first, (k,)."""
-    here = angles[0]
-    if not joint.lower - OUTSIDE_RANGE <= here <= joint.upper + OUTSIDE_RANGE:
-        text = f"is at {here:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad"
-        remedy = "move it back by hand, or calibrate it"
-        return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
-    elsewhere = sorted({f"{a:+.2f}" for a in angles[1:] if abs(a - here) > OUTSIDE_RANGE})
-    if not elsewhere:
-        return []
-    text = f"is taken to be at {here:+.2f} rad, may be at {' or '.join(elsewhere)}: turns apart"
-    remedy = "if it is not there, turn it to its middle by hand and connect again"
-    return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
 
 
 def _describe_alert(servo: ServoFacts, alert: HardwareError) -> Finding:

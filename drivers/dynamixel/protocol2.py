@@ -194,11 +194,6 @@ def factory_reset(device: int, kept: Reset) -> Packet:
     return Packet(device, Instruction.FACTORY_RESET, bytes((kept,)))
 
 
-def clear_turns(device: int) -> Packet:
-    """Bring a position of many turns back into one turn; for a servo without torque, at rest."""
-    return Packet(device, Instruction.CLEAR, bytes((0x01, *b"DXL\x22")))
-
-
 def sync_read(devices: Sequence[int], span: Span, *, fast: bool = False) -> Packet:
     """Read the same registers of several devices."""
     kind = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ

@@ -22,6 +22,7 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_all,
 )
+from drivers.dynamixel.joint_places import locate
 from drivers.dynamixel.robot_bus import find_bus
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.servo_chain import ServoChain
@@ -135,10 +136,10 @@ def diagnose_robot(
     for chain in chains:
         chain.writer.write_all("torque_enable", 0)
         chain.unmute()
-        diagnostics = diagnose(chain.bus, robot, chain.joints)
+        diagnostics = diagnose(chain.bus, chain.joints)
         servos += diagnostics.servos
         findings += diagnostics.findings
-    return Diagnostics(tuple(servos), tuple(findings))
+    return locate(robot, Diagnostics(tuple(servos), tuple(findings)))
 
 
 def check_period(bus: DynamixelBus, joints: Sequence[Joint], period: float) -> list[Finding]:

@@ -60,15 +60,6 @@ class WholeTurns:
         ticks, beyond = self._list_positions(group, register)
         return ticks[beyond <= OUTSIDE_RANGE]
 
-    def _list_positions(self, group: list[int], register: Integers) -> tuple[Integers, Array]:
-        """List positions of a group's servos, (k, group), and how far out joints are, (k,)."""
-        turns = [self._list_turns(row, int(register[row])) for row in group]
-        ticks = np.tile(register, (int(np.prod([len(t) for t in turns])), 1))
-        ticks[:, group] = list(product(*turns))
-        angles = self._units.to_rad(ticks)[:, group]
-        beyond = np.maximum(self._lower[group] - angles, angles - self._upper[group])
-        return ticks[:, group], np.maximum(beyond, 0.0).max(axis=1)
-
     def find_angles(self, register: Integers, known: NDArray[np.bool_]) -> dict[int, Array]:
         """Find the possible angles of joints [rad], likeliest first, by place, (k,) each.
 
@@ -90,6 +81,15 @@ class WholeTurns:
         ticks = ticks[beyond <= max(OUTSIDE_RANGE, float(beyond.min()) + 1e-9)]
         distance = np.abs(ticks - near[group]).sum(axis=1)
         return np.asarray(ticks[int(distance.argmin())])
+
+    def _list_positions(self, group: list[int], register: Integers) -> tuple[Integers, Array]:
+        """List positions of a group's servos, (k, group), and how far out joints are, (k,)."""
+        turns = [self._list_turns(row, int(register[row])) for row in group]
+        ticks = np.tile(register, (int(np.prod([len(t) for t in turns])), 1))
+        ticks[:, group] = list(product(*turns))
+        angles = self._units.to_rad(ticks)[:, group]
+        beyond = np.maximum(self._lower[group] - angles, angles - self._upper[group])
+        return ticks[:, group], np.maximum(beyond, 0.0).max(axis=1)
 
     def _list_turns(self, row: int, register: int) -> list[int]:
         turn = int(self._turn[row])

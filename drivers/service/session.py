@@ -17,6 +17,7 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_of,
 )
+from drivers.dynamixel.joint_places import locate
 from drivers.dynamixel.robot_ports import RobotPort, build_ports, find_imu, open_ports
 from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu
 from drivers.imu.source import ImuSource
@@ -56,11 +57,10 @@ class RobotBus:
         servos: list[ServoFacts] = []
         findings = list(self.findings)
         for port in self.ports:
-            chosen = [j for j in port.joints if joints is None or j in joints]
-            found = diagnose(port.bus, self.robot, chosen)
+            found = diagnose(port.bus, [j for j in port.joints if joints is None or j in joints])
             servos += found.servos
             findings += found.findings
-        return Diagnostics(tuple(servos), tuple(findings))
+        return locate(self.robot, Diagnostics(tuple(servos), tuple(findings)))
 
     def find_torque(self) -> tuple[Joint, ...]:
         """List the joints whose servos have torque."""

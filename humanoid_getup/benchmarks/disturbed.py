@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -132,9 +131,39 @@ class DisturbedPiece:
 RunDisturbed: TypeAlias = RunPieces[DisturbedPiece, list[MeasuredRise]]
 
 
+@dataclass(frozen=True, kw_only=True)
+class DisturbedWays:
+    """Ways to get up in disturbed worlds: plans, with feedback or not, and policies.
+
+    Each fall is planned once, undisturbed. Preflight and supervision know the nominal world, the
+    judge knows the true one.
+    """
+
+    planner: PlannedRise
+    """Plans in the nominal, flat world."""
+    policies: Mapping[str, Strategy]
+    """Further strategies for that world, by name."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the ways."""
+        return OPEN_LOOP, FEEDBACK, *self.policies
+
+    def measure(self, piece: DisturbedPiece) -> list[MeasuredRise]:
+        """Rise from one fall in every disturbed world, in every way."""
+        world, fall, number, seed = self.planner.world, piece.fall, piece.number, piece.seed
+        ways = _plan(self.planner, fall, [seed, 1, number]) | dict(self.policies)
+        rises = list[MeasuredRise]()
+        for case in piece.cases:
+            trial = DisturbedRise.of(world, fall, DISTURBANCES[case], [seed, 2, number])
+            for way, strategy in ways.items():
+                rise = trial.rise(strategy, fall, [seed, 3, number])
+                rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
+        return rises
+
+
 def bench_disturbed(
-    planner: PlannedRise,
-    policies: Mapping[str, Strategy],
+    ways: DisturbedWays,
     *,
     seed: int,
     each: int,
@@ -143,58 +172,39 @@ def bench_disturbed(
     report: Report = lambda _: None,
     run: RunDisturbed | None = None,
 ) -> CaseBench[RefusableSummary]:
-    """Get up from the same falls in disturbed worlds: by plans, with feedback or not, by policies.
-
-    Each fall is planned once, undisturbed. Preflight and supervision know the nominal world, the
-    judge knows the true one.
+    """Get up from the same falls in disturbed worlds.
 
     Args:
-        planner: Plans in the nominal, flat world.
-        policies: Further strategies for that world, by name.
+        ways: Ways to compare.
         seed: Of the falls, the plans and what is random in a disturbance.
         each: Falls of each class.
         classes: Start classes.
         cases: Names of the disturbances.
         report: Called after each rise.
-        run: Does the pieces by equal strategies; None: one after another, here.
+        run: Does the pieces in equal ways; None: one after another, here.
     """
-    rng = np.random.default_rng(seed)
-    falls = sample_falls(planner.world, dict.fromkeys(classes, each), rng)
+    world, limit = ways.planner.world, ways.planner.torque_limit
+    falls = sample_falls(world, dict.fromkeys(classes, each), np.random.default_rng(seed))
     pieces = {
         str(k): DisturbedPiece(number=k, fall=fall, seed=seed, cases=tuple(cases))
         for k, fall in enumerate(falls)
     }
-    run = run or one_by_one(partial(measure_disturbed, planner, policies))
+    run = run or one_by_one(ways.measure)
     found = collect(pieces, run, lambda rises: [report(rise) for rise in rises])
     rises = [rise for group in found.values() for rise in group]
     return CaseBench(
         name="disturbed",
         seed=seed,
         n=len(falls),
-        robot=planner.world.robot.name,
-        torque_limit_nm=planner.torque_limit.value,
-        limit_by=planner.torque_limit.by,
-        cases=RefusableSummary.table(rises, cases, (OPEN_LOOP, FEEDBACK, *policies)),
+        robot=world.robot.name,
+        torque_limit_nm=limit.value,
+        limit_by=limit.by,
+        cases=RefusableSummary.table(rises, cases, ways.names),
         rises=rises,
     )
 
 
-def measure_disturbed(
-    planner: PlannedRise, policies: Mapping[str, Strategy], piece: DisturbedPiece
-) -> list[MeasuredRise]:
-    """Rise from one fall in every disturbed world, by plans and by policies."""
-    fall, number, seed = piece.fall, piece.number, piece.seed
-    ways = _plan(planner, fall, [seed, 1, number]) | dict(policies)
-    rises = list[MeasuredRise]()
-    for case in piece.cases:
-        trial = DisturbedRise.of(planner.world, fall, DISTURBANCES[case], [seed, 2, number])
-        for way, strategy in ways.items():
-            rise = trial.rise(strategy, fall, [seed, 3, number])
-            rises.append(MeasuredRise.refusable(rise, case=case, way=way, fall=number))
-    return rises
-
-
-def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, WorldChange]:
+def select(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
     """Select disturbances by name; no names for all.
 
     Raises:
@@ -203,12 +213,12 @@ def select(robot: Robot, names: Sequence[str] = ()) -> dict[str, WorldChange]:
     for name in names:
         if name not in DISTURBANCES:
             raise ValueError(f"unknown case '{name}': expected {', '.join(DISTURBANCES)}")
-    chosen = {name: DISTURBANCES[name] for name in names or DISTURBANCES}
-    for name, disturbance in chosen.items():
-        if disturbance.joint not in (None, *robot.joint_names):
+    chosen = tuple(names or DISTURBANCES)
+    for name in chosen:
+        joint = DISTURBANCES[name].joint
+        if joint not in (None, *robot.joint_names):
             raise ValueError(
-                f"robot '{robot.name}' has no joint '{disturbance.joint}': expected cases "
-                f"other than '{name}'"
+                f"robot '{robot.name}' has no joint '{joint}': expected cases other than '{name}'"
             )
     return chosen
 

@@ -35,12 +35,18 @@ class RiseMethod:
         database: MotionDatabase | None = None,
         fingerprint: str = "",
         search_budget: float = SEARCH_BUDGET,
+        threads: int = 0,
     ) -> RiseMethod:
         """Take the strategy of a name, as `make_strategy` does."""
 
         def make(world: World, limit: TorqueLimit) -> Strategy:
             return make_strategy(
-                world, name, torque_limit=limit, database=database, search_budget=search_budget
+                world,
+                name,
+                torque_limit=limit,
+                database=database,
+                search_budget=search_budget,
+                threads=threads,
             )
 
         is_baseline = name in (NEAREST, STRAIGHT)

@@ -17,7 +17,7 @@ from msgspec import UNSET, UnsetType, convert
 
 from humanoid_getup.benchmarks.bench_result import CaseBench, KeptRise, RefusableSummary
 from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
-from humanoid_getup.benchmarks.disturbed import bench_disturbed
+from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays, bench_disturbed
 from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
 from humanoid_getup.benchmarks.pieces import one_by_one
@@ -31,7 +31,6 @@ from humanoid_getup.benchmarks.rise import (
 )
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import TorqueCap
-from humanoid_getup.benchmarks.world_change import WorldChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.drop import FallError
@@ -117,7 +116,7 @@ class Whole:
     """Plans for disturbed worlds; None without motions."""
     policies: Mapping[str, Strategy]
     """Policies in disturbed worlds, at stall torque."""
-    disturbances: Mapping[str, WorldChange]
+    disturbances: Sequence[str]
     seed: int
     each: int
     """Falls of each class."""
@@ -179,12 +178,12 @@ class Whole:
     def _disturbed_parts(self) -> Iterator[Part]:
         if self.planner is None:
             return
-        planner, each = self.planner, -(-self.each // FEWER)
+        ways = DisturbedWays(planner=self.planner, policies=self.policies)
+        each = -(-self.each // FEWER)
 
         def rise(case: str, report: Report) -> DisturbedRises:
             result = bench_disturbed(
-                planner,
-                self.policies,
+                ways,
                 seed=self.seed,
                 each=each,
                 classes=self.falls.classes,
@@ -194,11 +193,11 @@ class Whole:
             return DisturbedRises(cases=result.cases)
 
         by_name = {method.name: method.fingerprint for method in self.methods}
-        for case, disturbance in self.disturbances.items():
+        for case in self.disturbances:
             yield Part(
                 name=f"{DISTURBED}{case}",
-                count=each * len(CLASSES) * (2 + len(self.policies)),
-                depends=self._depend(disturbance=repr(disturbance), **by_name),
+                count=each * len(CLASSES) * len(ways.names),
+                depends=self._depend(disturbance=repr(DISTURBANCES[case]), **by_name),
                 kind=DisturbedRises,
                 run=partial(rise, case),
             )

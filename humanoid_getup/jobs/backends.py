@@ -31,6 +31,8 @@ class BackendChoice:
     """Ground truth behind a virtual bus; ``None`` for the twin and for a real robot."""
     place: Callable[[Posture], None] | None = None
     """Places a simulated robot in a posture."""
+    warnings: tuple[str, ...] = ()
+    """What its driver found that forbids no motion, to be shown before torque comes on."""
 
 
 @contextmanager
@@ -52,11 +54,13 @@ def open_backend(
         driver = DynamixelBackend(robot, ports, limit_by=limit_by, without_imu=without_imu)
         with driver:  # a problem of the port or of servos is reported before anything is planned
             waits = driver.waits_for_commands()
+            warnings = tuple(map(str, driver.diagnostics.warnings))
         if waits:
             driver = DynamixelBackend(
                 robot, ports, clock=CycleClock(), limit_by=limit_by, without_imu=without_imu
             )
-        yield BackendChoice(backend=driver, realtime=request.realtime or not waits)
+        realtime = request.realtime or not waits
+        yield BackendChoice(backend=driver, realtime=realtime, warnings=warnings)
         return
     simulation, rng = Simulation(world), np.random.default_rng(request.seed)
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP

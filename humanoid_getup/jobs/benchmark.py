@@ -20,22 +20,15 @@ from humanoid_getup.benchmarks import (
 )
 from humanoid_getup.benchmarks.bench_result import BenchHead
 from humanoid_getup.engines.versions import Versions
-from humanoid_getup.jobs.bench_pieces import (
-    load_played,
-    make_disturbed,
-    make_methods,
-    make_planner,
-    make_scene_rises,
-    spread_disturbed,
-    spread_faults,
-    spread_methods,
-    spread_rises,
-    spread_scenes,
-)
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world
 from humanoid_getup.jobs.measure_bodies import measure_bodies
 from humanoid_getup.jobs.measure_robot import measure_robot
+from humanoid_getup.jobs.pieces.compared_methods import make_methods, spread_methods
+from humanoid_getup.jobs.pieces.disturbed_worlds import make_disturbed, spread_disturbed
+from humanoid_getup.jobs.pieces.injected_faults import load_played, spread_faults
+from humanoid_getup.jobs.pieces.planned_rises import make_planner, spread_rises
+from humanoid_getup.jobs.pieces.rises_in_scenes import make_scene_rises, spread_scenes
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.bench import (
     BenchAll,
@@ -137,11 +130,11 @@ def _bench_methods(request: BenchMethods, monitor: ProgressMonitor) -> BenchHead
 def _bench_disturbed(request: BenchDisturbed, monitor: ProgressMonitor) -> BenchHead:
     """Compare plans, with and without feedback, and policies in disturbed worlds."""
     with refusing():
-        cases = [*disturbed.select(load_robot(request), request.cases)]
-    planner, policies = make_disturbed(request, request.policies)
-    run = spread_disturbed(request, planner, policies, monitor)
-    bench = partial(disturbed.bench_disturbed, planner, policies, cases=cases, run=run)
-    rises = len(cases) * (2 + len(policies)) * len(rise.BENCH_CLASSES) * request.n
+        cases = disturbed.select(load_robot(request), request.cases)
+    ways = make_disturbed(request, request.policies)
+    run = spread_disturbed(request, ways, monitor)
+    bench = partial(disturbed.bench_disturbed, ways, cases=cases, run=run)
+    rises = len(cases) * len(ways.names) * len(rise.BENCH_CLASSES) * request.n
     return _count(request, monitor, bench, count=rises, of="rises")
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.jobs.pieces.searches import spread_searches
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import (
     MotionSearch,
@@ -17,7 +18,6 @@ from humanoid_getup.jobs.search_motions import (
     choose_sides,
     describe_motion,
 )
-from humanoid_getup.jobs.spread_searches import spread_searches
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER

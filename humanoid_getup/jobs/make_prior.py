@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.pieces.spreading import make_robot_absolute, spread, starting
 from humanoid_getup.jobs.requests.learning import PriorRequest
-from humanoid_getup.jobs.spreading import make_robot_absolute, spread, starting
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
 if TYPE_CHECKING:  # it needs the extra train

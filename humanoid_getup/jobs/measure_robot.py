@@ -26,6 +26,7 @@ from humanoid_getup.benchmarks.whole import (
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.pieces.spreading import make_worker_request
 from humanoid_getup.jobs.requests.bench import (
     FIGURES,
     PAGE,
@@ -35,7 +36,6 @@ from humanoid_getup.jobs.requests.bench import (
     BenchAll,
 )
 from humanoid_getup.jobs.run_parts import PartWork, Results, run_parts
-from humanoid_getup.jobs.spreading import make_worker_request
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report

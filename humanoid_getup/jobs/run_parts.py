@@ -14,9 +14,9 @@ from msgspec import convert
 from humanoid_getup.benchmarks.part import Part, PartResult
 from humanoid_getup.engines.versions import hash_program
 from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.jobs.pieces.spreading import spread, starting
 from humanoid_getup.jobs.requests.bench import PARTS, BenchAll, BenchBodies
 from humanoid_getup.jobs.requests.shared import EngineOptions
-from humanoid_getup.jobs.spreading import spread, starting
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 

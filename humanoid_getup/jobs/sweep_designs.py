@@ -30,6 +30,7 @@ from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.sweep import (
@@ -40,7 +41,6 @@ from humanoid_getup.jobs.requests.sweep import (
     SWEEP_PLOT,
     SweepRequest,
 )
-from humanoid_getup.jobs.spreading import make_worker_request, spread, starting
 from humanoid_getup.policy.onnx_policy import find_policy
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger

@@ -12,7 +12,7 @@ from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
 from humanoid_getup.jobs.trained_policy import TrainedPolicy
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
-from humanoid_getup.simulation.physics import Physics
+from humanoid_getup.simulation.physics_engine import PhysicsEngine
 
 if TYPE_CHECKING:
     from sim2real.training.export import Exported
@@ -46,7 +46,7 @@ def train(
     if request.physics == "warp":
         monitor.begin("loading mujoco-warp, whose kernels compile for minutes the first time")
         with needing("warp"):
-            Physics("warp").load()
+            PhysicsEngine("warp").load()
     recipe = RECIPES[request.recipe]
     recipe = replace(
         recipe,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
 from robots.drive import limit_servos
 from robots.quaternion import Array
@@ -34,7 +34,7 @@ class VecSim:
         *,
         pwm_limit: float = 1.0,
         threads: int = 0,
-        physics: Physics = MUJOCO,
+        physics: PhysicsEngine = MUJOCO,
     ) -> None:
         """Build ``n`` copies under nominal domain parameters.
 

@@ -126,6 +126,7 @@ def make_strategy(
     torque_limit: TorqueLimit = FULL_TORQUE,
     database: MotionDatabase | None = None,
     search_budget: float = SEARCH_BUDGET,
+    threads: int = 0,
 ) -> Strategy:
     """Make a strategy by the name that benchmarks use.
 
@@ -135,14 +136,21 @@ def make_strategy(
         torque_limit: Of the servos.
         database: Motions to plan with; ``None`` for the robot's own.
         search_budget: Simulated time in which a plan's search may vary its targets [s].
+        threads: Threads that step a plan's physics; 0 for one per processor.
 
     Raises:
         ValueError: if there is no such policy, or it does not fit.
     """
     if name == PLAN:
-        return PlannedRise(world, database, torque_limit=torque_limit, search_budget=search_budget)
+        return PlannedRise(
+            world,
+            database,
+            torque_limit=torque_limit,
+            search_budget=search_budget,
+            options=PlannerOptions(threads=threads),
+        )
     if name == STRAIGHT:
-        plain = PlannerOptions(planning=False, filtering=False)
+        plain = PlannerOptions(planning=False, filtering=False, threads=threads)
         return PlannedRise(world, database, torque_limit=torque_limit, options=plain)
     if name == NEAREST:
         return NearestMotion(world, database, torque_limit=torque_limit)

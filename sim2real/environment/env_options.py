@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from humanoid_getup.scenes.scene import Scene
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from sim2real.environment.physics.randomization import DomainRandomization
 from sim2real.environment.rewards import QUICK, Reward
 
@@ -39,5 +39,5 @@ class EnvOptions:
     """[s]"""
     threads: int = 0
     """Threads that step physics; 0 for one per processor."""
-    physics: Physics = MUJOCO
+    physics: PhysicsEngine = MUJOCO
     """Engine that steps physics, and its device."""

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from humanoid_getup.policy.action import choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.physics import Physics, PhysicsName
+from humanoid_getup.simulation.physics_engine import PhysicsEngine, PhysicsName
 from robots import load_robot
 from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
@@ -61,7 +61,7 @@ def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
         randomization=RANDOMIZATIONS[chosen.randomization],
         rewards=REWARDS[chosen.rewards],
         threads=chosen.threads,
-        physics=Physics(chosen.physics),
+        physics=PhysicsEngine(chosen.physics),
     )
     world = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP)
     pool = make_pool(world, chosen.falls, pool_rng(chosen.seed))

@@ -12,7 +12,7 @@ import msgspec
 from humanoid_getup.policy.action import ActionSpec, build_posture_spec, choose_actions
 from humanoid_getup.policy.contract import Fact
 from humanoid_getup.progress.ledger import check_recipe as compare_recipes
-from humanoid_getup.simulation.physics import PhysicsName
+from humanoid_getup.simulation.physics_engine import PhysicsName
 from robots import Robot
 from robots.storage.encoding import as_kept
 from robots.storage.files import read_bounded
@@ -162,7 +162,8 @@ RECIPES = {
 RECIPE = "recipe.json"
 """Name of the file in a training's folder."""
 FREE = ("recipe.iterations",)  # may differ: a finished training can be continued
-SINCE: dict[str, object] = {"recipe.physics": "mujoco"}  # of files that were written before it
+# What holds of files that were written before there was a choice.
+SINCE: dict[str, object] = {"recipe.physics": "mujoco", "recipe.overlap": False}
 
 
 class TrainingFolderError(ValueError):
@@ -237,7 +238,6 @@ def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
         found = SINCE | _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
         raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
-    found.setdefault("recipe.overlap", False)  # in folders from before there was a choice
     wanted = _flatten(as_kept(requested))
     for key in FREE:
         found.pop(key, None)

@@ -27,7 +27,7 @@ MOST_WEIGHT = 2.0  # of a sample: rare actions of the older policy must not domi
 
 
 @dataclass(frozen=True)
-class Step:
+class CollectedStep:
     """What the log of a training reads of a policy step of N robots."""
 
     rewards: torch.Tensor
@@ -58,7 +58,7 @@ class StepCollector:
         self._alg.actor.load_state_dict(alg._raw_actor.state_dict())
         self._alg.critic.load_state_dict(alg._raw_critic.state_dict())
 
-    def collect(self, iteration: int) -> list[Step]:
+    def collect(self, iteration: int) -> list[CollectedStep]:
         """Collect the steps of an iteration; its number and the seed decide the exploration."""
         state = np.random.SeedSequence((self._seed, iteration)).generate_state(1, np.uint64)
         self._noise.manual_seed(int(state[0] >> np.uint64(1)))
@@ -71,12 +71,12 @@ class StepCollector:
         """Give the collected steps to an algorithm, in exchange for its empty storage."""
         alg.storage, self._alg.storage = self._alg.storage, alg.storage
 
-    def _step(self) -> Step:
+    def _step(self) -> CollectedStep:
         actions = self._alg.act(self._env.get_observations())
         observed, rewards, dones, extras = self._env.step(actions)
         check_nan(observed, rewards, dones)
         self._alg.process_env_step(observed, rewards, dones, extras)  # pyright: ignore[reportArgumentType]
-        return Step(rewards, dones, extras)
+        return CollectedStep(rewards, dones, extras)
 
 
 class OverlappedRunner(TrainingRunner):
@@ -100,7 +100,7 @@ class OverlappedRunner(TrainingRunner):
         first = self.current_learning_iteration
         end = first + num_learning_iterations
         with ThreadPoolExecutor(1, "collector") as thread:
-            ahead: Future[list[Step]] | None = None
+            ahead: Future[list[CollectedStep]] | None = None
             for iteration in range(first, end):
                 began = time.monotonic()
                 if ahead is None:
@@ -127,12 +127,12 @@ class OverlappedRunner(TrainingRunner):
                     self.save("")
         self.logger.stop_logging_writer()
 
-    def _collect(self, thread: ThreadPoolExecutor, iteration: int) -> Future[list[Step]]:
+    def _collect(self, thread: ThreadPoolExecutor, iteration: int) -> Future[list[CollectedStep]]:
         """Begin to collect the steps of an iteration by the present policy."""
         self._collector.copy_networks(self.alg)
         return thread.submit(self._collector.collect, iteration)
 
-    def _learn_from(self, steps: list[Step]) -> dict[str, float]:
+    def _learn_from(self, steps: list[CollectedStep]) -> dict[str, float]:
         for step in steps:
             self.logger.process_env_step(step.rewards, step.dones, step.extras)
         weigh_by_newest(self.alg)

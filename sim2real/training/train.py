@@ -15,7 +15,7 @@ import torch
 
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.scenes.scene import FLAT_SCENE
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.encoding import to_json
@@ -71,7 +71,7 @@ def build_options(recipe: Recipe, threads: int, device: str = "cpu") -> EnvOptio
         physics_step=recipe.physics_step,
         assistive_force=recipe.lift,
         threads=threads,
-        physics=Physics(recipe.physics, device if device.startswith("cuda") else ""),
+        physics=PhysicsEngine(recipe.physics, device if device.startswith("cuda") else ""),
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from humanoid_getup.scenes.start_region import ANYWHERE, StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture
@@ -36,7 +36,7 @@ class Drops:
     """Drops batches of robots of one world with torque off."""
 
     def __init__(
-        self, world: World, count: int, *, threads: int = 0, physics: Physics = MUJOCO
+        self, world: World, count: int, *, threads: int = 0, physics: PhysicsEngine = MUJOCO
     ) -> None:
         """Prepare for batches of a size; 0 threads are one per processor."""
         self.world, self.count = world, count

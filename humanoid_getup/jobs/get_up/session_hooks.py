@@ -58,7 +58,9 @@ class SessionHooks:
         self._monitor, self._operator = monitor, operator
 
     def begin(self, world: World, limit: TorqueLimit, options: SessionOptions) -> Session:
-        """Begin a session with the robot of the backend, in a world."""
+        """Begin a session with the robot of the backend, in a world; show what its driver found."""
+        for warning in self._choice.warnings:
+            self._monitor.tell(warning)
         limits = GuardLimits.of(world.robot, limit.value)
         guard = CancellableGuard(self._choice.backend, limits, self._monitor.check)
         return Session.on(guard, world, limit, self.join(options))

@@ -13,7 +13,7 @@ from humanoid_getup.experiments.judging.standing import StanceMeter, is_upright
 from humanoid_getup.policy.action import between
 from humanoid_getup.policy.observation import Sensed
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps
 from humanoid_getup.style.extraction import compute_features
@@ -40,7 +40,7 @@ class TrainingSim(VecSim):
         pwm_limit: float = 1.0,
         threads: int = 0,
         noise: ObservationNoise | None = None,
-        physics: Physics = MUJOCO,
+        physics: PhysicsEngine = MUJOCO,
     ) -> None:
         """Build N robots with nominal parameters, as :class:`VecSim` does.
 

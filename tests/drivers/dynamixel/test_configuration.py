@@ -8,7 +8,6 @@ from drivers.dynamixel.configuration import ServoSetup, list_eeprom_settings
 from drivers.dynamixel.diagnostics import DIAGNOSED, ServoFacts, read_items
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Robot
 from robots.servo import LimitMode
@@ -132,11 +131,3 @@ def test_an_error_of_the_servo_is_named_by_its_number(bench: Bench):
     bench.servo.write(64, b"\x01")  # torque is on again: the EEPROM is locked
     assert not setup.run(bench.bus)
     assert setup.failed == "return_delay_time = 0 is not confirmed (error 7)"
-
-
-def test_a_position_beyond_one_turn_is_brought_back_before_the_mode_that_keeps_turns(bench: Bench):
-    bench.servo.poke("operating_mode", 4)
-    bench.servo.sense(Measured(ticks=3.0 * 4096.0 + 100.0))
-    assert bench.servo.peek("present_position") == 3 * 4096 + 100
-    assert bench.setup("current").run(bench.bus)
-    assert bench.servo.peek("present_position") == 100

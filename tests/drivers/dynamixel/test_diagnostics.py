@@ -17,6 +17,7 @@ from drivers.dynamixel.diagnostics import (
     diagnose,
     find_duplicate_ids,
 )
+from drivers.dynamixel.joint_places import locate
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.sensors import Measured
@@ -39,7 +40,7 @@ def rig(tiny):
 
 def look(rig: Rig):
     bus = DynamixelBus(rig.port, sleeps=False)
-    return diagnose(bus, rig.robot, rig.robot.joints)
+    return locate(rig.robot, diagnose(bus, rig.robot.joints))
 
 
 def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):

@@ -13,7 +13,7 @@ from drivers.errors import SetupError
 from drivers.virtual_bus.devices.sensors import Measured
 from robots import Robot
 from robots.description.servo_catalog import servo_models
-from robots.servo import TICKS_PER_TURN
+from robots.servo import TICKS_PER_TURN, LimitMode
 
 TORQUE_PER_AMPERE = 4.1 / 2.3
 
@@ -50,15 +50,19 @@ def test_goal_current_limits_the_torque_of_a_blocked_servo(tiny: Robot):
     assert torque == pytest.approx(208 * 0.00269 * TORQUE_PER_AMPERE, abs=0.005)
 
 
-def test_a_joint_that_was_turned_around_is_brought_back_into_one_turn(tiny: Robot):
-    """Torque would otherwise start a turn away from where the joint is."""
-    with Rig(tiny, limit_by="current") as rig:
+@pytest.mark.parametrize("by", ["current", "pwm"])
+def test_torque_begins_where_a_joint_is_that_was_turned_around(tiny: Robot, by: LimitMode):
+    """The servo counts the turn, and a goal without it would be a turn away."""
+    with Rig(tiny, limit_by=by) as rig:
         rig.backend.close()
-        ticks = rig.peek("present_position")[0] + TICKS_PER_TURN
-        rig.servo("l_hip").sense(Measured(ticks=ticks))
+        before = rig.peek("present_position")[0]
+        rig.servo("l_hip").sense(Measured(ticks=before + TICKS_PER_TURN))
         rig.backend.connect()
-        assert 0 <= rig.peek("present_position")[0] < TICKS_PER_TURN
-        assert np.abs(rig.backend.read().joint_pos).max() < np.pi
+        angles = rig.backend.read().joint_pos
+        assert angles[0] == pytest.approx(tiny.joints[0].servo.to_rad(before), abs=0.002)
+        rig.backend.write(Command.position(tiny, angles))
+        assert rig.peek("goal_position")[0] == pytest.approx(before + TICKS_PER_TURN, abs=1)
+        assert rig.peek("torque_enable") == [1, 1]
 
 
 def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):

@@ -12,6 +12,7 @@ from humanoid_getup.benchmarks.disturbed import (
     FEEDBACK,
     OPEN_LOOP,
     DisturbedRise,
+    DisturbedWays,
     WeakTwin,
     bench_disturbed,
     select,
@@ -137,7 +138,8 @@ def test_plans_meet_the_same_falls_in_every_world(world: World):
     seen = []
     cases = select(world.robot, ["slope +5 deg"])
     planner = PlannedRise(world, options=PlannerOptions(planning=False, filtering=False))
-    result = bench_disturbed(planner, {}, seed=4, each=1, cases=[*cases], report=seen.append)
+    ways = DisturbedWays(planner=planner, policies={})
+    result = bench_disturbed(ways, seed=4, each=1, cases=cases, report=seen.append)
     assert result.n == 3
     assert len(seen) == 3 * len(cases) * 2
     for case in cases:

@@ -56,7 +56,7 @@ def whole(op3, world):
         caps=make_caps(op3, "pwm", (1.0, 0.61)),
         planner=None,
         policies={},
-        disturbances={},
+        disturbances=(),
         seed=4,
         each=1,
     )

@@ -55,3 +55,11 @@ def test_behind_a_bus_in_real_time_the_clock_of_the_wall_counts():
             before = backend.read().time
             time.sleep(STALL)
             assert backend.read().time >= before + STALL
+
+
+def test_what_the_driver_finds_that_forbids_no_motion_is_kept():
+    with serving(TINY) as served:
+        served.poke("l_hip", "homing_offset", 5)
+        with open_served(served) as choice:
+            (warning,) = choice.warnings
+    assert warning.startswith("joint 'l_hip' (id 1): homing offset is 5 ticks")

@@ -13,8 +13,8 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.jobs import search_motions
 from humanoid_getup.jobs.discover_motions import discover, discover_all
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.pieces.searches import SearchPiece, search_piece
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.spread_searches import SearchPiece, search_piece
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions

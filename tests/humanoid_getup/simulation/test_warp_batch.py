@@ -8,7 +8,7 @@ pytest.importorskip("mujoco_warp", reason="needs the `warp` extra: make test-war
 
 from humanoid_getup.simulation import warp_batch
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.warp_batch import Room, WarpBatch, WarpError
 from humanoid_getup.simulation.world import World
@@ -16,7 +16,7 @@ from robots import Robot
 from robots.kinematics import place
 
 pytestmark = pytest.mark.warp
-WARP = Physics("warp", "cpu")
+WARP = PhysicsEngine("warp", "cpu")
 STEPS = 100  # 0.2 s
 DIFFERENCES = {
     "mass": 1.3,
@@ -28,7 +28,9 @@ DIFFERENCES = {
 }
 
 
-def fall_back(robot: Robot, physics: Physics, world: World, parameters: DomainParameters) -> VecSim:
+def fall_back(
+    robot: Robot, physics: PhysicsEngine, world: World, parameters: DomainParameters
+) -> VecSim:
     """Bow deeply where the servos are strong enough; it ends on the knees or the face."""
     sim = VecSim(world, parameters.n, threads=1, physics=physics)
     sim.set_parameters(sim.everyone, parameters)

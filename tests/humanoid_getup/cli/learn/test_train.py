@@ -20,7 +20,7 @@ from run_getup import Run
 from humanoid_getup.jobs.requests.learning import TrainRequest
 from humanoid_getup.jobs.trained_policy import format_time
 from humanoid_getup.progress.callback import Progress
-from humanoid_getup.simulation.physics import PhysicsName
+from humanoid_getup.simulation.physics_engine import PhysicsName
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train

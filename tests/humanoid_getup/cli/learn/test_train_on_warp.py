@@ -13,7 +13,7 @@ pytest.importorskip("rsl_rl")
 
 from run_getup import Run
 
-from humanoid_getup.simulation.physics import PhysicsName
+from humanoid_getup.simulation.physics_engine import PhysicsName
 from sim2real.training.config import RECIPE, RECIPES, TrainingFolderError, check_recipe
 
 pytestmark = [pytest.mark.train, pytest.mark.warp]

@@ -14,11 +14,13 @@ from humanoid_getup.execution.after_stand import AfterStand, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
+from humanoid_getup.jobs.get_up.operator import NoOperator
 from humanoid_getup.jobs.get_up.recording import recording
 from humanoid_getup.jobs.get_up.session_hooks import SessionHooks
 from humanoid_getup.jobs.requests.rise import SitRequest
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
-from robots import Robot
+from humanoid_getup.simulation.world import World
+from robots import FULL_TORQUE, Robot
 
 
 class Patience:
@@ -65,3 +67,14 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
     assert held.run.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
     assert shown == [Progress(phase=Phase.HOLDING.value)]
     assert [event.kind for event in FlightRecord.load(path, op3).events] == ["holding"]
+
+
+def test_what_the_driver_found_is_shown_before_torque_comes_on(world: World, tmp_path: Path):
+    """Such as a joint that may be a whole turn from where it is taken to be."""
+    warning, shown = "joint 'l_el' (id 6): may be at -3.14 rad", list[Progress]()
+    choice = BackendChoice(backend=Twin(world), realtime=False, warnings=(warning,))
+    monitor, key = ProgressMonitor(shown.append), NoOperator()
+    with recording(FlightLog(tmp_path / "flight.mcap", world.robot), monitor.tell) as recorder:
+        hooks = SessionHooks(SitRequest(), choice, recorder, monitor, key)
+        hooks.begin(world, FULL_TORQUE, SessionOptions())
+    assert [progress.message for progress in shown] == [warning]

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("mujoco_warp", reason="needs the `warp` extra: make test-warp")
 
-from humanoid_getup.simulation.physics import MUJOCO, Physics
+from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
@@ -14,11 +14,11 @@ from sim2real.environment.physics.training_simulation import TrainingSim
 
 pytestmark = pytest.mark.warp
 CYCLES, N = 6, 4
-WARP = Physics("warp", "cpu")
+WARP = PhysicsEngine("warp", "cpu")
 SENSED = ("gravity", "gyro", "joint_pos", "joint_vel")
 
 
-def make_sim(op3: Robot, world: World, physics: Physics) -> TrainingSim:
+def make_sim(op3: Robot, world: World, physics: PhysicsEngine) -> TrainingSim:
     """Robots that differ in all parameters, delays included, and fall freely."""
     sim = TrainingSim(world, N, cycles=CYCLES, threads=1, physics=physics)
     sim.set_parameters(sim.everyone, ALL.draw(world, N, np.random.default_rng(0)))

@@ -15,9 +15,9 @@ from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.reports import report
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import MotionSearch, NearestStand
-from humanoid_getup.jobs.spreading import make_worker_request, spread, starting
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.search_file import read_simulated

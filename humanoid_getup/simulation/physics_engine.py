@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Literal
 
 import mujoco
@@ -12,7 +13,7 @@ PhysicsName = Literal["mujoco", "warp"]
 
 
 @dataclass(frozen=True)
-class Physics:
+class PhysicsEngine:
     """The engine that steps physics, and its device."""
 
     name: PhysicsName = "mujoco"
@@ -29,7 +30,7 @@ class Physics:
             import warp
 
             warp.config.log_level = warp.LOG_ERROR  # standard output belongs to results
-            import mujoco_warp  # noqa: F401
+            import_module("mujoco_warp")
 
     def make_batch(self, model: mujoco.MjModel, n: int, threads: int = 0) -> Batch:
         """Build a batch of ``n`` worlds.
@@ -46,4 +47,4 @@ class Physics:
         return WarpBatch(model, n, threads, device=self.device)
 
 
-MUJOCO = Physics()
+MUJOCO = PhysicsEngine()

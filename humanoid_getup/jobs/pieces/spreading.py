@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
 from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.engines.workers import Workers
-from humanoid_getup.jobs.errors import needing
+from humanoid_getup.jobs.errors import needing, refusing
+from humanoid_getup.jobs.requests.bench import EngineBench
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -25,6 +28,7 @@ HERE = {"engine": "local", "address": ""}
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 Request = TypeVar("Request", bound=RobotOption)
+BenchRequest = TypeVar("BenchRequest", bound=EngineBench)
 
 
 @contextmanager
@@ -54,6 +58,36 @@ def spread(
     if workers.count:
         work = CheckedWork(work, robot, Versions.find(robot))
     run_pieces(work, pieces, workers, ended, monitor)
+
+
+def run_on_engine(
+    kind: type[BenchRequest],
+    request: BenchRequest,
+    monitor: ProgressMonitor,
+    here: Callable[[Piece], Result],
+    away: Callable[[BenchRequest, Piece], Result],
+    **changes: object,
+) -> RunPieces[Piece, Result]:
+    """Do the pieces of a benchmark on the engine of its request.
+
+    Args:
+        kind: Class of the request in `jobs.requests.bench`.
+        request: The request.
+        monitor: Shows progress, and cancels.
+        here: Does a piece in this process.
+        away: Does the same in a worker, from the request and the piece alone.
+        changes: Fields of the request as workers get them.
+    """
+    shared = make_worker_request(kind, request, **changes)
+
+    def run(pieces: Mapping[str, Piece], end: Callable[[str, Result], None]) -> None:
+        with refusing(), starting(request, len(pieces)) as workers:
+            if workers.count:
+                spread(partial(away, shared), pieces, workers, end, monitor, shared.robot)
+            else:
+                one_by_one(here)(pieces, end)
+
+    return run
 
 
 def make_worker_request(kind: type[Request], request: Request, **changes: Any) -> Request:

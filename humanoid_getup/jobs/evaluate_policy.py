@@ -89,7 +89,7 @@ def evaluate(
     robot = worlds[0].robot
     limit = make_torque_limit(request, robot)
     policy = load_policy(robot, request.policy, limit.value)
-    _check_physics(request, policy)
+    _check_variant(request, policy)
     styles = _load_styles(request, policy)
     _check_height_map(request, policy)
     perturbation = _make_perturbation(request, limit.value)
@@ -155,7 +155,7 @@ def _make_perturbation(request: EvaluateRequest, torque_limit: float | None) -> 
         imu_tilt=math.radians(request.imu_tilt),
         gyro_bias=math.radians(request.gyro_bias),
         noise=request.noise,
-        physics=request.physics,
+        physics=request.variant,
     )
 
 
@@ -250,7 +250,7 @@ def _plan_curves(
     return found
 
 
-def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
+def _check_variant(request: EvaluateRequest, policy: OnnxPolicy) -> None:
     """Refuse a part of the gains, and limits of servos that have no motor model."""
     if policy.action.gain_share:
         raise BadInputError(
@@ -258,9 +258,9 @@ def _check_physics(request: EvaluateRequest, policy: OnnxPolicy) -> None:
             "it: `getup run` plays it"
         )
     has_limits = request.torque_limit or request.voltage or request.weak_servo < 1.0
-    if request.physics == "menagerie servos" and (has_limits or policy.action.pwm_limit < 1.0):
+    if request.variant == "menagerie servos" and (has_limits or policy.action.pwm_limit < 1.0):
         raise BadInputError(
-            f"--physics is '{request.physics}', expected without torque limit, voltage, weak "
+            f"--variant is '{request.variant}', expected without torque limit, voltage, weak "
             "servo and a policy's own limit of the supply: its servos are not motors"
         )
 

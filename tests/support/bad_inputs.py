@@ -328,10 +328,10 @@ GROUPS: dict[str, list[Case]] = {
         case("eval robust --push 11", "--push is 11 m/s, expected 0 to 10 m/s"),
         case("eval robust --imu-tilt 91", "--imu-tilt is 91 deg, expected 0 to 90 deg"),
         case("eval robust --gyro-bias inf", "--gyro-bias is inf deg/s"),
-        case("eval robust --physics jelly", "--physics is 'jelly', expected 1 ms steps"),
+        case("eval robust --variant jelly", "--variant is 'jelly', expected 1 ms steps"),
         case(
-            "eval robust --n 4 --physics 'menagerie servos' --torque-limit 2",
-            "--physics is 'menagerie servos', expected without torque limit",
+            "eval robust --n 4 --variant 'menagerie servos' --torque-limit 2",
+            "--variant is 'menagerie servos', expected without torque limit",
         ),
         case("eval robust --n 4 --falls empty.npz", "empty.npz"),
         case("eval robust --n 4 --falls text.npz", "text.npz"),

@@ -125,7 +125,7 @@ class EvaluateRequest(TorqueOptions, SceneOptions):
     """Bias of the gyro about a random axis [deg/s]."""
     noise: bool = False
     """Add the sensor noise of training."""
-    physics: (
+    variant: (
         Literal[
             "1 ms steps",
             "elliptic cones",

@@ -68,7 +68,7 @@ def test_too_few_falls_are_reported(policy: str, falls: str, capsys: pytest.Capt
 
 
 def test_servos_that_are_no_motors_take_no_limits(falls: str, capsys: pytest.CaptureFixture[str]):
-    servos = ("--n", "4", "--falls", falls, "--physics", "menagerie servos")
+    servos = ("--n", "4", "--falls", falls, "--variant", "menagerie servos")
     assert main(("eval", "gentle", *servos)) == 2  # the policy asks for a part of the supply
     assert "a policy's own limit of the supply" in capsys.readouterr().err
 
@@ -84,7 +84,7 @@ def test_a_damaged_set_of_falls_is_refused_in_one_line(
 
 
 def test_the_model_variants_are_the_choices_of_the_option():
-    literal, _ = get_args(get_type_hints(EvaluateRequest)["physics"])
+    literal, _ = get_args(get_type_hints(EvaluateRequest)["variant"])
     assert get_args(literal) == tuple(MODEL_VARIANTS)
 
 

@@ -31,6 +31,7 @@ from sim2real.environment.physics.training_world import LONGEST_DELAY, build_tra
 from sim2real.policy_evaluation import (
     DURATION,
     PolicyDriver,
+    PolicyFigures,
     PolicyRollouts,
     roll_out_policy,
 )
@@ -172,7 +173,7 @@ class PolicyTrial:
 
 
 def summarize_rollouts(
-    starts: Sequence[Fall], rollouts: PolicyRollouts, classes: Sequence[str]
+    starts: Sequence[Fall], rollouts: PolicyFigures, classes: Sequence[str]
 ) -> PolicyClasses:
     """Summarize by class and over all: counts, intervals, times [s], load, impact."""
     kinds = np.array([fall.start_class for fall in starts])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,27 +70,40 @@ class PolicyDriver:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PolicyRollouts:
-    """Rollouts of N robots in S policy steps, judged."""
+class PolicyFigures:
+    """Figures of rollouts of N robots."""
 
     outcome: RunFigures
     """(N,)"""
-    qpos: Array
-    """MuJoCo positions at the end of each policy step, (N, S, nq)."""
-    target: Array
-    """Targets of the servos at the end of each policy step [rad], (N, S, n)."""
-    features: Array
-    """Style features at the end of each policy step, (N, S, 3)."""
     style_error: Array
     """Mean error of each feature from the curves that a robot was first given, while they last,
     (N, 3): neck height as a share of standing, angles in rad; NaN without style."""
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
 
-    @staticmethod
-    def join(parts: Sequence[PolicyRollouts]) -> PolicyRollouts:
-        """Join rollouts with equal numbers of steps, along the robots."""
+    @classmethod
+    def join(cls, parts: Sequence[Self]) -> Self:
+        """Join rollouts along the robots; what has steps has equally many."""
         return _join(parts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PolicyRollouts(PolicyFigures):
+    """Rollouts of N robots in S policy steps, judged."""
+
+    qpos: Array
+    """MuJoCo positions at the end of each policy step, (N, S, nq)."""
+    target: Array
+    """Targets of the servos at the end of each policy step [rad], (N, S, n)."""
+    features: Array
+    """Style features at the end of each policy step, (N, S, 3)."""
+
+    @property
+    def figures(self) -> PolicyFigures:
+        """Return the figures alone, which are smaller by far."""
+        return PolicyFigures(
+            outcome=self.outcome, style_error=self.style_error, restarts=self.restarts
+        )
 
 
 def _join(parts: Sequence[Any]) -> Any:

@@ -13,7 +13,7 @@ from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.benchmarks.rise import Report, rise_from
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
-from humanoid_getup.scenes.named_scenes import load_grounds, load_scene
+from humanoid_getup.scenes.named_scenes import load_scene, seed_grounds
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from robots import Robot, TorqueLimit
@@ -69,10 +69,10 @@ def sample_scene_falls(robot: Robot, name: str, n: int, seed: int) -> Iterator[S
     """
     scene = load_scene(name, robot, seed)
     classes = list(dict.fromkeys(str(s.start_class) for s in scene.starts)) or list(CLASSES)
-    grounds = load_grounds(name, robot, -(-n // len(classes)), seed)
-    for ground, (own, _) in enumerate(grounds):
+    grounds = seed_grounds(name, -(-n // len(classes)), seed)
+    for ground, own in enumerate(grounds):
         count = n // len(grounds) + (ground < n % len(grounds))
-        world = World(robot, own)
+        world = World(robot, load_scene(name, robot, own))
         each, rest = divmod(count, len(classes))
         counts = {name: each + (k < rest) for k, name in enumerate(classes)}
         falls = sample_falls(world, counts, np.random.default_rng([seed, ground]))
@@ -127,8 +127,8 @@ class SceneRises:
         place = (piece.scene, piece.ground, piece.seed)
         if place == self._place:
             return
-        grounds = load_grounds(piece.scene, self._robot, piece.grounds, piece.seed)
-        world = World(self._robot, grounds[piece.ground][0])
+        own = seed_grounds(piece.scene, piece.grounds, piece.seed)[piece.ground]
+        world = World(self._robot, load_scene(piece.scene, self._robot, own))
         self._strategies = [(one, one.make(world, self._limit)) for one in self._methods]
         self._place = place
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
+from functools import partial
+from multiprocessing import current_process
 from shutil import which
 from typing import Any, TypeVar
 
@@ -79,6 +81,12 @@ def _count_workers(client: Any) -> Workers:
     return Workers(executor=DaskExecutor(client), count=len(client.nthreads()))
 
 
+def _work_as_parent(work: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
+    """Do a piece in a worker, which Dask starts as a daemon: those may start no processes."""
+    current_process().daemon = False
+    return work(*arguments, **options)
+
+
 class DaskExecutor(Executor):
     """Submits each piece as a task of Dask, which tries it again if its worker is lost."""
 
@@ -95,7 +103,8 @@ class DaskExecutor(Executor):
         self, work: Callable[..., Result], /, *arguments: Any, **options: Any
     ) -> Future[Result]:
         """Submit a piece."""
-        return forward(self._inner.submit(work, *arguments, **options), self._translate)
+        piece = partial(_work_as_parent, work)
+        return forward(self._inner.submit(piece, *arguments, **options), self._translate)
 
     def _translate(self, error: BaseException) -> BaseException:
         if isinstance(error, self._lost):

@@ -55,12 +55,12 @@ class Engine:
             )
         return cls(kind=kind, workers=workers, address=address)
 
-    def choose_workers(self, pieces: int) -> int:
+    def choose_workers(self, pieces: int, worth: int = WORTH_A_PROCESS) -> int:
         """Choose how many processes of this machine run a number of pieces.
 
-        Without a requested number, it is that of the processors, and at most one for each eight
-        pieces: a single one is this process.
+        Without a requested number, it is that of the processors, and at most one for as many
+        pieces as repay its start: a single one is this process.
         """
         if self.workers is not None:
             return min(self.workers, max(pieces, 1))
-        return max(1, min(len(os.sched_getaffinity(0)), pieces // WORTH_A_PROCESS))
+        return max(1, min(len(os.sched_getaffinity(0)), pieces // worth))

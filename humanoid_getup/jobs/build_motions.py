@@ -1,4 +1,4 @@
-"""Builds motions from keyframes into a robot's folder, in parallel processes."""
+"""Builds motions from keyframes into a robot's folder, each as a piece of an engine."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from functools import partial
 from pathlib import Path
 
 from humanoid_getup.engines.reports import report
-from humanoid_getup.engines.run_pieces import run_pieces, start_processes
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_problems
+from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,
@@ -30,7 +31,13 @@ from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyf
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
-from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.callback import (
+    Cancel,
+    CancelledError,
+    Progress,
+    ProgressMonitor,
+    Report,
+)
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot
@@ -48,6 +55,15 @@ class BuiltMotions:
     built: tuple[str, ...]
     failures: tuple[str, ...]
     """Reasons why others failed, each with the place of the best try."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildPiece:
+    """The build of one motion, whose log is written into the robot's folder."""
+
+    keyframes: Keyframes
+    folder: SharedFolder
+    """The build ends when it is released."""
 
 
 def build_motions(
@@ -88,23 +104,28 @@ def check_folders(robot: Robot) -> None:
 def build_all(
     robot: Robot, chosen: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> BuiltMotions:
-    """Build motions in processes, and store each when it is ready."""
+    """Build motions on the engine of a request, and store each when it is ready."""
     done = _count_done(robot, chosen, request, monitor)
-    rounds = math.ceil(len(chosen) / request.jobs)
-    work = rounds * count_work(request.generations, min(done.values()))
-    watch = _Watch(monitor, request.generations, work=work, done=done)
     failures: dict[str, str] = {}
 
     def end(name: str, build: Build | str) -> None:
         if failure := _try_keep(name, build, robot, keep_keys=request.keep_keys):
             failures[name] = failure
 
+    shared = make_worker_request(BuildRequest, request, robot=str(robot.folder))
     try:
-        with refusing(), start_processes(min(request.jobs, len(chosen))) as workers:
-            pieces = {each.name: each for each in chosen}
-            run_pieces(
-                partial(build_piece, robot, request), pieces, workers, end, monitor, watch.show
-            )
+        with (
+            refusing(),
+            starting(request, len(chosen), worth=1) as workers,
+            sharing(robot, request) as folder,
+        ):
+            pieces = {each.name: BuildPiece(keyframes=each, folder=folder) for each in chosen}
+            rounds = math.ceil(len(chosen) / max(workers.count, 1))
+            work = rounds * count_work(request.generations, min(done.values()))
+            watch = _Watch(monitor, request.generations, work=work, done=done)
+            # Builds write into the folder of their robot: it is no version.
+            build = partial(build_piece, shared)
+            spread(build, pieces, workers, end, monitor, robot="", receive=watch.show)
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
             (robot.folder / UNFINISHED).rmdir()
@@ -207,10 +228,19 @@ class _Watch:
         self._estimate = f"; all take about {math.ceil((now - before) * self._work / 60.0)} min"
 
 
-def build_piece(robot: Robot, request: BuildRequest, keyframes: Keyframes) -> Build | str:
-    """Build a motion, in a worker; return the reason if that fails."""
+def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:
+    """Build a motion, in a worker; return the reason if that fails.
+
+    Raises:
+        BadInputError: if the worker does not share the robot's folder.
+        CancelledError: if the folder is released meanwhile.
+    """
+    piece.folder.check()
+    robot, keyframes = load_robot(request), piece.keyframes
 
     def tell(generation: int, cost: float, stood: float) -> None:
+        if piece.folder.is_released():
+            raise CancelledError("cancelled")
         report(
             Progress(
                 phase=keyframes.name,

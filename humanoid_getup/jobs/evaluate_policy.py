@@ -3,41 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 from msgspec import UNSET, UnsetType
 
-from humanoid_getup.experiments.judging.summary import PolicyClasses, PolicySummary
+from humanoid_getup.experiments.judging.summary import PolicySummary
 from humanoid_getup.experiments.starts.falls import CLASSES, FallSet, FallSetError, sample_fall_set
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import load_world, make_torque_limit
-from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.jobs.pieces.policy_rollouts import (
+    NEAREST,
+    EvaluatedPolicy,
+    Ground,
+    Rollouts,
+    cut_falls,
+    load_followed,
+)
+from humanoid_getup.jobs.pieces.spreading import starting
+from humanoid_getup.jobs.policies import name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
-from humanoid_getup.scenes.named_scenes import load_grounds
+from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan
-from humanoid_getup.strategies.planned_rise import PlannedRise
-from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
-from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.extraction import ExtractionError
-from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_file import load_any_style, load_style
-from robots import Robot
+from humanoid_getup.strategies.styled_rise import PLANNED
 
-if TYPE_CHECKING:  # torch is slow to import
-    from sim2real.perturbations import Perturbation
-
-NEAREST = "nearest"
-"""Style without a choice: the nearest of all named ones."""
-Grounds = list[tuple[World, FallSet]]
+Grounds = list[tuple[Ground, FallSet]]
 """Each with the falls on it."""
 
 
@@ -80,45 +73,76 @@ def evaluate(
     Raises:
         BadInputError: if the policy, a scene, a style or falls cannot be used.
         CancelledError: if ``cancel`` ended it.
+        EngineError: if the engine does not answer, or loses workers.
     """
     EvaluateRequest.accept(request)
     request, monitor = name_robot(request, request.policy), ProgressMonitor(report, cancel)
     names = _find_scenes(request)
     monitor.begin("loading")
-    worlds = [load_world(replace(request, scene=name)) for name in names]
-    robot = worlds[0].robot
-    limit = make_torque_limit(request, robot)
-    policy = load_policy(robot, request.policy, limit.value)
-    _check_variant(request, policy)
-    styles = _load_styles(request, policy)
-    _check_height_map(request, policy)
-    perturbation = _make_perturbation(request, limit.value)
+    worlds = {name: load_world(replace(request, scene=name)) for name in names}
+    evaluated = EvaluatedPolicy(request)
+    _check_variant(request, evaluated.policy)
+    styles = _find_styles(request, evaluated.policy)
+    _check_height_map(request, evaluated.policy)
     cases: dict[str, EvaluatedCase] = {}
-    for first in worlds:
-        grounds = _list_grounds(request, first, monitor)
-        for name, given in styles.items():
-            label = ", ".join([first.scene.name, *([name] if name else [])])
-            choices, planned = _choose_curves(grounds, name, given, request.seed, monitor)
-            found = _roll_out(request, policy, perturbation, grounds, choices, label, monitor)
-            cases[label] = EvaluatedCase(
-                scene=first.scene.name,
-                style=name,
-                falls_seed=grounds[0][1].seed,
-                grounds=len(grounds),
-                planned=planned,
-                classes=found.classes,
-                all=found.all,
-            )
+    with refusing(), starting(request, _count_pieces(request, names, styles)) as workers:
+        rollouts = Rollouts(evaluated=evaluated, workers=workers, monitor=monitor)
+        for name, world in worlds.items():
+            grounds = _list_grounds(request, name, world, rollouts)
+            for style in styles:
+                label = ", ".join([world.scene.name, *([style] if style else [])])
+                cases[label] = _evaluate_case(request, grounds, style, label, rollouts)
     return Evaluation(
-        policy=find_policy(robot, request.policy).stem,
+        policy=find_policy(evaluated.robot, request.policy).stem,
         seed=request.seed,
         n=request.n,
-        robot=robot.name,
-        limit_by=limit.by,
-        trial=perturbation.label,
+        robot=evaluated.robot.name,
+        limit_by=evaluated.limit.by,
+        trial=evaluated.perturbation.label,
         height_map=request.height_map,
         cases=cases,
     )
+
+
+def _evaluate_case(
+    request: EvaluateRequest, grounds: Grounds, style: str | None, label: str, rollouts: Rollouts
+) -> EvaluatedCase:
+    """Let the policy get up from all falls in a scene, in a style."""
+    from sim2real.perturbations import CHUNK, summarize_rollouts
+    from sim2real.policy_evaluation import PolicyFigures
+
+    cut = [
+        piece for ground, falls in grounds for piece in cut_falls(ground, falls, style, most=CHUNK)
+    ]
+    pieces = [
+        replace(piece, seed=request.seed * len(cut) + number) for number, piece in enumerate(cut)
+    ]
+    found = rollouts.roll_out(pieces, f"rises ({label})")
+    falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
+    figures = summarize_rollouts(
+        falls, PolicyFigures.join([each.figures for each in found]), CLASSES
+    )
+    planned = sum(each.planned for each in found)
+    return EvaluatedCase(
+        scene=grounds[0][1].scene,
+        style=style,
+        falls_seed=grounds[0][1].seed,
+        grounds=len(grounds),
+        planned=planned if style == PLANNED else UNSET,
+        classes=figures.classes,
+        all=figures.all,
+    )
+
+
+def _count_pieces(
+    request: EvaluateRequest, names: Sequence[str], styles: Sequence[str | None]
+) -> int:
+    """Count the pieces of all rollouts."""
+    from sim2real.perturbations import CHUNK
+
+    each = request.n // len(CLASSES)
+    random = [is_random(name) and request.falls is None for name in names]
+    return len(styles) * sum(each if its else math.ceil(request.n / CHUNK) for its in random)
 
 
 def _find_scenes(request: EvaluateRequest) -> list[str]:
@@ -138,116 +162,22 @@ def _check_height_map(request: EvaluateRequest, policy: OnnxPolicy) -> None:
         )
 
 
-def _make_perturbation(request: EvaluateRequest, torque_limit: float | None) -> Perturbation:
-    """Make the perturbation of a request."""
-    from sim2real.perturbations import Perturbation
-
-    return Perturbation(
-        torque_limit=torque_limit,
-        limit_by=request.limit_by,
-        delay=request.delay / 1000.0,
-        voltage=request.voltage,
-        friction=request.friction,
-        mass=request.mass,
-        backlash=math.radians(request.backlash),
-        weak_servo=request.weak_servo,
-        push=request.push,
-        imu_tilt=math.radians(request.imu_tilt),
-        gyro_bias=math.radians(request.gyro_bias),
-        noise=request.noise,
-        physics=request.variant,
-    )
-
-
-def _roll_out(
-    request: EvaluateRequest,
-    policy: OnnxPolicy,
-    perturbation: Perturbation,
-    grounds: Grounds,
-    choices: list[StyleChoice | None],
-    label: str,
-    monitor: ProgressMonitor,
-) -> PolicyClasses:
-    """Let the policy get up from all falls; return the figures."""
-    from sim2real.perturbations import PolicyTrial, summarize_rollouts
-    from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
-
-    falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
-    rollouts: list[PolicyRollouts] = []
-    count = monitor.count(f"rises ({label})", len(falls))
-    for number, (world, fall_set) in enumerate(grounds):
-        driver = PolicyDriver.of(policy, choices[number], sees_ground=request.height_map)
-        trial = PolicyTrial(
-            robot=world.robot,
-            policy=driver,
-            perturbation=perturbation,
-            seed=request.seed * len(grounds) + number,
-            scene=world.scene,
-        )
-        rollouts.append(trial.run([fall.posture for fall in fall_set.falls], count))
-    return summarize_rollouts(falls, PolicyRollouts.join(rollouts), CLASSES)
-
-
-def _load_styles(request: EvaluateRequest, policy: OnnxPolicy) -> dict[str | None, Style | None]:
-    """Load the styles to follow by name; one without a name for a policy without style curves.
-
-    That of plans is ``None``: each fall has its own.
-    """
+def _find_styles(request: EvaluateRequest, policy: OnnxPolicy) -> list[str | None]:
+    """Find the styles to follow; None for a policy without style curves."""
     if policy.contract.style is None:
         if request.style is not None:
             raise BadInputError(
                 f"--style is {request.style}, expected none: policy '{request.policy}' follows no "
                 "style curves"
             )
-        return {None: None}
+        return [None]
     names = (NEAREST if request.style is None else request.style).split(",")
     if len(set(names)) < len(names):
         raise BadInputError(f"--style is {request.style}, expected each style once")
     with refusing():
-        return {name: _load_style(name, policy.robot) for name in names}
-
-
-def _load_style(name: str, robot: Robot) -> Style | None:
-    if name == PLANNED:
-        return None
-    return load_any_style(robot) if name == NEAREST else load_style(name, robot)
-
-
-def _choose_curves(
-    grounds: Grounds, name: str | None, style: Style | None, seed: int, monitor: ProgressMonitor
-) -> tuple[list[StyleChoice | None], int | UnsetType]:
-    """Make the choice of curves for each ground; count rises that follow a plan's curves."""
-    if name is None:
-        return [None] * len(grounds), UNSET
-    if style is None:
-        plans: list[list[StyleCurves | None]] = []
-        count = monitor.count("plans", sum(len(falls.falls) for _, falls in grounds))
-        for world, falls in grounds:
-            plans.append(_plan_curves(world, falls, seed, count))
-        nearest = load_any_style(grounds[0][0].robot)
-
-        def follow_plans(curves: list[StyleCurves | None]) -> StyleChoice:
-            return lambda row, features: curves[row] or nearest.choose(features)
-
-        found = sum(curves is not None for ground in plans for curves in ground)
-        return [follow_plans(curves) for curves in plans], found
-    return [lambda _row, features: style.choose(features)] * len(grounds), UNSET
-
-
-def _plan_curves(
-    world: World, falls: FallSet, seed: int, count: Callable[[float], None]
-) -> list[StyleCurves | None]:
-    """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
-    planner = PlannedRise(world)
-    found: list[StyleCurves | None] = []
-    for number, fall in enumerate(falls.falls):
-        plan = planner.plan(fall.posture, np.random.default_rng([seed, number]))
-        found.append(None)
-        if isinstance(plan, MotionPlan) and plan.motion.rises:
-            with suppress(ExtractionError):
-                found[-1] = read_curves(world, plan.motion)
-        count(1)
-    return found
+        for name in names:
+            load_followed(name, policy.robot)
+    return [*names]
 
 
 def _check_variant(request: EvaluateRequest, policy: OnnxPolicy) -> None:
@@ -265,20 +195,15 @@ def _check_variant(request: EvaluateRequest, policy: OnnxPolicy) -> None:
         )
 
 
-def _list_grounds(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> Grounds:
+def _list_grounds(request: EvaluateRequest, name: str, world: World, rollouts: Rollouts) -> Grounds:
     """List the falls of a scene; on random ground every four have a ground of their own."""
-    name, robot = world.scene.name, world.robot
-    grounds = load_grounds(name, robot, request.n // len(CLASSES), request.seed)
-    if request.falls is not None or len(grounds) == 1:
-        return [(world, _find_falls(request, world, monitor))]
-    found: Grounds = []
-    count = monitor.count(f"falls ({name})", request.n)
-    with refusing():
-        for scene, seed in grounds:
-            own = World(robot, scene)
-            found.append((own, sample_fall_set(own, dict.fromkeys(CLASSES, 1), seed)))
-            count(len(CLASSES))
-    return found
+    if request.falls is not None or not is_random(name):
+        ground = Ground(scene=name, seed=request.seed)
+        return [(ground, _find_falls(request, world, rollouts.monitor))]
+    seeds = seed_grounds(name, request.n // len(CLASSES), request.seed)
+    grounds = [Ground(scene=name, seed=seed) for seed in seeds]
+    falls = rollouts.fall(grounds, f"falls ({world.scene.name})")
+    return list(zip(grounds, falls, strict=True))
 
 
 def _find_falls(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> FallSet:

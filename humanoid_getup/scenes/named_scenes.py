@@ -77,18 +77,17 @@ def load_scene(name: str, robot: Robot, seed: int = 0) -> Scene:
     return read_scene(file, robot, name)
 
 
-def load_grounds(name: str, robot: Robot, count: int, seed: int) -> list[tuple[Scene, int]]:
-    """Load a scene on ``count`` random grounds, or once if its ground is not random.
+def seed_grounds(name: str, count: int, seed: int) -> list[int]:
+    """Return the seeds of ``count`` random grounds of a scene; one if its ground is not random.
 
-    With each comes its own seed: no two seeds have a ground in common.
-
-    Raises:
-        ValueError: if there is no such scene, or its file is wrong.
+    No two seeds have a ground in common.
     """
-    if not name.startswith(f"{ROUGH}:"):
-        return [(load_scene(name, robot), seed)]
-    seeds = range(seed * count, (seed + 1) * count)
-    return [(load_scene(name, robot, own), own) for own in seeds]
+    return [*range(seed * count, (seed + 1) * count)] if is_random(name) else [seed]
+
+
+def is_random(name: str) -> bool:
+    """Return whether the ground of a scene depends on the seed."""
+    return name.startswith(f"{ROUGH}:")
 
 
 def _slope(degrees: str) -> SceneTable:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-import platform
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from uuid import uuid4
 
-from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.reports import report
-from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
 from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import MotionSearch, NearestStand
-from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.search_file import read_simulated
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
@@ -34,9 +29,8 @@ class SearchPiece:
     """Simulated time before the budget begins to count [s]; None for a new search."""
     prefix: str
     """What its reports begin with."""
-    mark: Path | None
-    """File in the folder that a worker on another machine has to see; the search ends when it is
-    removed."""
+    folder: SharedFolder
+    """The search ends when it is released."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +63,6 @@ def spread_searches(
     with ExitStack() as stack:
         stack.enter_context(refusing())
         workers = stack.enter_context(starting(request, len(robots)))
-        is_here = Engine.parse(request.engine, request.address).kind == "local"
         pieces = {
             robot.name: SearchPiece(
                 request=_share(robot, request),
@@ -77,7 +70,7 @@ def spread_searches(
                 if (path := MotionSearch.file(robot)).exists()
                 else None,
                 prefix=f"{robot.name}: " if several else "",
-                mark=None if is_here else stack.enter_context(_marking(robot)),
+                folder=stack.enter_context(sharing(robot, request)),
             )
             for robot in robots
         }
@@ -92,38 +85,20 @@ def _share(robot: Robot, request: DiscoverRequest) -> DiscoverRequest:
     return make_worker_request(DiscoverRequest, request, robot=str(robot.folder), picture=None)
 
 
-@contextmanager
-def _marking(robot: Robot) -> Iterator[Path]:
-    """Mark a robot's folder while it is searched."""
-    mark = robot.folder.resolve() / UNFINISHED / f"searched_{uuid4().hex}"
-    mark.parent.mkdir(exist_ok=True)
-    mark.touch()
-    try:
-        yield mark
-    finally:
-        mark.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # a search is kept there
-            mark.parent.rmdir()
-
-
 def search_piece(threads: int, piece: SearchPiece) -> SearchEnd:
     """Search for motions of a robot, in a worker.
 
     Raises:
         BadInputError: if the worker does not share its folder.
     """
-    mark, request = piece.mark, piece.request
-    if mark is not None and not mark.exists():
-        raise BadInputError(
-            f"{request.robot} of {platform.node()} is not the folder of this machine, expected one "
-            "that all machines share: searches write into it"
-        )
+    request = piece.request
+    piece.folder.check()
 
     def show(progress: Progress) -> None:
         field = "message" if progress.message else "phase"
         report(replace(progress, **{field: f"{piece.prefix}{getattr(progress, field)}"}))
 
-    monitor = ProgressMonitor(show, lambda: mark is not None and not mark.exists())
+    monitor = ProgressMonitor(show, piece.folder.is_released)
     robot = load_robot(request)
     searching = MotionSearch(robot, request, monitor, before=piece.before, threads=threads)
     searching.run()

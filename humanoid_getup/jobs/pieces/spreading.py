@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
-from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.engine import WORTH_A_PROCESS, Engine
 from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
 from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.engines.workers import Workers
@@ -18,7 +18,7 @@ from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.requests.bench import EngineBench
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
-from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.progress.callback import ProgressMonitor, Report
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE
 from robots import list_robots
 
@@ -32,8 +32,15 @@ BenchRequest = TypeVar("BenchRequest", bound=EngineBench)
 
 
 @contextmanager
-def starting(request: EngineOptions, pieces: int) -> Iterator[Workers]:
+def starting(
+    request: EngineOptions, pieces: int, *, worth: int = WORTH_A_PROCESS
+) -> Iterator[Workers]:
     """Start the workers of a request's engine for a number of pieces.
+
+    Args:
+        request: Names the engine.
+        pieces: Their number.
+        worth: How many of them repay the start of a process of this machine.
 
     Raises:
         BadInputError: if a package is missing.
@@ -42,7 +49,7 @@ def starting(request: EngineOptions, pieces: int) -> Iterator[Workers]:
     engine = Engine.parse(request.engine, request.address)
     with ExitStack() as stack:
         with needing(engine.kind):
-            workers = stack.enter_context(start_workers(engine, pieces))
+            workers = stack.enter_context(start_workers(engine, pieces, worth))
         yield workers
 
 
@@ -53,11 +60,15 @@ def spread(
     ended: Ended[Result],
     monitor: ProgressMonitor,
     robot: str,
+    receive: Report | None = None,
 ) -> None:
-    """Do pieces here, or with workers that have the same versions and robot, if there is one."""
+    """Do pieces here, or with workers that have the same versions and robot, if there is one.
+
+    What they report while they are done is shown, or received.
+    """
     if workers.count:
         work = CheckedWork(work, robot, Versions.find(robot))
-    run_pieces(work, pieces, workers, ended, monitor)
+    run_pieces(work, pieces, workers, ended, monitor, receive)
 
 
 def run_on_engine(

@@ -11,7 +11,6 @@ from tyro.conf import Positional, arg
 from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.files import FOLDER, MADE, READ, ROBOT
 from humanoid_getup.jobs.requests.shared import (
-    MOST_JOBS,
     EngineOptions,
     PolicyName,
     RobotOption,
@@ -20,6 +19,8 @@ from humanoid_getup.jobs.requests.shared import (
     TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import Items, at_least, between
+
+MOST_THREADS = 256
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,7 @@ class TrainRequest(RobotOption):
     prior: Annotated[Path | None, arg(metavar="DIR")] = None
     """Folder of a pose prior, see `getup prior`, for a training with style curves."""
     seed: Seed = 0
-    threads: Annotated[int, at_least(0, at_most=MOST_JOBS)] = 0
+    threads: Annotated[int, at_least(0, at_most=MOST_THREADS)] = 0
     """Threads that step physics; 0: all of the machine."""
     device: str = "cpu"
     """Device of the networks: cpu or cuda."""
@@ -86,7 +87,7 @@ class ExportRequest(RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateRequest(TorqueOptions, SceneOptions):
+class EvaluateRequest(EngineOptions, TorqueOptions, SceneOptions):
     """Evaluate a policy on settled falls that no training saw, by class, with intervals."""
 
     policy: Positional[PolicyName]

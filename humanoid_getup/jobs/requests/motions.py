@@ -17,7 +17,6 @@ from humanoid_getup.jobs.requests.shared import (
     Count,
     EngineOptions,
     JobRequest,
-    Jobs,
     MotionName,
     Prefer,
     RobotOption,
@@ -38,7 +37,7 @@ KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildRequest(RobotOption):
+class BuildRequest(EngineOptions, RobotOption):
     """Build rising motions from keyframes into the robot's folder."""
 
     names: Positional[tuple[str, ...]] = ()
@@ -48,8 +47,6 @@ class BuildRequest(RobotOption):
     seed: Annotated[int, between(0, MOST_SEED), arg(help="Random seed.")] = 0
     prefer: Prefer | None = None
     """What a motion should be besides successful; default: as in its keyframes."""
-    jobs: Jobs = 2
-    """Motions that are built in parallel."""
     resume: bool = False
     """Continue searches that were interrupted, or that need more generations: see the folder
     unfinished of the robot."""

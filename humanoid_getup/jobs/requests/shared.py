@@ -23,13 +23,11 @@ from humanoid_getup.jobs.requests.values import (
 
 A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly
-MOST_JOBS = 256
 CacheFolder = Annotated[
     Path | None,
     arg(metavar="DIR", help="Folder of the plan cache; default: in the user's cache folder."),
 ]
 Count = Annotated[int, at_least(1)]
-Jobs = Annotated[int, at_least(1, at_most=MOST_JOBS)]
 Keys = Annotated[
     tuple[str, ...],
     READ,

@@ -323,7 +323,7 @@ def test_a_motion_is_built_into_a_users_own_robot(run: Run, op3: Robot):
     robot = Path(shutil.copytree(op3.folder, "mine", ignore=shutil.ignore_patterns("motions")))
     code, out, _ = run(
         *("motions", "build", MOTION, "--robot", "mine"),
-        *("--generations", "1", "--jobs", "1", "--prefer", "impact"),
+        *("--generations", "1", "--engine", "local:1", "--prefer", "impact"),
     )
     assert code == 0
     assert out == "built 1 of 1 into mine/motions\n"

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from counted_work import TRACE, die_once, refuse, square_slowly
+from counted_work import TRACE, die_once, refuse, square_in_a_child, square_slowly
 from engine_runs import run
 
 from humanoid_getup.engines.engine import Engine
@@ -37,6 +37,11 @@ def test_a_killed_worker_costs_one_piece(engine: str, tmp_path: Path):
     pieces = [(tmp_path, number) for number in range(9)]
     assert run(engine, die_once, pieces) == [n * n for n in range(9)]
     assert len((tmp_path / f"{TRACE}_3").read_text()) == 2
+
+
+@pytest.mark.parametrize("engine", CLUSTERS)
+def test_a_piece_may_start_processes(engine: str):
+    assert run(engine, square_in_a_child, [2, 3]) == [4, 9]
 
 
 @pytest.mark.parametrize("engine", ["ray", "dask"])

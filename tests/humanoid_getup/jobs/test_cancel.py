@@ -85,7 +85,7 @@ def test_a_cancelled_extraction_writes_no_style(tmp_path: Path):
 
 def test_a_cancelled_build_ends_its_workers_and_keeps_no_motion(copied_op3: Path):
     before = sorted(copied_op3.rglob("*"))
-    request = BuildRequest(names=("squat_to_stand",), robot=str(copied_op3), jobs=1)
+    request = BuildRequest(names=("squat_to_stand",), robot=str(copied_op3), engine="local:1")
     stop = Stop(1)
     with pytest.raises(CancelledError):
         build_motions(request, stop.report, stop.is_wanted)

@@ -14,6 +14,7 @@ from humanoid_getup.jobs import search_motions
 from humanoid_getup.jobs.discover_motions import discover, discover_all
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.pieces.searches import SearchPiece, search_piece
+from humanoid_getup.jobs.pieces.shared_folder import SharedFolder
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
@@ -257,7 +258,8 @@ def test_options_that_do_not_fit_several_robots_are_refused(
 
 def test_a_worker_that_does_not_share_the_folder_is_refused(two: list[Path], tmp_path: Path):
     request = DiscoverRequest(robot=str(two[0]))
-    piece = SearchPiece(request=request, before=None, prefix="", mark=tmp_path / "elsewhere")
+    folder = SharedFolder(folder=two[0], mark=tmp_path / "elsewhere")
+    piece = SearchPiece(request=request, before=None, prefix="", folder=folder)
     with pytest.raises(BadInputError, match="expected one that all machines share"):
         search_piece(1, piece)
     assert not (two[0] / "unfinished").exists()

@@ -43,10 +43,10 @@ def test_an_interrupted_build_prints_the_command_that_continues_it_if_anything_w
     if is_kept:
         (unfinished / "squat_to_stand.jsonl").touch()
 
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("humanoid_getup.jobs.build_motions.start_processes", interrupt)
+    monkeypatch.setattr("humanoid_getup.jobs.build_motions.starting", interrupt)
     wanted = ("squat_to_stand", "--robot", str(copied_op3), "--seed", "3")
     code, _, error = run("motions", "build", *wanted)
     assert code == 130

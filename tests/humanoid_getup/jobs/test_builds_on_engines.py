@@ -1,0 +1,73 @@
+"""Builds of motions on an engine: the same motions, in the folder that its workers share."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from humanoid_getup.engines.reports import passing_reports
+from humanoid_getup.jobs.build_motions import BuildPiece, build_motions, build_piece
+from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.jobs.inputs import find_keyframes
+from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
+from humanoid_getup.jobs.requests.motions import BuildRequest
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.progress.callback import CancelledError, Progress
+from robots import Robot, load_robot
+
+NAMES = ("squat_to_stand", "sit_and_lie_down")
+
+
+def build(folder: Path, engine: str) -> dict[str, Motion]:
+    """Build two motions in a copy of a robot's folder, on an engine."""
+    copied = Path(shutil.copytree(folder, folder.with_name(f"on_{engine.replace(':', '_')}")))
+    shutil.rmtree(copied / "motions")
+    request = BuildRequest(names=NAMES, robot=str(copied), generations=1, engine=engine)
+    assert sorted(build_motions(request).built) == sorted(NAMES)
+    assert not (copied / "unfinished").exists()
+    return {name: Motion.load(copied / "motions" / f"{name}.npz") for name in NAMES}
+
+
+@pytest.mark.scale
+@pytest.mark.parametrize(("engine", "package"), [("local:2", "mujoco"), ("dask:2", "distributed")])
+def test_motions_are_built_by_several_workers_as_by_one_process(
+    copied_op3: Path, engine: str, package: str
+):
+    pytest.importorskip(package)
+    here, there = build(copied_op3, "local:1"), build(copied_op3, engine)
+    assert {name: motion.joint_target.tobytes() for name, motion in there.items()} == {
+        name: motion.joint_target.tobytes() for name, motion in here.items()
+    }
+    assert [each.provenance for each in there.values()] == [
+        each.provenance for each in here.values()
+    ]
+
+
+def test_a_worker_that_does_not_share_the_folder_builds_nothing(copied_op3: Path, tmp_path: Path):
+    (keyframes,) = find_keyframes(load_robot(copied_op3), NAMES[:1])
+    folder = SharedFolder(folder=copied_op3, mark=tmp_path / "elsewhere")
+    with pytest.raises(BadInputError, match="expected one that all machines share"):
+        build_piece(
+            BuildRequest(robot=str(copied_op3)), BuildPiece(keyframes=keyframes, folder=folder)
+        )
+    assert not (copied_op3 / "unfinished").exists()
+
+
+def test_a_build_on_another_machine_ends_after_the_generation_in_which_it_is_released(
+    copied_op3: Path,
+):
+    robot, generations = load_robot(copied_op3), list[float]()
+    assert isinstance(robot, Robot)
+    request = BuildRequest(robot=str(copied_op3), engine="dask:2", generations=3)
+    (keyframes,) = find_keyframes(robot, NAMES[:1])
+
+    def release(progress: Progress) -> None:
+        generations.append(progress.done)
+        assert folder.mark is not None
+        folder.mark.unlink()
+
+    with sharing(robot, request) as folder, passing_reports(release):
+        (copied_op3 / "unfinished").mkdir(exist_ok=True)
+        with pytest.raises(CancelledError):
+            build_piece(request, BuildPiece(keyframes=keyframes, folder=folder))
+    assert generations == [1.0]

@@ -17,6 +17,7 @@ from humanoid_getup.jobs.pieces.policy_rollouts import (
     NEAREST,
     EvaluatedPolicy,
     Ground,
+    Grounds,
     Rollouts,
     cut_falls,
     load_followed,
@@ -29,9 +30,6 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.styled_rise import PLANNED
-
-Grounds = list[tuple[Ground, FallSet]]
-"""Each with the falls on it."""
 
 
 class EvaluatedCase(msgspec.Struct, frozen=True, kw_only=True):
@@ -111,12 +109,7 @@ def _evaluate_case(
     from sim2real.perturbations import CHUNK, summarize_rollouts
     from sim2real.policy_evaluation import PolicyFigures
 
-    cut = [
-        piece for ground, falls in grounds for piece in cut_falls(ground, falls, style, most=CHUNK)
-    ]
-    pieces = [
-        replace(piece, seed=request.seed * len(cut) + number) for number, piece in enumerate(cut)
-    ]
+    pieces = cut_falls(grounds, style, most=CHUNK, seed=request.seed)
     found = rollouts.roll_out(pieces, f"rises ({label})")
     falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
     figures = summarize_rollouts(
@@ -202,8 +195,7 @@ def _list_grounds(request: EvaluateRequest, name: str, world: World, rollouts: R
         return [(ground, _find_falls(request, world, rollouts.monitor))]
     seeds = seed_grounds(name, request.n // len(CLASSES), request.seed)
     grounds = [Ground(scene=name, seed=seed) for seed in seeds]
-    falls = rollouts.fall(grounds, f"falls ({world.scene.name})")
-    return list(zip(grounds, falls, strict=True))
+    return rollouts.sample_falls(grounds, f"falls ({world.scene.name})")
 
 
 def _find_falls(request: EvaluateRequest, world: World, monitor: ProgressMonitor) -> FallSet:

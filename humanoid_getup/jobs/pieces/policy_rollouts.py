@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -55,6 +55,10 @@ class Ground:
     def load(self, robot: Robot) -> Scene:
         """Load the scene for a robot."""
         return load_scene(self.scene, robot, self.seed)
+
+
+Grounds = list[tuple[Ground, FallSet]]
+"""Each with the falls on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +116,7 @@ class EvaluatedPolicy:
             physics=request.variant,
         )
 
-    def fall(self, ground: Ground) -> FallSet:
+    def sample_falls(self, ground: Ground) -> FallSet:
         """Sample a fall of each class on a ground."""
         world = World(self.robot, ground.load(self.robot))
         with refusing():
@@ -183,18 +187,21 @@ class Rollouts:
     workers: Workers
     monitor: ProgressMonitor
 
-    def fall(self, grounds: Sequence[Ground], phase: str) -> list[FallSet]:
+    def sample_falls(self, grounds: Sequence[Ground], phase: str) -> Grounds:
         """Sample a fall of each class on each ground."""
         count = self.monitor.count(phase, len(grounds) * len(CLASSES))
-        pieces = {str(ground.seed): ground for ground in grounds}
+        pieces = {
+            str(ground.seed): replace(ground, scene=make_absolute(ground.scene))
+            for ground in grounds
+        }
         found = dict[str, FallSet]()
 
         def end(name: str, falls: FallSet) -> None:
             found[name] = falls
             count(len(falls.falls))
 
-        self._spread(self.evaluated.fall, fall_on_ground, pieces, end)
-        return [found[name] for name in pieces]
+        self._spread(self.evaluated.sample_falls, sample_on_ground, pieces, end)
+        return [(ground, found[str(ground.seed)]) for ground in grounds]
 
     def roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[RolledOut]:
         """Let the policy get up from all falls."""
@@ -231,24 +238,28 @@ class Rollouts:
         spread(work, pieces, self.workers, end, self.monitor, shared.robot, receive)
 
 
-def cut_falls(
-    ground: Ground, falls: FallSet, style: str | None, most: int
-) -> Iterator[RolloutPiece]:
-    """Cut the falls on a ground into pieces of at most a number of robots; seeds are open."""
-    for first in range(0, len(falls.falls), most):
-        some = falls.falls[first : first + most]
-        yield RolloutPiece(
+def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> list[RolloutPiece]:
+    """Cut the falls on grounds into pieces of at most a number of robots, with seeds."""
+    parts = [
+        (ground, falls.falls, first)
+        for ground, falls in grounds
+        for first in range(0, len(falls.falls), most)
+    ]
+    return [
+        RolloutPiece(
             ground=replace(ground, scene=make_absolute(ground.scene)),
-            falls=some,
+            falls=falls[first : first + most],
             first=first,
             style=style and make_absolute(style),
-            seed=0,
+            seed=seed * len(parts) + number,
         )
+        for number, (ground, falls, first) in enumerate(parts)
+    ]
 
 
-def fall_on_ground(request: EvaluateRequest, ground: Ground) -> FallSet:
+def sample_on_ground(request: EvaluateRequest, ground: Ground) -> FallSet:
     """Sample a fall of each class on a ground, in a worker."""
-    return _get_policy(request).fall(ground)
+    return _get_policy(request).sample_falls(ground)
 
 
 def roll_out_piece(request: EvaluateRequest, piece: RolloutPiece) -> RolledOut:

@@ -24,12 +24,12 @@ def motion(op3: Robot) -> Motion:
 
 
 def test_each_fault_ends_safely_or_is_bridged(world: World, motion: Motion):
-    names = ("one answer late", "servo dead", "overload latch", "command of NaN", "unplugged")
+    names = ("one reply late", "servo dead", "overload latch", "command of NaN", "unplugged")
     table = bench_faults(world, motion, seed=0, each=1, cases=names).cases
     assert list(table) == list(names)
     for name, case in table.items():
         assert (case.beyond_limits, case.believed_wrong, case.never_safe) == (0, 0, 0), name
-    assert table["one answer late"].succeeded == 1
+    assert table["one reply late"].succeeded == 1
     for name in names[1:]:
         assert table[name].endings == {"fault": 1}, name
         # The slowest of them: 12 silent cycles, 96 ms, and the cycle that notices.

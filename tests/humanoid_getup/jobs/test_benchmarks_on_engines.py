@@ -74,7 +74,7 @@ def test_disturbed_worlds_are_measured_by_processes_as_by_one(policy: str):
 
 
 def test_faults_are_injected_by_processes_as_by_one(monkeypatch: pytest.MonkeyPatch):
-    chosen = {name: fault_injection.CASES[name] for name in ("servo dead", "operator's stop key")}
+    chosen = {name: fault_injection.CASES[name] for name in ("servo dead", "stop key")}
     monkeypatch.setattr(fault_injection, "CASES", chosen)
     here = read(BenchFaults(engine="local:1", n=1))
     assert here["cases"]["servo dead"]["succeeded"] == 0

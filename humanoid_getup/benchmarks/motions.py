@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
 from humanoid_getup.benchmarks.bench_result import CaseBench
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
-from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.ending import has_succeeded, hold_time
@@ -51,35 +54,58 @@ class MotionSummary(msgspec.Struct, frozen=True, kw_only=True):
     disturbed_interval_95: tuple[float, float]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionPiece:
+    """One of several motions."""
+
+    motion: Motion
+    number: int
+    seed: int
+    each: int
+    """Disturbed plays."""
+
+
+RunMotions: TypeAlias = RunPieces[MotionPiece, MotionSummary]
+
+
 def bench_motions(
     world: World,
     motions: Sequence[Motion],
     *,
     seed: int,
     each: int = 50,
-    report: Callable[[MotionSummary], None] = lambda _: None,
+    report: Callable[[MotionSummary], object] = lambda _: None,
+    run: RunMotions | None = None,
 ) -> CaseBench[MotionSummary]:
     """Play each motion undisturbed, under falling torque limits, and ``each`` times disturbed.
 
     Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
     friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
+
+    Args:
+        world: Robot and scene.
+        motions: Motions of the robot.
+        seed: Of the disturbances.
+        each: Disturbed plays of each motion.
+        report: Called after each motion.
+        run: Measures the motions; None: one after another, here.
     """
-    cases: dict[str, MotionSummary] = {}
-    for number, motion in enumerate(motions):
-        cases[motion.name] = bench_motion(world, motion, number, seed=seed, each=each)
-        report(cases[motion.name])
+    pieces = {
+        motion.name: MotionPiece(motion=motion, number=number, seed=seed, each=each)
+        for number, motion in enumerate(motions)
+    }
+    cases = collect(pieces, run or one_by_one(partial(measure_motion, world)), report)
     return CaseBench(name="motions", seed=seed, n=each, robot=world.robot.name, cases=cases)
 
 
-def bench_motion(
-    world: World, motion: Motion, number: int, *, seed: int, each: int
-) -> MotionSummary:
-    """Measure one of several motions, by its number, as `bench_motions` does."""
+def measure_motion(world: World, piece: MotionPiece, *, threads: int = 0) -> MotionSummary:
+    """Measure one of several motions; 0 threads of its physics are one per processor."""
+    motion, each = piece.motion, piece.each
     start = settle_posture(world, motion.posture(0))
     twin = Twin(world)
     twin.place(read_posture(world.robot, world.model, start))
     run, outcome = _play(twin, world, motion)
-    rng = np.random.default_rng([seed, number])
+    rng = np.random.default_rng([piece.seed, piece.number])
     succeeded = sum(_play_disturbed(world, motion, start, each, rng))
     make = partial(
         MotionSummary,
@@ -88,7 +114,7 @@ def bench_motion(
         strategy=motion.strategy,
         succeeded=bool(has_succeeded(motion, outcome)),
         clips=run.clips.total,
-        lowest_torque_limit_nm=find_lowest_limit(world, motion, start),
+        lowest_torque_limit_nm=find_lowest_limit(world, motion, start, threads=threads),
         disturbed_n=each,
         disturbed_succeeded=succeeded,
         disturbed_interval_95=wilson_interval(succeeded, each),
@@ -96,10 +122,13 @@ def bench_motion(
     return outcome.figures(make)
 
 
-def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | None:
+def find_lowest_limit(
+    world: World, motion: Motion, start: Array, *, threads: int = 0
+) -> float | None:
     """Find the lowest torque limit [N·m] such that the motion succeeds under it and all above.
 
-    The limits are `LIMITS`, as shares of the servos' own stall torque.
+    The limits are `LIMITS`, as shares of the servos' own stall torque; 0 threads are one per
+    processor.
     """
     limits = LIMITS * (world.robot.max_torque.max() / LIMITS[0])
     n, period = len(limits), world.robot.control_period
@@ -110,7 +139,8 @@ def find_lowest_limit(world: World, motion: Motion, start: Array) -> float | Non
         starts=np.tile(start, (n, 1)),
         parameters=DomainParameters.nominal(world, n, torque_limit=limits),
     )
-    outcome = Outcome(play(world, scenarios, [targets] * n), world.robot)
+    record = Experiment(world, threads=threads).play(scenarios, [targets] * n)
+    outcome = Outcome(record, world.robot)
     unbroken = np.cumprod(has_succeeded(motion, outcome)).astype(bool)
     return float(limits[unbroken][-1]) if unbroken.any() else None
 

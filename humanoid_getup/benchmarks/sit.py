@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Self, TypeAlias
 
 import msgspec
 import numpy as np
 
 from drivers import Twin
 from humanoid_getup.benchmarks.bench_result import CaseBench
+from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.keep_stand import keep_stand
 from humanoid_getup.execution.session import SessionOptions
@@ -38,6 +41,37 @@ class DisturbedStand:
     """[V]"""
 
 
+@dataclass(frozen=True, kw_only=True)
+class SitPiece:
+    """One disturbed stand, under one of the torque limits."""
+
+    limit: str
+    """Its name in `LIMITS`."""
+    stand: DisturbedStand
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayDown:
+    """Figures of a way down, by report.json's keys; those of load are None if it did not begin."""
+
+    succeeded: bool
+    reason: str
+    head_impact_m_s: float | None = None
+    torso_impact_m_s: float | None = None
+    peak_torque_nm: float | None = None
+    rms_torque_nm: float | None = None
+
+    @classmethod
+    def of(cls, after: AfterStand) -> Self:
+        """Take the figures of what a robot did after its stand."""
+        make = partial(cls, succeeded=after.succeeded, reason=after.reason)
+        down = after.way_down
+        return down.outcome.figures(make) if down and down.outcome else make()
+
+
+RunSits: TypeAlias = RunPieces[SitPiece, WayDown]
+
+
 class SitSummary(msgspec.Struct, frozen=True, kw_only=True):
     """Success of the ways down, and their impacts."""
 
@@ -58,23 +92,34 @@ def bench_sit(
     *,
     seed: int,
     each: int,
-    report: Callable[[AfterStand], None] = lambda _: None,
+    report: Callable[[WayDown], object] = lambda _: None,
+    run: RunSits | None = None,
 ) -> CaseBench[SitSummary]:
     """Sit and lie down from the same stands under each torque limit, as `getup sit` does.
 
     Joints are disturbed by 3 deg (standard deviation), the heading is anywhere, friction is 0.4
     to 1.2 and the supply 11.0 to 12.6 V (uniform). Stands that fall over while their joints are
     held are drawn again.
+
+    Args:
+        world: Robot and scene.
+        seed: Of the stands.
+        each: Number of stands.
+        report: Called after each way down.
+        run: Does the ways down; None: one after another, here.
     """
     rng = np.random.default_rng(seed)
     stands = [_sample_stand(world, rng) for _ in range(each)]
-    cases = {}
-    for name, limit in LIMITS.items():
-        results = []
-        for stand in stands:
-            results.append(_sit(world, stand, limit))
-            report(results[-1])
-        cases[name] = _summarize(results)
+    pieces = {
+        f"{limit}: {number}": SitPiece(limit=limit, stand=stand)
+        for limit in LIMITS
+        for number, stand in enumerate(stands)
+    }
+    found = collect(pieces, run or one_by_one(partial(sit_down, world)), report)
+    cases = {
+        limit: _summarize([found[key] for key, piece in pieces.items() if piece.limit == limit])
+        for limit in LIMITS
+    }
     return CaseBench(name="sit", seed=seed, n=each, robot=world.robot.name, cases=cases)
 
 
@@ -97,18 +142,21 @@ def _sample_stand(world: World, rng: np.random.Generator) -> DisturbedStand:
             return DisturbedStand(posture=posture, friction=friction, voltage=voltage)
 
 
-def _sit(world: World, stand: DisturbedStand, limit: TorqueLimit) -> AfterStand:
+def sit_down(world: World, piece: SitPiece) -> WayDown:
+    """Sit and lie down from a disturbed stand on the twin."""
+    stand = piece.stand
     place = world.vary(ground_friction=stand.friction)
     twin = Twin(place, stand.posture, voltage=stand.voltage)
     options = SessionOptions(preflight=False)
-    return keep_stand(twin, place, torque_limit=limit, options=options)
+    after = keep_stand(twin, place, torque_limit=LIMITS[piece.limit], options=options)
+    return WayDown.of(after)
 
 
-def _summarize(results: list[AfterStand]) -> SitSummary:
+def _summarize(results: list[WayDown]) -> SitSummary:
     succeeded = sum(result.succeeded for result in results)
-    judged = [r.way_down.outcome for r in results if r.way_down and r.way_down.outcome]
-    head = [float(outcome.head_impact or 0.0) for outcome in judged]
-    torso = [float(outcome.torso_impact or 0.0) for outcome in judged]
+    judged = [result for result in results if result.peak_torque_nm is not None]
+    head = [result.head_impact_m_s or 0.0 for result in judged]
+    torso = [result.torso_impact_m_s or 0.0 for result in judged]
     return SitSummary(
         n=len(results),
         succeeded=succeeded,
@@ -117,7 +165,7 @@ def _summarize(results: list[AfterStand]) -> SitSummary:
         head_impact_max_m_s=max(head, default=None),
         torso_impact_m_s=summarize(torso),
         torso_impact_max_m_s=max(torso, default=None),
-        peak_torque_nm=summarize(float(outcome.peak_torque) for outcome in judged),
-        rms_torque_nm=summarize(float(outcome.rms_torque) for outcome in judged),
+        peak_torque_nm=summarize(result.peak_torque_nm for result in judged),
+        rms_torque_nm=summarize(result.rms_torque_nm for result in judged),
         failures=[result.reason for result in results if not result.succeeded],
     )

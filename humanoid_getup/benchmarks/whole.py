@@ -18,7 +18,7 @@ from msgspec import UNSET, UnsetType, convert
 from humanoid_getup.benchmarks.bench_result import CaseBench, KeptRise, RefusableSummary
 from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays, bench_disturbed
-from humanoid_getup.benchmarks.motions import MotionSummary, bench_motion
+from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
 from humanoid_getup.benchmarks.pieces import one_by_one
 from humanoid_getup.benchmarks.rise import (
@@ -162,7 +162,8 @@ class Whole:
 
     def _motion_parts(self) -> Iterator[Part]:
         def play(motion: Motion, number: int, report: Step) -> MotionSummary:
-            summary = bench_motion(self.world, motion, number, seed=self.seed, each=self.each)
+            piece = MotionPiece(motion=motion, number=number, seed=self.seed, each=self.each)
+            summary = measure_motion(self.world, piece)
             report(summary)
             return summary
 

@@ -25,9 +25,11 @@ from humanoid_getup.jobs.inputs import find_motion, load_robot, load_world
 from humanoid_getup.jobs.measure_bodies import measure_bodies
 from humanoid_getup.jobs.measure_robot import measure_robot
 from humanoid_getup.jobs.pieces.compared_methods import make_methods, spread_methods
+from humanoid_getup.jobs.pieces.disturbed_stands import spread_sits
 from humanoid_getup.jobs.pieces.disturbed_worlds import make_disturbed, spread_disturbed
 from humanoid_getup.jobs.pieces.injected_faults import load_played, spread_faults
 from humanoid_getup.jobs.pieces.planned_rises import make_planner, spread_rises
+from humanoid_getup.jobs.pieces.played_motions import spread_motions
 from humanoid_getup.jobs.pieces.rises_in_scenes import make_scene_rises, spread_scenes
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.bench import (
@@ -159,7 +161,9 @@ def _bench_motions(request: BenchMotions, monitor: ProgressMonitor) -> BenchHead
     """Play every stored motion, undisturbed and disturbed."""
     world, database = _load(request)
     own = [m for m in database.motions if not m.name.endswith(MIRRORED_SUFFIX)]
-    return _count(request, monitor, motions.bench_motions, world, own, count=len(own), of="motions")
+    run = spread_motions(request, world, monitor)
+    bench = partial(motions.bench_motions, world, own, run=run)
+    return _count(request, monitor, bench, count=len(own), of="motions")
 
 
 def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> BenchHead:
@@ -167,8 +171,8 @@ def _bench_sit(request: BenchSit, monitor: ProgressMonitor) -> BenchHead:
     world = load_world(request)
     with refusing():
         find_lying_down(world.robot)
-    count = request.n * len(sit.LIMITS)
-    return _count(request, monitor, sit.bench_sit, world, count=count, of="stands")
+    bench = partial(sit.bench_sit, world, run=spread_sits(request, world, monitor))
+    return _count(request, monitor, bench, count=request.n * len(sit.LIMITS), of="stands")
 
 
 def _bench_filter(request: BenchFilter, monitor: ProgressMonitor) -> BenchHead:

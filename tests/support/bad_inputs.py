@@ -230,6 +230,9 @@ GROUPS: dict[str, list[Case]] = {
         case("bench rise --engine cloud", "--engine is 'cloud'", "local, ray, dask or slurm"),
         case("bench scenes --engine local:300", "--engine is 'local:300', expected 1 to 256"),
         case("bench faults --engine mpi", "--engine is 'mpi'", "local, ray, dask or slurm"),
+        case(
+            "bench sit --engine local:", "--engine is 'local:', expected local, ray, dask or slurm"
+        ),
         case("bench rise --engine local:0", "--engine is 'local:0', expected 1 to 256 workers"),
         case("bench all --engine local --address 10.0.0.1:1", "expected none with engine local"),
         case("sweep --body wings=1.1", "unknown part 'wings'", "arms"),

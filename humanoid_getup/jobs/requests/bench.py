@@ -171,7 +171,7 @@ class BenchScenes(EngineBench, BodyOption, TorqueOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchMotions(BodyOption, SceneOptions):
+class BenchMotions(EngineBench, BodyOption, SceneOptions):
     """Play every motion of the database: time, load, reserve and robustness."""
 
     n: Count = 50
@@ -179,7 +179,7 @@ class BenchMotions(BodyOption, SceneOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchSit(BodyOption, SceneOptions):
+class BenchSit(EngineBench, BodyOption, SceneOptions):
     """Sit and lie down from disturbed stands, at full torque and under limits by PWM."""
 
     n: Count = 60

@@ -1,23 +1,30 @@
-"""Benchmarks of methods, worlds, scenes and faults give the same figures with several workers."""
+"""Benchmarks give the same figures with several workers as in one process."""
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from paths import REPOSITORY
 
-from humanoid_getup.benchmarks import fault_injection
+from humanoid_getup.benchmarks import fault_injection, sit
 from humanoid_getup.benchmarks.bench_result import WALL_TIMES
+from humanoid_getup.jobs import benchmark as benchmarks
 from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.requests.bench import (
     BenchDisturbed,
     BenchFaults,
     BenchMethods,
+    BenchMotions,
     BenchScenes,
+    BenchSit,
     EngineBench,
 )
+from humanoid_getup.motions.motion_database import find_motion
+from robots import load_robot
 from robots.storage.encoding import to_json
 
 pytestmark = pytest.mark.scale  # a minute
@@ -79,3 +86,22 @@ def test_faults_are_injected_by_processes_as_by_one(monkeypatch: pytest.MonkeyPa
     here = read(BenchFaults(engine="local:1", n=1))
     assert here["cases"]["servo dead"]["succeeded"] == 0
     assert read(BenchFaults(engine="local:2", n=1)) == here
+
+
+def test_ways_down_are_measured_by_processes_as_by_one():
+    here = read(BenchSit(engine="local:1", n=2, seed=3))
+    assert list(here["cases"]) == list(sit.LIMITS)
+    peaks = [case["peak_torque_nm"]["median"] for case in here["cases"].values()]
+    assert len(set(peaks)) == len(sit.LIMITS)  # each limit was applied
+    assert read(BenchSit(engine="local:2", n=2, seed=3)) == here
+
+
+def test_motions_are_played_by_processes_as_by_one(monkeypatch: pytest.MonkeyPatch):
+    motion = find_motion(load_robot("op3"), "supine_wide_sit_up")
+    twice = [replace(motion, name=name) for name in ("first", "second")]
+    monkeypatch.setattr(benchmarks, "load_database", lambda _: SimpleNamespace(motions=twice))
+    few: dict[str, Any] = {"n": 4, "seed": 3, "scene": "slope:8"}  # some plays end standing there
+    here = read(BenchMotions(engine="local:1", **few))
+    stood = [case["disturbed_succeeded"] for case in here["cases"].values()]
+    assert len(set(stood)) == 2  # each is disturbed by draws of its own
+    assert read(BenchMotions(engine="local:2", **few)) == here

@@ -65,12 +65,21 @@ def list_methods(
     database: MotionDatabase | None,
     policies: dict[str, Path],
     search_budget: float = SEARCH_BUDGET,
+    threads: int = 0,
 ) -> Iterator[RiseMethod]:
-    """List plans and stored motions, if the robot has motions, and its policies."""
+    """List plans and stored motions, if the robot has motions, and its policies.
+
+    Args:
+        world: Robot and scene.
+        database: The robot's motions, if it has any.
+        policies: Its policies, by name.
+        search_budget: Of each plan, in simulated time [s].
+        threads: Threads that step a plan's physics; 0 for one per processor.
+    """
     if database is not None:
         planner = PlannedRise(world, database, search_budget=search_budget)
         fingerprint = compute_fingerprint(planner)
         for name in (PLAN, NEAREST):
-            yield RiseMethod.of(name, database, fingerprint, search_budget)
+            yield RiseMethod.of(name, database, fingerprint, search_budget, threads)
     for name, file in policies.items():
         yield RiseMethod.of(name, fingerprint=hashlib.sha256(file.read_bytes()).hexdigest())

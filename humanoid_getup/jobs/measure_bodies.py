@@ -8,43 +8,32 @@ from pathlib import Path
 
 import mujoco
 
-from humanoid_getup.benchmarks.bodies.body_bench import (
-    BenchedBody,
-    BodyBench,
-    NoMotions,
-    summarize_bodies,
-)
-from humanoid_getup.benchmarks.bodies.body_starts import BodyStarts, find_columns, hash_file
-from humanoid_getup.benchmarks.bodies.head_gauge import HeadGauge
-from humanoid_getup.benchmarks.bodies.published_body import (
-    FEET,
-    HEAD,
-    PUBLISHED,
-    REPOSITORY,
-    PublishedBody,
-)
-from humanoid_getup.benchmarks.rise_method import RiseMethod, find_policies, list_methods
+from humanoid_getup.benchmarks.bodies.body_bench import BenchedBody, BodyBench, summarize_bodies
+from humanoid_getup.benchmarks.bodies.body_starts import BodyStarts, hash_file
+from humanoid_getup.benchmarks.bodies.published_body import PUBLISHED, REPOSITORY, PublishedBody
+from humanoid_getup.benchmarks.rise_method import find_policies
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.import_robot import import_robot, read_source
 from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.jobs.pieces.rises_of_bodies import (
+    BodyFiles,
+    has_motions,
+    load_body,
+    spread_bodies,
+)
 from humanoid_getup.jobs.requests.bench import (
     BODIES_ARTEFACTS,
     BODIES_FIGURES,
     BODIES_PAGE,
     PARTS,
-    STARTS,
     BenchBodies,
 )
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.jobs.requests.values import name_choices
 from humanoid_getup.jobs.run_parts import run_parts
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database, suggest_motions
+from humanoid_getup.motions.motion_database import suggest_motions
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.bodies_page import write_bodies_page
-from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import NEAREST
-from humanoid_getup.strategies.track_record import PLAN
-from robots import Robot, load_robot
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
@@ -78,7 +67,8 @@ def measure_bodies(
         monitor.begin(f"loading {body.name}")
         bodies.append(_load_body(request, body, source, starts))
     parts = [part for body in bodies for part in body.parts()]
-    results = run_parts(parts, request.out / PARTS, monitor, resume=request.resume)
+    away = spread_bodies(request, chosen)
+    results = run_parts(parts, request.out / PARTS, monitor, resume=request.resume, away=away)
     notes, command = [*_list_notes(bodies)], _write_command(request)
     result = summarize_bodies(bodies, results, notes=notes, command=command)
     with staging(request.out, BODIES_ARTEFACTS) as folder:
@@ -132,7 +122,7 @@ def _read_all(
 def _read_starts(request: BenchBodies, body: PublishedBody, source: mujoco.MjModel) -> BodyStarts:
     """Read converted start states; convert them if that was not done, or from another file."""
     pickled = body.find_starts(request.folder)
-    converted = request.out / STARTS / f"{body.name}.npz"
+    converted = BodyFiles.of(request, body).starts
     if converted.is_file():
         starts = BodyStarts.load(converted)
         if (starts.body, starts.source_sha256) == (body.name, hash_file(pickled)):
@@ -146,58 +136,23 @@ def _read_starts(request: BenchBodies, body: PublishedBody, source: mujoco.MjMod
 def _load_body(
     request: BenchBodies, body: PublishedBody, source: mujoco.MjModel, starts: BodyStarts
 ) -> BenchedBody:
-    """Load a body's robot, imported first if there is none; find what it can do."""
-    place = request.robots_folder / body.name
-    if not (place / "robot.toml").exists():
-        import_robot(ImportRequest(model=body.find_model(request.folder), out=place))
-    with refusing():
-        robot = load_robot(place)
-        find_columns(starts.joints, robot)
-        world = World(robot)
-        gauge = HeadGauge(source, world.model, head=HEAD, feet=FEET, standing=body.head_height)
-        return BenchedBody(
-            published=body,
-            world=world,
-            starts=starts,
-            gauge=gauge,
-            methods=[*_list_methods(world, request.search_budget)],
-            search_budget=request.search_budget,
-            seed=request.seed,
-            each=request.n,
-            count=request.starts,
-        )
-
-
-def _list_methods(world: World, search_budget: float) -> Iterator[RiseMethod]:
-    """List plans, which find nothing without motions, and policies."""
-    has_motions = _has_motions(world.robot)
-    if not has_motions:
-        yield RiseMethod(
-            name=PLAN,
-            make=lambda place, limit: NoMotions(world=place, torque_limit=limit),
-            fingerprint="no motions",
-        )
-    database = load_database(world.robot) if has_motions else None
-    policies = find_policies(world.robot)
-    for method in list_methods(world, database, policies, search_budget):
-        if method.name != NEAREST:
-            yield method
+    """Load a body's robot, imported first if there is none."""
+    files = BodyFiles.of(request, body)
+    if not (files.robot / "robot.toml").exists():
+        import_robot(ImportRequest(model=files.model, out=files.robot))
+    return load_body(request, body, source, starts)
 
 
 def _list_notes(bodies: Sequence[BenchedBody]) -> Iterator[str]:
     """List what bodies lack, with the command that makes it."""
     robots = {body.name: body.world.robot for body in bodies}
-    if bare := [name for name, robot in robots.items() if not _has_motions(robot)]:
+    if bare := [name for name, robot in robots.items() if not has_motions(robot)]:
         yield (
             f"Without motions, and so without a plan that stands: {', '.join(bare)}. For the "
             f"first, make some by {suggest_motions(robots[bare[0]])}."
         )
     if bare := [name for name, robot in robots.items() if not find_policies(robot)]:
         yield f"Without a policy, and so with nothing learned: {', '.join(bare)}."
-
-
-def _has_motions(robot: Robot) -> bool:
-    return any((robot.folder / MOTION_FOLDER).glob("*.npz"))
 
 
 def _write_command(request: BenchBodies) -> str:

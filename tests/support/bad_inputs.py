@@ -233,6 +233,7 @@ GROUPS: dict[str, list[Case]] = {
         case(
             "bench sit --engine local:", "--engine is 'local:', expected local, ray, dask or slurm"
         ),
+        case("bench bodies folder --engine grid", "--engine is 'grid', expected local, ray, dask"),
         case("bench rise --engine local:0", "--engine is 'local:0', expected 1 to 256 workers"),
         case("bench all --engine local --address 10.0.0.1:1", "expected none with engine local"),
         case("sweep --body wings=1.1", "unknown part 'wings'", "arms"),

@@ -10,5 +10,13 @@ from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 
 def read_rises(text: str) -> list[dict[str, Any]]:
     """Read the rises of a benchmark without the wall times of their plans."""
-    rises = json.loads(text)["rises"]
-    return [{k: v for k, v in one.items() if k not in WALL_TIMES} for one in rises]
+    return drop_wall_times(json.loads(text)["rises"])
+
+
+def drop_wall_times(value: Any) -> Any:
+    """Return the figures of a benchmark without those that depend on the clock."""
+    if isinstance(value, dict):
+        return {k: drop_wall_times(v) for k, v in value.items() if k not in WALL_TIMES}
+    if isinstance(value, list):
+        return [drop_wall_times(one) for one in value]
+    return value

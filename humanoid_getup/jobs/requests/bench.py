@@ -61,7 +61,7 @@ class BenchAll(EngineOptions, BodyOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchBodies(SearchBudgetOption):
+class BenchBodies(EngineOptions, SearchBudgetOption):
     """Get up on the bodies of others, from their start states by their measure and from falls by
     ours, as one page beside the figures that they publish."""
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 from paths import REPOSITORY
+from rise_figures_of import drop_wall_times
 
 from humanoid_getup.benchmarks import fault_injection, sit
-from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 from humanoid_getup.jobs import benchmark as benchmarks
 from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.requests.bench import (
@@ -32,15 +32,7 @@ pytestmark = pytest.mark.scale  # a minute
 
 def read(request: EngineBench) -> dict[str, Any]:
     """Run a benchmark; return its figures without the wall times of plans."""
-    return _without_wall_times(json.loads(to_json(benchmark(request))))
-
-
-def _without_wall_times(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _without_wall_times(v) for k, v in value.items() if k not in WALL_TIMES}
-    if isinstance(value, list):
-        return [_without_wall_times(one) for one in value]
-    return value
+    return drop_wall_times(json.loads(to_json(benchmark(request))))
 
 
 @pytest.fixture

@@ -4,20 +4,24 @@ import json
 import os
 import pickle
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rise_figures_of import drop_wall_times
 from small_repository import SMALL, Repository
+from tiny_policies import save_policy
 
 from drivers import Ending
 from humanoid_getup.benchmarks.bodies.body_bench import BodyBench
-from humanoid_getup.benchmarks.bodies.body_rise import BodyRise
+from humanoid_getup.benchmarks.bodies.body_rise import BodyRise, BodyRises
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.measure_bodies import measure_bodies
+from humanoid_getup.jobs.pieces.rises_of_bodies import spread_bodies
 from humanoid_getup.jobs.requests.bench import BenchBodies
+from robots import load_robot
 from robots.storage.encoding import as_kept
 
 NO_PLAN = "no path to any connecting posture: the robot has no motions"
@@ -102,6 +106,53 @@ def test_starts_are_converted_once_and_again_if_their_file_changes(result, out, 
     with pytest.raises(BadInputError, match="made with another starts"):
         measure(own, out, resume=True)
     assert converted.stat().st_mtime_ns != before
+
+
+def copy(repository: Repository, folder: Path) -> Repository:
+    """Copy a repository and its robots."""
+    shutil.copytree(repository.folder, folder / "theirs")
+    shutil.copytree(repository.robots, folder / "robots")
+    return Repository(folder / "theirs", folder / "robots", repository.model)
+
+
+@pytest.mark.scale
+def test_bodies_are_measured_by_processes_as_by_one(repository, tmp_path):
+    own = copy(repository, tmp_path)
+    robot = load_robot(own.robots / SMALL.name)
+    (robot.folder / "policies").mkdir()
+    save_policy(robot.folder / "policies" / "still.onnx", robot)
+    found = [
+        drop_wall_times(as_kept(measure(own, tmp_path / engine, engine=engine)))
+        for engine in ("local:1", "local:2")
+    ]
+    played = [case for name, case in found[0]["cases"].items() if "still" in name]
+    peaks = {case["peak_torque_nm"]["median"] for case in played}
+    assert len(peaks) == len(played) == 2  # figures depend on the falls
+    assert found[1] == found[0]
+
+
+def test_a_worker_loads_the_body_of_its_part_and_imports_nothing(result, out, repository, tmp_path):
+    own = copy(repository, tmp_path)
+    shutil.copytree(out / "starts", tmp_path / "out" / "starts")
+    request = BenchBodies(folder=own.folder, robots=own.robots, out=tmp_path / "out", n=1, starts=2)
+    work = spread_bodies(request, (replace(SMALL, name="tall"), SMALL)).work  # one has no files
+    starts, model = tmp_path / "out" / "starts" / "small.npz", SMALL.find_model(own.folder)
+    part = f"{CASES[0]} 1 to 2"
+    for path in (starts, own.robots / "small", model):
+        moved = path.rename(tmp_path / "moved")
+        with pytest.raises(BadInputError, match=f"{path} is missing on .*, expected that with"):
+            work(part)
+        assert not path.exists()
+        moved.rename(path)
+    description = own.robots / "small" / "robot.toml"
+    before = description.read_text()
+    description.write_text(f"{before}# changed\n")
+    with pytest.raises(BadInputError, match=f"{own.robots / 'small'} is another one on"):
+        work(part)
+    description.write_text(before)
+    done = work(part)
+    assert isinstance(done, BodyRises)
+    assert len(done.rises) == result.cases[CASES[0]].n
 
 
 @dataclass(frozen=True)

@@ -120,6 +120,8 @@ class Whole:
     seed: int
     each: int
     """Falls of each class."""
+    threads: int = 0
+    """Threads that step the physics of a motion that is played; 0 for one per processor."""
 
     @cached_property
     def falls(self) -> FallsByClass:
@@ -163,7 +165,7 @@ class Whole:
     def _motion_parts(self) -> Iterator[Part]:
         def play(motion: Motion, number: int, report: Step) -> MotionSummary:
             piece = MotionPiece(motion=motion, number=number, seed=self.seed, each=self.each)
-            summary = measure_motion(self.world, piece)
+            summary = measure_motion(self.world, piece, threads=self.threads)
             report(summary)
             return summary
 

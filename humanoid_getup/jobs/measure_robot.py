@@ -44,7 +44,7 @@ from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import make_strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
@@ -92,11 +92,12 @@ def measure_part(request: BenchAll, name: str) -> PartResult:
 @lru_cache(maxsize=1)
 def _load_parts(request: BenchAll) -> dict[str, Part]:
     """Load the parts of a benchmark, in a worker, once."""
-    return {part.name: part for part in _load_whole(request, World(load_robot(request))).parts()}
+    whole = _load_whole(request, World(load_robot(request)), threads=1)
+    return {part.name: part for part in whole.parts()}
 
 
-def _load_whole(request: BenchAll, world: World) -> Whole:
-    """Find what the robot can do; whatever it lacks is left out."""
+def _load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
+    """Find what the robot can do with a number of threads; whatever it lacks is left out."""
     robot = world.robot
     caps = make_caps(robot, request.limit_by, QUICK_SHARES if request.quick else SHARES)
     has_motions = any((robot.folder / MOTION_FOLDER).glob("*.npz"))
@@ -106,14 +107,22 @@ def _load_whole(request: BenchAll, world: World) -> Whole:
     own = database.motions if database else ()
     return Whole(
         world=world,
-        methods=list(list_methods(world, database, policies)),
+        methods=list(list_methods(world, database, policies, threads=threads)),
         motions=[motion for motion in own if not motion.name.endswith(MIRRORED_SUFFIX)],
         caps=caps,
-        planner=PlannedRise(world, database, torque_limit=full) if database else None,
-        policies={name: make_strategy(world, name, torque_limit=full) for name in policies},
+        planner=PlannedRise(
+            world, database, torque_limit=full, options=PlannerOptions(threads=threads)
+        )
+        if database
+        else None,
+        policies={
+            name: make_strategy(world, name, torque_limit=full, threads=threads)
+            for name in policies
+        },
         disturbances=disturbed.select(robot, QUICK_CASES if request.quick else CASES),
         seed=request.seed,
         each=request.each,
+        threads=threads,
     )
 
 

@@ -39,6 +39,8 @@ if TYPE_CHECKING:  # torch is slow to import
 
 NEAREST = "nearest"
 """Style without a choice: the nearest of all named ones."""
+PLAN_SHARE = 0.9
+"""Of the time that a planned rise takes, where a policy follows the curves of its plan."""
 Curves = list[StyleCurves | None]
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
@@ -136,9 +138,9 @@ class EvaluatedPolicy:
             scene=piece.ground.load(self.robot),
             threads=self.threads,
         )
-        rollouts = trial.run(
-            [fall.posture for fall in piece.falls], lambda robots: report(Progress(done=robots))
-        )
+        share = 1.0 - PLAN_SHARE if piece.style == PLANNED else 1.0
+        starts = [fall.posture for fall in piece.falls]
+        rollouts = trial.run(starts, lambda robots: report(Progress(done=share * robots)))
         return RolledOut(figures=rollouts.figures, planned=planned)
 
     def _choose_curves(self, piece: RolloutPiece) -> tuple[StyleChoice | None, int]:
@@ -165,7 +167,7 @@ class EvaluatedPolicy:
             if isinstance(plan, MotionPlan) and plan.motion.rises:
                 with suppress(ExtractionError):
                     found[-1] = read_curves(world, plan.motion)
-            report(Progress())
+            report(Progress(done=PLAN_SHARE))
         return found
 
 
@@ -215,7 +217,6 @@ class Rollouts:
             count(progress.done)
 
         def end(name: str, result: RolledOut) -> None:
-            nonlocal reported
             found[name] = result
             done = sum(len(named[each].falls) for each in found)
             if done > reported:  # workers elsewhere report nothing

@@ -55,6 +55,7 @@ def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch)
 def test_a_folder_from_before_the_option_is_a_training_on_mujoco(tmp_path: Path):
     file = tmp_path / RECIPE
     file.write_text('{"recipe": {"robots": 4}}')
-    check_recipe(file, {"recipe": {"robots": 4, "physics": get_args(PhysicsName)[0]}})
+    recipe = {"robots": 4, "physics": get_args(PhysicsName)[0], "overlap": False}
+    check_recipe(file, {"recipe": recipe})
     with pytest.raises(TrainingFolderError, match=r"recipe.physics \(mujoco, now warp\)"):
-        check_recipe(file, {"recipe": {"robots": 4, "physics": "warp"}})
+        check_recipe(file, {"recipe": recipe | {"physics": "warp"}})

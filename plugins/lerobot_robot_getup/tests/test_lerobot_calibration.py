@@ -73,7 +73,6 @@ BAD = [
     ({"head_pan": GOOD | {"range_min": 3000}}, "range_min is 3000 ticks, expected less than"),
     ({"head_pan": GOOD | {"homing_offset": "left"}}, "expected LeRobot's calibration"),
     ({"head_pan": {"id": 19}}, "missing required field"),
-    ({"head_pan": GOOD | {"homing_offset": 2000}}, "nothing is saved"),
     ([GOOD], "expected LeRobot's calibration"),
 ]
 
@@ -89,6 +88,16 @@ def test_a_file_that_does_not_fit_is_refused_in_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert message in line
     assert not back.exists()
+
+
+def test_a_range_that_crosses_its_servos_turn_is_saved_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    file, back = tmp_path / "op3.json", tmp_path / "calibration.toml"
+    file.write_text(json.dumps({"head_pan": GOOD | {"homing_offset": 2000}}))
+    assert main(["calibration", "from-lerobot", str(file), "--out", str(back)]) == 0
+    assert "beyond one turn of its servo" in capsys.readouterr().out
+    assert back.exists()
 
 
 @pytest.mark.parametrize(

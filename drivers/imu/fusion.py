@@ -10,8 +10,6 @@ from robots.quaternion import Array
 
 # An IMU at rest may repeat a sample; one on a body whose joints move cannot, for so long.
 FROZEN_CYCLES = 12
-# One that reads no turn at all may: noiseless, on a torso at rest while a limp limb falls.
-STILL_CYCLES = 40
 MOVING = 1.0  # rad/s of the fastest joint
 # A body at rest: bounds of its IMU samples, and their number.
 QUIET_FORCE, QUIET_TURN, QUIET_CYCLES = 0.05, 0.2, 12  # share of gravity, rad/s
@@ -61,7 +59,7 @@ class ImuFusion:
             self._counts, self._changed, self._repeats = sample.counts, measured, 0
         elif speed > MOVING:
             self._repeats += 1
-        if self._repeats >= (FROZEN_CYCLES if sample.gyro.any() else STILL_CYCLES):
+        if self._repeats >= FROZEN_CYCLES:
             self.stamp = min(self.stamp, self._changed)
             return
         gap = measured - self.stamp

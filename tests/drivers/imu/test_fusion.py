@@ -77,18 +77,14 @@ def test_a_body_that_is_pushed_does_not_rest(force: float):
 
 
 def test_a_repeated_sample_counts_while_the_joints_rest_and_not_while_they_move():
-    """Eleven repeats may be chance; the twelfth shows that the sensor is frozen since the first.
-
-    One that reads no turn may lie on the ground while a limb falls: it has to repeat 40 times.
-    """
-    for gyro, enough in ((0.1, 12), (0.0, 40)):
-        for speed, stamp in ((0.9, 1.5), (1.1, 1.0)):
-            fusion = ImuFusion(0.008)
-            fusion.start(sample(0, gyro), 1.0)
-            for k in range(1, enough):
-                fusion.update(sample(0, gyro), 1.0 + 0.01 * k, speed)
-            assert fusion.stamp == pytest.approx(0.99 + 0.01 * enough)
-            fusion.update(sample(0, gyro), 1.5, speed)
-            assert fusion.stamp == pytest.approx(stamp)
-            fusion.update(sample(1, gyro), 1.6, speed)
-            assert fusion.stamp == pytest.approx(1.6), "it is believed again"
+    """Eleven repeats may be chance; the twelfth shows that the sensor is frozen since the first."""
+    for speed, stamp in ((0.9, 1.5), (1.1, 1.0)):
+        fusion = ImuFusion(0.008)
+        fusion.start(sample(0), 1.0)
+        for k in range(1, 12):
+            fusion.update(sample(0), 1.0 + 0.01 * k, speed)
+        assert fusion.stamp == pytest.approx(1.11)
+        fusion.update(sample(0), 1.5, speed)
+        assert fusion.stamp == pytest.approx(stamp)
+        fusion.update(sample(1), 1.6, speed)
+        assert fusion.stamp == pytest.approx(1.6), "it is believed again"

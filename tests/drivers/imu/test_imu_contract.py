@@ -10,7 +10,7 @@ from imu_bench import KINDS, PERIOD, ImuBench
 from nonempty import nonempty
 
 from drivers.imu.build import build_i2c_source
-from drivers.imu.fusion import STILL_CYCLES, ImuFusion
+from drivers.imu.fusion import FROZEN_CYCLES, ImuFusion
 from drivers.imu.source import ImuError
 from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.build import build_virtual_imu
@@ -92,7 +92,7 @@ def test_a_frozen_sensor_is_not_believed_while_joints_move(kind: str):
     bench, fusion = ImuBench(KINDS[kind]), ImuFusion(PERIOD)
     fusion.start(bench.first(), bench.time)
     bench.sensor.frozen = True
-    for _ in range(2 * STILL_CYCLES):
+    for _ in range(4 * FROZEN_CYCLES):
         if (sample := bench.cycle(0.0, 1.0, 0.0)) is not None:
             fusion.update(sample, bench.time, speed=2.0)
     assert bench.time - fusion.stamp > 0.3, "its values age, for the guard to judge"

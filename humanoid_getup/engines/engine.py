@@ -15,8 +15,6 @@ MOST_WORKERS, MOST_PROCESSES = 100_000, 256
 """Of a cluster, and of this machine."""
 WITH_ADDRESS = ("ray", "dask")
 """Kinds of which a cluster may be running already."""
-WORTH_A_PROCESS = 8
-"""Pieces that repay the seconds in which a process of this machine starts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +26,8 @@ class Engine:
     """Processes that work at the same time; None for as many as there are processors."""
     address: str = ""
     """Address of a cluster that is running; "" for one that ends with the work."""
+    worth: int = 8
+    """Pieces that repay the seconds in which a process of this machine starts."""
 
     @classmethod
     def parse(cls, name: str, address: str = "") -> Self:
@@ -55,7 +55,7 @@ class Engine:
             )
         return cls(kind=kind, workers=workers, address=address)
 
-    def choose_workers(self, pieces: int, worth: int = WORTH_A_PROCESS) -> int:
+    def choose_workers(self, pieces: int) -> int:
         """Choose how many processes of this machine run a number of pieces.
 
         Without a requested number, it is that of the processors, and at most one for as many
@@ -63,4 +63,4 @@ class Engine:
         """
         if self.workers is not None:
             return min(self.workers, max(pieces, 1))
-        return max(1, min(len(os.sched_getaffinity(0)), pieces // worth))
+        return max(1, min(len(os.sched_getaffinity(0)), pieces // self.worth))

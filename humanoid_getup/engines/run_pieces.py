@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
-from functools import partial
 from itertools import islice
 from queue import Empty, SimpleQueue
 from typing import TypeVar
 
-from humanoid_getup.engines.engine import WORTH_A_PROCESS, Engine
+from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.local_processes import LocalProcesses, ThisProcess
 from humanoid_getup.engines.reports import passing_reports
 from humanoid_getup.engines.workers import Workers
@@ -26,13 +25,8 @@ Ended = Callable[[str, Result], None]
 
 
 @contextmanager
-def start_workers(engine: Engine, pieces: int, worth: int = WORTH_A_PROCESS) -> Iterator[Workers]:
+def start_workers(engine: Engine, pieces: int) -> Iterator[Workers]:
     """Start the workers of an engine, or connect to them; they end with the block.
-
-    Args:
-        engine: The engine.
-        pieces: Number of pieces.
-        worth: How many of them repay the start of a process of this machine.
 
     Raises:
         EngineError: if it is not reachable.
@@ -45,15 +39,15 @@ def start_workers(engine: Engine, pieces: int, worth: int = WORTH_A_PROCESS) -> 
     elif engine.kind == "slurm":
         from humanoid_getup.engines.dask_cluster import start_slurm as start
     else:
-        start = partial(_start_local, worth)
+        start = _start_local
     with start(engine, pieces) as workers:
         yield workers
 
 
 @contextmanager
-def _start_local(worth: int, engine: Engine, pieces: int) -> Iterator[Workers]:
+def _start_local(engine: Engine, pieces: int) -> Iterator[Workers]:
     """Start processes of this machine; a single one is this process."""
-    count = engine.choose_workers(pieces, worth)
+    count = engine.choose_workers(pieces)
     if count == 1:
         yield Workers(executor=ThisProcess(), count=0)
         return

@@ -16,9 +16,9 @@ from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.jobs.pieces.policy_rollouts import (
     NEAREST,
     EvaluatedPolicy,
-    Ground,
     Grounds,
     Rollouts,
+    SeededScene,
     cut_falls,
     load_followed,
 )
@@ -191,10 +191,10 @@ def _check_variant(request: EvaluateRequest, policy: OnnxPolicy) -> None:
 def _list_grounds(request: EvaluateRequest, name: str, world: World, rollouts: Rollouts) -> Grounds:
     """List the falls of a scene; on random ground every four have a ground of their own."""
     if request.falls is not None or not is_random(name):
-        ground = Ground(scene=name, seed=request.seed)
+        ground = SeededScene(name=name, seed=request.seed)
         return [(ground, _find_falls(request, world, rollouts.monitor))]
     seeds = seed_grounds(name, request.n // len(CLASSES), request.seed)
-    grounds = [Ground(scene=name, seed=seed) for seed in seeds]
+    grounds = [SeededScene(name=name, seed=seed) for seed in seeds]
     return rollouts.sample_falls(grounds, f"falls ({world.scene.name})")
 
 

@@ -17,7 +17,6 @@ from humanoid_getup.jobs.import_robot import import_robot, read_source
 from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.jobs.pieces.rises_of_bodies import (
     BodyFiles,
-    has_motions,
     load_body,
     spread_bodies,
 )
@@ -31,7 +30,7 @@ from humanoid_getup.jobs.requests.bench import (
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.jobs.requests.values import name_choices
 from humanoid_getup.jobs.run_parts import run_parts
-from humanoid_getup.motions.motion_database import suggest_motions
+from humanoid_getup.motions.motion_database import list_motions, suggest_motions
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.bodies_page import write_bodies_page
 from robots.storage.encoding import to_json
@@ -146,7 +145,7 @@ def _load_body(
 def _list_notes(bodies: Sequence[BenchedBody]) -> Iterator[str]:
     """List what bodies lack, with the command that makes it."""
     robots = {body.name: body.world.robot for body in bodies}
-    if bare := [name for name, robot in robots.items() if not has_motions(robot)]:
+    if bare := [name for name, robot in robots.items() if not list_motions(robot)]:
         yield (
             f"Without motions, and so without a plan that stands: {', '.join(bare)}. For the "
             f"first, make some by {suggest_motions(robots[bare[0]])}."

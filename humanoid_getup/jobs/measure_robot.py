@@ -37,7 +37,7 @@ from humanoid_getup.jobs.requests.bench import (
 )
 from humanoid_getup.jobs.run_parts import PartWork, Results, run_parts
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
+from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
@@ -100,8 +100,7 @@ def _load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
     """Find what the robot can do with a number of threads; whatever it lacks is left out."""
     robot = world.robot
     caps = make_caps(robot, request.limit_by, QUICK_SHARES if request.quick else SHARES)
-    has_motions = any((robot.folder / MOTION_FOLDER).glob("*.npz"))
-    database = load_database(robot) if has_motions else None
+    database = load_database(robot) if list_motions(robot) else None
     policies = find_policies(robot)
     full = caps[0].limit
     own = database.motions if database else ()

@@ -10,7 +10,7 @@ from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
 from humanoid_getup.jobs.trained_policy import TrainedPolicy
-from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.simulation.physics_engine import PhysicsEngine
 
@@ -55,7 +55,7 @@ def train(
         overlap=request.overlap,
         physics=request.physics,
     )
-    motions = len(list((robot.folder / MOTION_FOLDER).glob("*.npz")))
+    motions = len(list_motions(robot))
     leads = DistributedProcess.from_environment(os.environ).leads
     trained = TrainedPolicy(leads=leads, motions=motions, lift=recipe.lift)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from humanoid_getup.motions.motion_database import (
-    MOTION_FOLDER,
+    list_motions,
     load_database,
     name_robot,
     suggest_motions,
@@ -25,7 +25,7 @@ def check_readiness(robot: Robot) -> Iterator[CheckFinding]:
 
 def _check_motions(robot: Robot) -> CheckFinding:
     remedy = suggest_motions(robot)
-    if not any((robot.folder / MOTION_FOLDER).glob("*.npz")):
+    if not list_motions(robot):
         return CheckFinding.warning("motions", "there are none, so no rise can be planned", remedy)
     try:
         rising = load_database(robot).rising

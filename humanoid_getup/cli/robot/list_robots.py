@@ -9,6 +9,7 @@ from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.motions.motion_database import list_motions
 from robots import Robot, load_robot
 from robots import list_robots as list_names
 
@@ -31,7 +32,7 @@ class ListedRobot(msgspec.Struct, frozen=True, kw_only=True):
             dof=robot.n,
             mass=float(model.body_subtreemass[robot.layout(model).torso]),
             neck_height=robot.standing_neck_height,
-            motions=len(list((robot.folder / "motions").glob("*.npz"))),
+            motions=len(list_motions(robot)),
         )
 
 

@@ -47,27 +47,27 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ground:
-    """A scene on one of its random grounds."""
+class SeededScene:
+    """A scene, with the seed of its ground if that is random."""
 
-    scene: str
+    name: str
     """Its name, or file."""
     seed: int
 
     def load(self, robot: Robot) -> Scene:
         """Load the scene for a robot."""
-        return load_scene(self.scene, robot, self.seed)
+        return load_scene(self.name, robot, self.seed)
 
 
-Grounds = list[tuple[Ground, FallSet]]
-"""Each with the falls on it."""
+Grounds = list[tuple[SeededScene, FallSet]]
+"""Each ground with the falls on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutPiece:
     """Rollouts of a policy from some falls on one ground, at once."""
 
-    ground: Ground
+    ground: SeededScene
     falls: tuple[Fall, ...]
     first: int
     """Number of the first of the falls among those on this ground."""
@@ -118,7 +118,7 @@ class EvaluatedPolicy:
             physics=request.variant,
         )
 
-    def sample_falls(self, ground: Ground) -> FallSet:
+    def sample_falls(self, ground: SeededScene) -> FallSet:
         """Sample a fall of each class on a ground."""
         world = World(self.robot, ground.load(self.robot))
         with refusing():
@@ -189,13 +189,10 @@ class Rollouts:
     workers: Workers
     monitor: ProgressMonitor
 
-    def sample_falls(self, grounds: Sequence[Ground], phase: str) -> Grounds:
+    def sample_falls(self, grounds: Sequence[SeededScene], phase: str) -> Grounds:
         """Sample a fall of each class on each ground."""
         count = self.monitor.count(phase, len(grounds) * len(CLASSES))
-        pieces = {
-            str(ground.seed): replace(ground, scene=make_absolute(ground.scene))
-            for ground in grounds
-        }
+        pieces = {str(ground.seed): ground for ground in grounds}
         found = dict[str, FallSet]()
 
         def end(name: str, falls: FallSet) -> None:
@@ -203,7 +200,7 @@ class Rollouts:
             count(len(falls.falls))
 
         self._spread(self.evaluated.sample_falls, sample_on_ground, pieces, end)
-        return [(ground, found[str(ground.seed)]) for ground in grounds]
+        return [(ground, found[name]) for name, ground in pieces.items()]
 
     def roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[RolledOut]:
         """Let the policy get up from all falls."""
@@ -248,7 +245,7 @@ def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> l
     ]
     return [
         RolloutPiece(
-            ground=replace(ground, scene=make_absolute(ground.scene)),
+            ground=replace(ground, name=make_absolute(ground.name)),
             falls=falls[first : first + most],
             first=first,
             style=style and make_absolute(style),
@@ -258,7 +255,7 @@ def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> l
     ]
 
 
-def sample_on_ground(request: EvaluateRequest, ground: Ground) -> FallSet:
+def sample_on_ground(request: EvaluateRequest, ground: SeededScene) -> FallSet:
     """Sample a fall of each class on a ground, in a worker."""
     return _get_policy(request).sample_falls(ground)
 

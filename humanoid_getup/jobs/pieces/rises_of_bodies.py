@@ -22,11 +22,11 @@ from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.import_robot import read_source
 from humanoid_getup.jobs.requests.bench import STARTS, BenchBodies
 from humanoid_getup.jobs.run_parts import PartWork
-from humanoid_getup.motions.motion_database import MOTION_FOLDER, load_database
+from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST
 from humanoid_getup.strategies.track_record import PLAN
-from robots import Robot, load_robot
+from robots import load_robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,14 +123,9 @@ def load_body(
         )
 
 
-def has_motions(robot: Robot) -> bool:
-    """Return whether there are motions in a robot's folder."""
-    return any((robot.folder / MOTION_FOLDER).glob("*.npz"))
-
-
 def _list_methods(world: World, search_budget: float, threads: int) -> Iterator[RiseMethod]:
     """List plans, which find nothing without motions, and policies."""
-    database = load_database(world.robot) if has_motions(world.robot) else None
+    database = load_database(world.robot) if list_motions(world.robot) else None
     if database is None:
         yield RiseMethod(
             name=PLAN,

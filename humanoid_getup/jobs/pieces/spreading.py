@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
-from humanoid_getup.engines.engine import WORTH_A_PROCESS, Engine
+from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
 from humanoid_getup.engines.versions import CheckedWork, Versions
 from humanoid_getup.engines.workers import Workers
@@ -33,7 +33,7 @@ BenchRequest = TypeVar("BenchRequest", bound=EngineBench)
 
 @contextmanager
 def starting(
-    request: EngineOptions, pieces: int, *, worth: int = WORTH_A_PROCESS
+    request: EngineOptions, pieces: int, *, worth: int = Engine.worth
 ) -> Iterator[Workers]:
     """Start the workers of a request's engine for a number of pieces.
 
@@ -46,10 +46,10 @@ def starting(
         BadInputError: if a package is missing.
         EngineError: if it does not answer.
     """
-    engine = Engine.parse(request.engine, request.address)
+    engine = replace(Engine.parse(request.engine, request.address), worth=worth)
     with ExitStack() as stack:
         with needing(engine.kind):
-            workers = stack.enter_context(start_workers(engine, pieces, worth))
+            workers = stack.enter_context(start_workers(engine, pieces))
         yield workers
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from drivers.service.calibrate import TURN
 from humanoid_getup.cli.robot.first_steps.step import FirstStep
 from humanoid_getup.motions.motion_database import (
-    MOTION_FOLDER,
     list_lying_down,
+    list_motions,
     load_database,
 )
 from robots import Robot
@@ -177,7 +177,7 @@ def _find_room(robot: Robot) -> str:
 
 def _find_motion(robot: Robot) -> str | None:
     """Find a motion that rises from the robot's back; None if it has none."""
-    if not any((robot.folder / MOTION_FOLDER).glob("*.npz")):
+    if not list_motions(robot):
         return None
     rising = [m for m in load_database(robot).motions if m.start_class == SIDE and m.rises]
     return rising[0].name if rising else None

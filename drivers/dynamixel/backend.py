@@ -277,7 +277,7 @@ class DynamixelBackend(Backend):
             chain.collect_background(states, limit)
         if self.imu is not None and (sample := self.imu.poll()) is not None:
             speed = np.abs(self.robot.transmission.to_joint(states.velocity)).max()
-            self._fusion.update(sample, now, float(speed))
+            self._fusion.update(sample, now, float(speed), is_limp=not states.is_on.any())
         for chain in chains:
             chain.maintain(states, limit)
             chain.note_loss(states)

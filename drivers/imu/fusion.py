@@ -45,7 +45,7 @@ class ImuFusion:
         self.gyro, self.stamp = sample.gyro, now
         self._counts, self._changed, self._repeats = sample.counts, now, 0
 
-    def update(self, sample: ImuSample, now: float, speed: float) -> None:
+    def update(self, sample: ImuSample, now: float, speed: float, *, is_limp: bool = False) -> None:
         """Advance the estimate by a sample.
 
         Args:
@@ -53,11 +53,13 @@ class ImuFusion:
             now: Time at which it was delivered [s].
             speed: Of the fastest joint [rad/s]. A body whose joints move shakes its IMU: one
                 that repeats a sample then is broken, and the sample does not count.
+            is_limp: Whether no joint has torque. Then an arm may sink beside a torso that
+                rests, and an IMU without noise, as simulated ones are, repeats how it rests.
         """
         measured = now - sample.age
         if sample.counts != self._counts:
             self._counts, self._changed, self._repeats = sample.counts, measured, 0
-        elif speed > MOVING:
+        elif speed > MOVING and not (is_limp and _is_still(sample)):
             self._repeats += 1
         if self._repeats >= FROZEN_CYCLES:
             self.stamp = min(self.stamp, self._changed)
@@ -79,3 +81,7 @@ def _is_quiet(sample: ImuSample) -> bool:
     force = float(np.sqrt(sample.accelerometer @ sample.accelerometer))
     turn = float(np.sqrt(sample.gyro @ sample.gyro))
     return abs(force / GRAVITY - 1.0) < QUIET_FORCE and turn < QUIET_TURN
+
+
+def _is_still(sample: ImuSample) -> bool:
+    return _is_quiet(sample) and not sample.gyro.any()

@@ -204,14 +204,16 @@ class Rollouts:
 
     def roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[RolledOut]:
         """Let the policy get up from all falls."""
-        count = self.monitor.count(phase, sum(len(piece.falls) for piece in pieces))
+        total = sum(len(piece.falls) for piece in pieces)
+        count = self.monitor.count(phase, total)
         named = {str(number): piece for number, piece in enumerate(pieces)}
         found, reported = dict[str, RolledOut](), 0.0
 
         def receive(progress: Progress) -> None:
             nonlocal reported
-            reported += progress.done
-            count(progress.done)
+            done = min(progress.done, total - reported)  # a piece that is done again reports again
+            reported += done
+            count(done)
 
         def end(name: str, result: RolledOut) -> None:
             found[name] = result

@@ -39,11 +39,6 @@ class TrainingProgress:
         steps, seconds = self.steps[begin:], self.seconds[begin:]
         return float((steps[-1] - steps[0]) / (seconds[-1] - seconds[0]))
 
-    def minutes_to(self, share: float) -> float | None:
-        """Return the minutes until a share of falls ended standing; ``None`` if it never did."""
-        reached = np.flatnonzero(self.share >= share)
-        return float(self.seconds[reached[0]]) / 60.0 if len(reached) else None
-
 
 def _sum(values: np.ndarray) -> np.ndarray:
     """Add up the last so many values at each place."""

@@ -19,8 +19,6 @@ def test_speed_is_counted_from_an_iteration_on(progress):
     assert progress.steps_per_s(begin=1) == 50.0
 
 
-def test_a_share_is_reached_when_that_many_of_the_last_falls_stood(progress):
-    # 12 of the last 15 iterations are from the 30th on at the 42nd, which ends after 84 s.
-    assert progress.minutes_to(0.8) == pytest.approx(84.0 / 60.0)
-    assert progress.minutes_to(1.0) == pytest.approx(90.0 / 60.0)
-    assert progress.minutes_to(1.01) is None
+def test_a_share_is_that_of_the_last_falls(progress):
+    # 12 of the last 15 iterations are from the 30th on at the 42nd.
+    assert progress.share[[29, 41, 44]] == pytest.approx([0.0, 0.8, 1.0])

@@ -2,9 +2,11 @@
 
     python benchmarks/bus_cycle.py --cycles 500 --json bus_cycle.json
 
-A virtual bus in a separate process replies in real time, at the speed of the wire; its servos are
-not simulated. One after another, each client does the same job as fast as it can: current,
-velocity and position of 20 servos, the IMU, and 20 goals. Peers: the group handlers of
+A virtual bus in a separate process replies in real time, at the speed of the wire, and in the
+real-time class of the scheduler, as servos do not wait for a processor; its servos are not
+simulated. One after another, each client does the same job as fast as it can: current,
+velocity and position of 20 servos, the IMU, and 20 goals; ours also in the real-time class, as in
+the control loop. Peers: the group handlers of
 `dynamixel-sdk`, plain and fast, as shipped and with its timeout shortened to that of a good
 adapter, and LeRobot's Dynamixel bus, which reads one quantity at a time
 (pip install --no-deps lerobot deepdiff orderly-set tqdm cachebox). A peer's group read that fails
@@ -35,6 +37,7 @@ from drivers import Command, SafetyGuard, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
+from drivers.real_time_class import in_real_time_class
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import VirtualBus
@@ -137,6 +140,15 @@ def our_backend_unguarded(path: str, baud: int) -> Iterator[Client]:
 def is_stale(state: State) -> bool:
     """Return whether a joint or the IMU was not measured in its cycle."""
     return bool(state.joint_age.max() > 0.0 or state.imu_age > 0.0)
+
+
+@contextmanager
+def our_loop(path: str, baud: int) -> Iterator[Client]:
+    """Use our backend behind the guard in the real-time class, as the control loop does."""
+    with our_backend(path, baud) as client, in_real_time_class() as is_permitted:
+        if not is_permitted:
+            print("the system does not permit the real-time class", file=sys.stderr)
+        yield client
 
 
 @contextmanager
@@ -284,6 +296,7 @@ def stub_learning_libraries() -> None:
 CLIENTS: dict[str, Callable[..., Any]] = {
     "ours": our_backend_unguarded,
     "ours, guarded": our_backend,
+    "ours, guarded, real-time": our_loop,
     "bare bytes": bare_bytes,
     "dynamixel-sdk, fast": partial(sdk_handlers, fast=True, latency=AS_SHIPPED),
     "dynamixel-sdk, plain": partial(sdk_handlers, fast=False, latency=AS_SHIPPED),

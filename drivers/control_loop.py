@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from drivers.errors import DriverError
+from drivers.real_time_class import in_real_time_class
 from drivers.safety_guard import SafetyGuard
 from drivers.safety_limits import ClipCounts
 from drivers.state import Command, State
@@ -186,12 +187,14 @@ def run_engaged(
 ) -> RunReport:
     """Run a controller on a connected robot, as `run` does, and leave its torque as it is.
 
-    The next command is due within the time of the servos' watchdog, a tenth of a second.
+    The next command is due within the time of the servos' watchdog, a tenth of a second. In real
+    time, this thread runs in the real-time class of the scheduler, if that is permitted.
     """
     loop = _Loop(guard, realtime)
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
     try:
-        ending, reason = loop.run(controller, max_time, on_cycle)
+        with in_real_time_class() if realtime else nullcontext():
+            ending, reason = loop.run(controller, max_time, on_cycle)
     except KeyboardInterrupt:
         pass  # the report says so
     except DriverError as error:

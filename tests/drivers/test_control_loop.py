@@ -1,6 +1,7 @@
 """The control loop, turned by small controllers."""
 
 import gc
+import os
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from recording_backend import RecordingBackend, still_state
 
 from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
 from drivers.control_loop import Pacer, Timing, TimingSummary
+from drivers.real_time_class import in_real_time_class
 from robots import Robot
 
 
@@ -304,3 +306,19 @@ def test_deadlines_count_from_the_end_of_connecting(tiny, backend, monkeypatch):
     monkeypatch.setattr(control_loop, "Pacer", Spy)
     run(Hold(tiny, cycles=2), SafetyGuard(backend), max_time=1.0, realtime=True)
     assert was_open == [True]
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_in_real_time_it_runs_in_the_real_time_class(tiny, backend, realtime):
+    with in_real_time_class() as is_permitted:
+        pass
+    found = set()
+    run(
+        Hold(tiny, cycles=3),
+        SafetyGuard(backend),
+        max_time=1.0,
+        realtime=realtime,
+        on_cycle=lambda _: found.add(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK),
+    )
+    assert found == {os.SCHED_FIFO if realtime and is_permitted else os.SCHED_OTHER}
+    assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER

@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from drivers.errors import DriverError
+from drivers.real_time_class import WIRE_PRIORITY, enter_real_time_class
 from drivers.virtual_bus.serving.call_queue import CallQueue
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
@@ -233,4 +234,5 @@ class VirtualBus:
     def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
         if self.time_mode is TimeMode.LOCK_STEP:
             return LockStep(wire, self._exchange, self._calls.wait)
+        enter_real_time_class(WIRE_PRIORITY)  # real devices reply however busy the computer is
         return RealTime(wire, self._exchange, self._calls.wait, self._options.adapter_latency)

@@ -15,6 +15,7 @@ from waiting import wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
+from drivers.real_time_class import in_real_time_class
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
@@ -236,6 +237,18 @@ def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
 
 
 # Both --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("time_mode", TimeMode)
+def test_in_real_time_its_thread_is_in_the_real_time_class(
+    devices: FakeDevices, time_mode: TimeMode
+):
+    with in_real_time_class() as is_permitted:
+        pass
+    with VirtualBus(devices, time_mode=time_mode) as bus:
+        found = bus.call(lambda: os.sched_getscheduler(0)) & ~os.SCHED_RESET_ON_FORK
+    is_expected = is_permitted and time_mode is TimeMode.REAL_TIME
+    assert found == (os.SCHED_FIFO if is_expected else os.SCHED_OTHER)
 
 
 @pytest.mark.parametrize("time_mode", TimeMode)

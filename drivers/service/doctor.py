@@ -29,6 +29,7 @@ from drivers.dynamixel.robot_ports import RobotPort
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import POLL_STEP, ImuSource
 from drivers.orientation_filter import GRAVITY
+from drivers.real_time_class import in_real_time_class
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.serial_port import read_latency_timer
 from drivers.service.session import RobotBus
@@ -124,7 +125,8 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     diagnostics = bus.diagnose()
     place = {joint.name: i for i, joint in enumerate(robot.joints)}
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
-    ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
+    with in_real_time_class():  # as in the control loop
+        ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
     imu = bus.imu.measure() if bus.imu else None
     rate = measure_rate(bus.imu) if bus.imu and bus.imu is not bus.board and imu else None
     findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]

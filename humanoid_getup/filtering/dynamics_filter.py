@@ -84,7 +84,7 @@ class DynamicsFilter:
         self.preference = Preference.of(prefer)
         self.count = 0
         self.searched = 0.0
-        """Time that searches have simulated so far [s]."""
+        """Time that searches have simulated since a plan began [s]."""
         self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)

@@ -138,7 +138,8 @@ class PlannedRise:
         if not self.options.filtering:
             return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
-        rollouts, searched = self.filter.count, self._tools.searched
+        rollouts = self.filter.count
+        self._tools.begin()
         found = KeyedRise(self._tools, self.keys).search(start, rng) if self.keys else None
         if found is None or found.rollout is None:
             free = FreeRise(self._tools).search(start, rng)
@@ -147,7 +148,7 @@ class PlannedRise:
             start,
             found,
             rollouts=self.filter.count - rollouts,
-            searched=self._tools.searched - searched,
+            searched=self._tools.searched,
             filter_s=time.perf_counter() - began - found.plan_s,
         )
 

@@ -42,9 +42,14 @@ class MotionFinder:
         self._threads, self._monitor = threads, monitor
         self._begun: list[CrawlSearch | StartMotions] = []
 
+    def begin(self) -> None:
+        """Count simulated time from 0."""
+        for search in self._begun:
+            search.simulated = 0.0
+
     @property
     def simulated(self) -> float:
-        """Return the time simulated so far [s]."""
+        """Return the time simulated since the begin [s]."""
         return sum(search.simulated for search in self._begun)
 
     def find(self, start: Posture, budget: float, rng: np.random.Generator) -> list[Connection]:

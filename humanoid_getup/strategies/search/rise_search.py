@@ -39,9 +39,14 @@ class SearchTools:
     monitor: ProgressMonitor = field(default_factory=ProgressMonitor)
     """Shows the steps, and ends the search between two of them if it is canceled."""
 
+    def begin(self) -> None:
+        """Count simulated time from 0: a sum that goes on is rounded by what was done before."""
+        self.filter.searched = 0.0
+        self.finder.begin()
+
     @property
     def searched(self) -> float:
-        """Return the time that searches have simulated so far [s]."""
+        """Return the time that searches have simulated since the begin [s]."""
         return self.filter.searched + self.finder.simulated
 
 

@@ -126,6 +126,21 @@ def test_a_plan_that_falls_says_what_may_help(
     assert ("next: " in reason) == bool(advice)
 
 
+def test_the_simulated_time_of_a_plan_is_not_rounded_by_earlier_plans(
+    world, database, fall, monkeypatch: pytest.MonkeyPatch
+):
+    planner, spent = PlannedRise(world, database), [0.1, 0.7]
+    assert sum(spent) - spent[0] != spent[1]
+
+    def search(*_: object) -> FoundRise:
+        planner.filter.searched += spent[0]
+        return FoundRise(rolled_out=True, highest=0.1, joined="squat")
+
+    monkeypatch.setattr(FreeRise, "search", search)
+    for _ in range(2):
+        assert planner.plan(fall, np.random.default_rng(0)).search.simulated == spent.pop(0)
+
+
 @pytest.mark.parametrize("rolled_out", [True, False])
 def test_a_side_without_motion_is_named_where_planning_fails(
     world, database, monkeypatch: pytest.MonkeyPatch, *, rolled_out: bool

@@ -10,7 +10,8 @@ stable-baselines3`; skipped if missing).
     python benchmarks/train_throughput.py --json throughput.json
 
 Minutes until a policy, as it would be exported, stands up from 95 % of 200 falls that it never saw,
-in each of the three ways; every 25th iteration is tried:
+in each of the three ways; of every 25th iteration, those are tried in which half as many stood up
+while exploring:
 
     python benchmarks/train_throughput.py --until 0.95 --json minutes.json
 

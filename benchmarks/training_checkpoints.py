@@ -41,7 +41,7 @@ class KeptCheckpoints:
         if number == self._newest:
             return
         kept = self.folder / f"{len(self.found):04}"
-        kept.mkdir(parents=True)
+        kept.mkdir(parents=True, exist_ok=True)
         shutil.copy(self.training / RECIPE, kept)
         os.link(file, kept / CHECKPOINT)  # as it is: the training replaces it as a whole
         self._newest = (kept / CHECKPOINT).stat().st_ino

@@ -34,6 +34,8 @@ class Backend(Protocol):
     """What the torque limits of commands act on."""
     release: Release = Release.LIMP
     """State of the joints after ``close``; it may be changed until then."""
+    has_wire: bool = False
+    """Whether each cycle waits for devices on a wire, and computes little meanwhile."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""

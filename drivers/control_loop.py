@@ -187,13 +187,12 @@ def run_engaged(
 ) -> RunReport:
     """Run a controller on a connected robot, as `run` does, and leave its torque as it is.
 
-    The next command is due within the time of the servos' watchdog, a tenth of a second. In real
-    time, this thread runs in the real-time class of the scheduler, if that is permitted.
+    The next command is due within the time of the servos' watchdog, a tenth of a second.
     """
     loop = _Loop(guard, realtime)
     ending, reason = Ending.INTERRUPTED, Ending.INTERRUPTED.value
     try:
-        with in_real_time_class() if realtime else nullcontext():
+        with prioritized(guard, realtime=realtime):
             ending, reason = loop.run(controller, max_time, on_cycle)
     except KeyboardInterrupt:
         pass  # the report says so
@@ -210,6 +209,16 @@ def run_engaged(
         holds=guard.holds,
         pace=TimingSummary.of(np.array(loop.timings, dtype=float).reshape(-1, 4)),
     )
+
+
+@contextmanager
+def prioritized(guard: SafetyGuard, *, realtime: bool) -> Iterator[None]:
+    """Run a loop over a wire in the real-time class of the scheduler, if that is permitted.
+
+    A twin stays where it is: its physics would leave others no time where it is too slow.
+    """
+    with in_real_time_class() if realtime and guard.has_wire else nullcontext():
+        yield
 
 
 @contextmanager

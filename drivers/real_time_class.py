@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 LOOP_PRIORITY = 50  # as that of other robots' control loops
 WIRE_PRIORITY = 60  # of virtual servos: real ones wait for no processor
-IS_KNOWN = hasattr(os, "sched_setscheduler")  # not on every system
+IS_KNOWN = hasattr(os, "SCHED_RESET_ON_FORK")  # on Linux
 USUAL = (os.SCHED_OTHER, os.SCHED_BATCH, os.SCHED_IDLE) if IS_KNOWN else ()
 
 
@@ -21,11 +21,10 @@ def in_real_time_class(priority: int = LOOP_PRIORITY) -> Iterator[bool]:
     on a system without such a class, it stays where it is.
     """
     before = _find_class()
-    is_in = enter_real_time_class(priority)
     try:
-        yield is_in
+        yield enter_real_time_class(priority)
     finally:
-        if before in USUAL and _find_class() not in USUAL:
+        if before in USUAL and _find_class() not in (*USUAL, None):
             # Without privileges, the flag that leaves its children outside cannot be taken back.
             os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
@@ -45,5 +44,10 @@ def enter_real_time_class(priority: int) -> bool:
 
 
 def _find_class() -> int | None:
-    """Return the class of this thread; None if the system knows none."""
-    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK if IS_KNOWN else None
+    """Return the class of this thread; None if the system does not say."""
+    if not IS_KNOWN:
+        return None
+    try:
+        return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    except OSError:
+        return None

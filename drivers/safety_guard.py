@@ -75,6 +75,7 @@ class SafetyGuard(Backend):
         expect("backend", backend, Backend, "a backend, e.g. Twin(world)")
         self.backend = backend
         self.robot, self.period = backend.robot, backend.period
+        self.has_wire = backend.has_wire
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self.limits.check_range(self.robot)
         self._reach = self.limits.max_velocity * self.period

@@ -79,6 +79,8 @@ class DynamixelBackend(Backend):
     first; one whose port was lost waits for a command that releases it.
     """
 
+    has_wire = True
+
     def __init__(
         self,
         robot: Robot,

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuSource
+from drivers.real_time_class import LOOP_PRIORITY, enter_real_time_class
 
 INTERVAL = 0.004  # s between two reads, twice as often as the fastest control cycles
 
@@ -59,6 +60,7 @@ class BackgroundImu(ImuSource):
         return replace(sample, age=sample.age + time.monotonic() - at)
 
     def _run(self) -> None:
+        enter_real_time_class(LOOP_PRIORITY)  # a sample must not be late where the loop is not
         while not self._stopping.wait(INTERVAL):
             now = time.monotonic()
             self._source.request(now)

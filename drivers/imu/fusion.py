@@ -11,6 +11,7 @@ from robots.quaternion import Array
 # An IMU at rest may repeat a sample; one on a body whose joints move cannot, for so long.
 FROZEN_CYCLES = 12
 MOVING = 1.0  # rad/s of the fastest joint
+SINKING_CYCLES = 250  # in which limp limbs may move beside a body at rest, until they lie
 # A body at rest: bounds of its IMU samples, and their number.
 QUIET_FORCE, QUIET_TURN, QUIET_CYCLES = 0.05, 0.2, 12  # share of gravity, rad/s
 # After so long without a sample the gyro has missed too much: the vertical is measured again.
@@ -24,7 +25,7 @@ class ImuFusion:
         """Prepare for samples that come about every ``period`` seconds."""
         self._filter = OrientationFilter(period)
         self._counts = b""
-        self._repeats = 0
+        self._repeats = self._sinking = 0
         self.gyro = np.zeros(3)
         """Angular velocity in the IMU frame [rad/s], shape (3,)."""
         self.stamp = -np.inf
@@ -43,7 +44,8 @@ class ImuFusion:
         self._is_settled, self._quiet = _is_quiet(sample), 0
         self._filter.start(sample.accelerometer)
         self.gyro, self.stamp = sample.gyro, now
-        self._counts, self._changed, self._repeats = sample.counts, now, 0
+        self._counts, self._changed = sample.counts, now
+        self._repeats = self._sinking = 0
 
     def update(self, sample: ImuSample, now: float, speed: float, *, is_limp: bool = False) -> None:
         """Advance the estimate by a sample.
@@ -58,8 +60,11 @@ class ImuFusion:
         """
         measured = now - sample.age
         if sample.counts != self._counts:
-            self._counts, self._changed, self._repeats = sample.counts, measured, 0
-        elif speed > MOVING and not (is_limp and _is_still(sample)):
+            self._counts, self._changed = sample.counts, measured
+            self._repeats = self._sinking = 0
+        elif speed > MOVING and is_limp and _is_still(sample) and self._sinking < SINKING_CYCLES:
+            self._sinking += 1
+        elif speed > MOVING:
             self._repeats += 1
         if self._repeats >= FROZEN_CYCLES:
             self.stamp = min(self.stamp, self._changed)

@@ -77,6 +77,8 @@ class ServoPhysics:
     only P has an effect, and D in current-based position mode. Thread-safe.
     """
 
+    is_light = False
+
     def __init__(
         self,
         simulation: Simulation,

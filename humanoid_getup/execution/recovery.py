@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from drivers import Command, Fault, FaultKind, SafetyGuard, State
-from drivers.control_loop import Pacer
+from drivers.control_loop import Pacer, prioritized
 from drivers.state import HardwareError
 
 OVERHEATING, OVERLOAD = int(HardwareError.OVERHEATING), int(HardwareError.OVERLOAD)
@@ -180,6 +180,12 @@ class Recovery:
 
     def _wait(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
         """Wait, torque off, until a condition holds, at most ``most`` seconds."""
+        with prioritized(self._guard, realtime=self._realtime):
+            return self._wait_paced(is_over, most)
+
+    def _wait_paced(
+        self, is_over: Callable[[State, float], bool], most: float
+    ) -> tuple[State, bool]:
         guard = self._guard
         pacer = Pacer(guard.period) if self._realtime else None
         state = guard.read()

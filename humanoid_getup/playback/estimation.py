@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers import Command, DriverError, Fault, SafetyGuard, State
-from drivers.control_loop import Pacer
+from drivers.control_loop import Pacer, prioritized
 from drivers.errors import NoImuError
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.clearance import Clearance
@@ -102,7 +102,7 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
     """
     slack = 0.5 * guard.period  # a clock adds up periods: half of one decides
     recent = deque[State]()
-    with guard:
+    with guard, prioritized(guard, realtime=pacer is not None):
         begin = guard.read().time
         while True:
             guard.write(Command.limp(guard.robot.n))

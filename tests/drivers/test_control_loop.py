@@ -308,11 +308,16 @@ def test_deadlines_count_from_the_end_of_connecting(tiny, backend, monkeypatch):
     assert was_open == [True]
 
 
-@pytest.mark.parametrize("realtime", [False, True])
-def test_in_real_time_it_runs_in_the_real_time_class(tiny, backend, realtime):
+@pytest.mark.parametrize(
+    ("realtime", "has_wire", "is_first"),
+    [(False, True, False), (True, False, False), (True, True, True)],
+)
+def test_in_real_time_it_goes_first_while_it_waits_for_a_wire(
+    tiny, backend, realtime, has_wire, is_first
+):
     with in_real_time_class() as is_permitted:
         pass
-    found = set()
+    backend.has_wire, found = has_wire, set()
     run(
         Hold(tiny, cycles=3),
         SafetyGuard(backend),
@@ -320,5 +325,5 @@ def test_in_real_time_it_runs_in_the_real_time_class(tiny, backend, realtime):
         realtime=realtime,
         on_cycle=lambda _: found.add(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK),
     )
-    assert found == {os.SCHED_FIFO if realtime and is_permitted else os.SCHED_OTHER}
+    assert found == {os.SCHED_FIFO if is_first and is_permitted else os.SCHED_OTHER}
     assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER

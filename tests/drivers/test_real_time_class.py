@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+from typing import Any
 
 import pytest
 
@@ -73,3 +74,28 @@ def test_a_system_without_such_classes_is_left_alone(monkeypatch: pytest.MonkeyP
     monkeypatch.delattr(os, "sched_setscheduler")
     with in_real_time_class() as is_in:
         assert not is_in
+
+
+def test_a_system_that_does_not_say_is_left_alone(monkeypatch: pytest.MonkeyPatch):
+    def fail(*_: object) -> None:
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr(os, "sched_getscheduler", fail)
+    with in_real_time_class() as is_in:
+        assert not is_in
+
+
+@pytest.mark.usefixtures("permitted")
+def test_an_interruption_while_it_enters_leaves_it_where_it_was(monkeypatch: pytest.MonkeyPatch):
+    enter = os.sched_setscheduler
+
+    def interrupt(*values: Any) -> None:
+        monkeypatch.setattr(os, "sched_setscheduler", enter)
+        enter(*values)
+        raise KeyboardInterrupt
+
+    before = find_class()
+    monkeypatch.setattr(os, "sched_setscheduler", interrupt)
+    with pytest.raises(KeyboardInterrupt), in_real_time_class():
+        pass
+    assert find_class() == before

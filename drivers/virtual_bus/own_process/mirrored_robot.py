@@ -65,6 +65,8 @@ class MirroredRobot(VirtualDevices):
 class MirroredPhysics(Physics):
     """Passes the newest commands to the physics and its newest measurements to the devices."""
 
+    is_light = True
+
     def __init__(
         self,
         robot: VirtualDevices,

@@ -57,6 +57,8 @@ class Physics(Protocol):
 
     time: float
     """Bus time that it has reached [s]."""
+    is_light: bool
+    """Whether it computes next to nothing, so that its thread may go before all others."""
 
     def advance(self, to: float) -> None:
         """Advance physics and devices to a bus time [s], or to the last step before it."""
@@ -112,6 +114,8 @@ class Faulty(Protocol):
 
 class StillPhysics(Physics):
     """No physics: the devices do not move, and only their clocks advance."""
+
+    is_light = True
 
     def __init__(self, devices: Devices, period: float = 0.008) -> None:
         """Advance the clocks of devices by control periods [s]."""

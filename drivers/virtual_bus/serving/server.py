@@ -234,5 +234,6 @@ class VirtualBus:
     def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
         if self.time_mode is TimeMode.LOCK_STEP:
             return LockStep(wire, self._exchange, self._calls.wait)
-        enter_real_time_class(WIRE_PRIORITY)  # real devices reply however busy the computer is
+        if self.physics.is_light:  # real devices reply however busy the computer is
+            enter_real_time_class(WIRE_PRIORITY)
         return RealTime(wire, self._exchange, self._calls.wait, self._options.adapter_latency)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.imu.fusion import ImuFusion
+from drivers.imu.fusion import FROZEN_CYCLES, SINKING_CYCLES, ImuFusion
 from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
 
@@ -114,3 +114,12 @@ def test_a_limp_arm_may_sink_beside_a_torso_that_rests(
     for k in range(1, 41):
         fusion.update(same, 1.0 + 0.008 * k, speed=2.8, is_limp=is_limp)
     assert (1.32 - fusion.stamp < 0.01) == is_believed
+
+
+def test_no_limb_sinks_for_seconds_beside_a_torso_that_rests():
+    fusion = ImuFusion(0.008)
+    fusion.start(sample(0), 0.0)
+    for k in range(1, SINKING_CYCLES + FROZEN_CYCLES + 1):
+        assert fusion.stamp == pytest.approx(0.008 * (k - 1))
+        fusion.update(sample(0), 0.008 * k, speed=2.8, is_limp=True)
+    assert fusion.stamp == 0.0

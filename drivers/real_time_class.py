@@ -24,7 +24,7 @@ def in_real_time_class(priority: int = LOOP_PRIORITY) -> Iterator[bool]:
     try:
         yield enter_real_time_class(priority)
     finally:
-        if before in USUAL and _find_class() not in (*USUAL, None):
+        if before is not None and before in USUAL and _find_class() not in (*USUAL, None):
             # Without privileges, the flag that leaves its children outside cannot be taken back.
             os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 

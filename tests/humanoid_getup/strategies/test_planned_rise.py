@@ -129,7 +129,7 @@ def test_a_plan_that_falls_says_what_may_help(
 def test_the_simulated_time_of_a_plan_is_not_rounded_by_earlier_plans(
     world, database, fall, monkeypatch: pytest.MonkeyPatch
 ):
-    planner, spent = PlannedRise(world, database), [0.1, 0.7]
+    planner, spent = PlannedRise(world, database), [0.3, 0.1]
     assert sum(spent) - spent[0] != spent[1]
 
     def search(*_: object) -> FoundRise:

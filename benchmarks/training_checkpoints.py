@@ -1,4 +1,4 @@
-"""Checkpoints of a training, kept as it replaces them, and from how many falls they stand up."""
+"""Checkpoints of a training, kept as it replaces them, and how often their policies stand up."""
 
 from __future__ import annotations
 

@@ -56,7 +56,8 @@ class ImuFusion:
             speed: Of the fastest joint [rad/s]. A body whose joints move shakes its IMU: one
                 that repeats a sample then is broken, and the sample does not count.
             is_limp: Whether no joint has torque. Then an arm may sink beside a torso that
-                rests, and an IMU without noise, as simulated ones are, repeats how it rests.
+                rests, and an IMU without noise, as simulated ones are, repeats how it rests. For
+                `SINKING_CYCLES` with a moving joint, that is no sign that it is broken.
         """
         measured = now - sample.age
         if sample.counts != self._counts:

@@ -180,28 +180,23 @@ class Recovery:
 
     def _wait(self, is_over: Callable[[State, float], bool], most: float) -> tuple[State, bool]:
         """Wait, torque off, until a condition holds, at most ``most`` seconds."""
-        with prioritized(self._guard, realtime=self._realtime):
-            return self._wait_paced(is_over, most)
-
-    def _wait_paced(
-        self, is_over: Callable[[State, float], bool], most: float
-    ) -> tuple[State, bool]:
         guard = self._guard
         pacer = Pacer(guard.period) if self._realtime else None
-        state = guard.read()
-        begin = state.time
-        for _ in range(SLACK * round(most / guard.period)):
-            if is_over(state, state.time - begin):
-                return state, True
-            if state.time - begin >= most:
-                break
-            guard.write(Command.limp(guard.robot.n))
-            fault = guard.fault
-            if fault and fault.kind not in (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR):
-                self.remedy(fault)
-            if pacer:
-                pacer.wait()
+        with prioritized(guard, realtime=self._realtime):
             state = guard.read()
+            begin = state.time
+            for _ in range(SLACK * round(most / guard.period)):
+                if is_over(state, state.time - begin):
+                    return state, True
+                if state.time - begin >= most:
+                    break
+                guard.write(Command.limp(guard.robot.n))
+                fault = guard.fault
+                if fault and fault.kind not in (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR):
+                    self.remedy(fault)
+                if pacer:
+                    pacer.wait()
+                state = guard.read()
         return state, is_over(state, state.time - begin)
 
     def _describe(self, state: State, joints: np.ndarray) -> str:

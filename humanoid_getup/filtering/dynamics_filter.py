@@ -83,8 +83,9 @@ class DynamicsFilter:
         self.world, self.torque_limit = world, check_torque_limit(torque_limit, world.robot)
         self.preference = Preference.of(prefer)
         self.count = 0
+        """Rollouts for this plan."""
         self.searched = 0.0
-        """Time that searches have simulated since a plan began [s]."""
+        """Time that searches have simulated for this plan [s]."""
         self._limbs = LimbMap.of(world)
         self._root = world.robot.layout(world.model).root_qpos
         self._fit = GroundFit(world)

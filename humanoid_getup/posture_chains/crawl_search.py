@@ -61,7 +61,7 @@ class CrawlSearch:
         self._threads, self._experiment = threads, Experiment(world, threads=threads)
         self._moves = RandomMoves(world.robot, None)
         self.simulated = 0.0
-        """Time simulated since a plan began [s]."""
+        """Time simulated for this plan [s]."""
 
     def find(
         self,

@@ -44,7 +44,7 @@ class StartMotions:
         self._world, self._limit, self._threads = world, limit, threads
         self._known, self._monitor = known, monitor or ProgressMonitor()
         self.simulated = 0.0
-        """Time simulated since a plan began [s]."""
+        """Time simulated for this plan [s]."""
 
     def find(
         self, start: Posture, start_class: StartClass, budget: float, rng: np.random.Generator

@@ -138,7 +138,6 @@ class PlannedRise:
         if not self.options.filtering:
             return self._chain_unfiltered(start, rng)
         began = time.perf_counter()
-        rollouts = self.filter.count
         self._tools.begin()
         found = KeyedRise(self._tools, self.keys).search(start, rng) if self.keys else None
         if found is None or found.rollout is None:
@@ -147,7 +146,7 @@ class PlannedRise:
         return self._conclude(
             start,
             found,
-            rollouts=self.filter.count - rollouts,
+            rollouts=self.filter.count,
             searched=self._tools.searched,
             filter_s=time.perf_counter() - began - found.plan_s,
         )

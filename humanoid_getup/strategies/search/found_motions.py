@@ -43,13 +43,13 @@ class MotionFinder:
         self._begun: list[CrawlSearch | StartMotions] = []
 
     def begin(self) -> None:
-        """Count simulated time from 0."""
+        """Count simulated time from 0, for a new plan."""
         for search in self._begun:
             search.simulated = 0.0
 
     @property
     def simulated(self) -> float:
-        """Return the time simulated since the begin [s]."""
+        """Return the time simulated for this plan [s]."""
         return sum(search.simulated for search in self._begun)
 
     def find(self, start: Posture, budget: float, rng: np.random.Generator) -> list[Connection]:

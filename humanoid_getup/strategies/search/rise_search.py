@@ -40,13 +40,16 @@ class SearchTools:
     """Shows the steps, and ends the search between two of them if it is canceled."""
 
     def begin(self) -> None:
-        """Count simulated time from 0: a sum that goes on is rounded by what was done before."""
-        self.filter.searched = 0.0
+        """Count rollouts and simulated time from 0, for a new plan.
+
+        The difference of two running totals would be rounded by the plans before.
+        """
+        self.filter.count, self.filter.searched = 0, 0.0
         self.finder.begin()
 
     @property
     def searched(self) -> float:
-        """Return the time that searches have simulated since the begin [s]."""
+        """Return the time that searches have simulated for this plan [s]."""
         return self.filter.searched + self.finder.simulated
 
 

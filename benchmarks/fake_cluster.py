@@ -1,39 +1,35 @@
-"""A cluster of three hosts on one machine, on which the engines Dask and Ray are tried.
+"""A cluster of three hosts on one machine, on which the engines Dask, Ray and Slurm are tried.
 
     sudo .venv/bin/python benchmarks/fake_cluster.py --kinds dask ray --json fake_cluster.json
 
 Each host is a network namespace of Linux with its own address, host name and /tmp; a bridge joins
 them. `getup bench rise` runs on one of them, and its figures are compared with those of one process
 of this machine: first undisturbed, then with all processes of one host killed while rises are
-running, last with another version of the program on two hosts, which has to be refused.
+running, last with another version of the program on two hosts, which has to be refused (not with
+Slurm, whose jobs have the environment of the program that submits them). Slurm is Debian's:
+`apt-get install slurm-wlm munge`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager
 from json import dumps, loads
 from pathlib import Path
 from typing import Any, Literal
 
 import tyro
+from fake_hosts import HOSTS, POLL, REPOSITORY, FakeHost, fake_hosts, start
 
 from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 
-REPOSITORY = Path(__file__).resolve().parent.parent
 PROGRAMS = Path(sys.executable).parent
-HOSTS = 3
-NETWORK = "10.77.0"
-BRIDGE = "getup-bridge"
 PORTS = {"dask": 8786, "ray": 6379}
 RAY = {
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -41,9 +37,26 @@ RAY = {
     "RAY_AUTH_MODE": "token",
     "RAY_AUTH_TOKEN": "0123456789abcdef" * 4,
 }
-START, LONGEST, POLL = 90.0, 400.0, 0.2  # s
+SLURM = """
+ClusterName=getup
+SlurmctldHost={head.name}({head.address})
+SlurmUser=root
+AuthInfo=socket={folder}/munge.socket
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+MpiDefault=none
+SlurmdTimeout=10
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/%n
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/%n.pid
+PartitionName=all Nodes=ALL Default=YES State=UP
+"""
+SLURM_NODE = "NodeName={host.name} NodeAddr={host.address} CPUs=1 RealMemory=8000\n"
+START, LONGEST = 90.0, 400.0  # s
 LINES_AT_KILL = 3  # of the ledger: its recipe and two rises
-ENTER = 'hostname "$1" && mount --bind "$2" /tmp && shift 2 && exec "$@"'
 COUNT = """
 import sys
 from humanoid_getup.engines.engine import Engine
@@ -52,77 +65,14 @@ with start_workers(Engine.parse(*sys.argv[1:]), 1) as workers:
     print(workers.count)
 """
 
-Kind = Literal["dask", "ray"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FakeHost:
-    """A network namespace that stands for a host."""
-
-    name: str
-    address: str
-    folder: Path
-    """Its /tmp."""
-
-    def start(self, *words: str | Path, path: str = str(REPOSITORY)) -> subprocess.Popen[str]:
-        """Start a program on the host, with folders on which Python finds modules."""
-        enter = ("ip", "netns", "exec", self.name, "unshare", "--uts", "sh", "-c", ENTER, "sh")
-        return _start(*enter, self.name, self.folder, *words, path=path)
-
-    def kill(self) -> int:
-        """Kill all its processes; return their number."""
-        listed = _ip("netns", "pids", self.name).split()
-        for number in map(int, listed):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(number, signal.SIGKILL)
-        return len(listed)
-
-
-def _start(*words: str | Path, path: str = str(REPOSITORY)) -> subprocess.Popen[str]:
-    environment = os.environ | RAY | {"PYTHONPATH": path}
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*map(str, words)], env=environment, cwd="/", **pipes)
-
-
-def _ip(*words: str) -> str:
-    return subprocess.run(["ip", *words], check=True, capture_output=True, text=True).stdout
-
-
-@contextmanager
-def fake_hosts(folder: Path, count: int = HOSTS) -> Iterator[list[FakeHost]]:
-    """Make hosts and the network between them; remove both and end all processes at the end."""
-    with ExitStack() as stack:
-        _ip("link", "add", BRIDGE, "type", "bridge")
-        stack.callback(_ip, "link", "del", BRIDGE)
-        _ip("link", "set", BRIDGE, "up")
-        yield [stack.enter_context(_fake_host(folder, number + 1)) for number in range(count)]
-
-
-@contextmanager
-def _fake_host(folder: Path, number: int) -> Iterator[FakeHost]:
-    """Make a host and its link to the bridge."""
-    name, link = f"getup-{number}", f"getup-link-{number}"
-    host = FakeHost(name=name, address=f"{NETWORK}.{number}", folder=folder / name)
-    host.folder.mkdir()
-    _ip("netns", "add", name)
-    try:
-        _ip("link", "add", link, "type", "veth", "peer", "name", "eth0", "netns", name)
-        _ip("link", "set", link, "master", BRIDGE, "up")
-        _ip("-n", name, "address", "add", f"{host.address}/24", "dev", "eth0")
-        for device in ("eth0", "lo"):
-            _ip("-n", name, "link", "set", device, "up")
-        yield host
-    finally:
-        while host.kill():
-            time.sleep(POLL)
-        _ip("netns", "del", name)
+Kind = Literal["dask", "ray", "slurm"]
 
 
 @contextmanager
 def fake_cluster(
     kind: Kind, hosts: Sequence[FakeHost], paths: Sequence[str] = (str(REPOSITORY),) * HOSTS
 ) -> Iterator[str]:
-    """Start a scheduler on the first host and a worker on each; give the address.
+    """Start a scheduler on the first host and a worker on each; give the engine.
 
     Args:
         kind: What runs there.
@@ -130,14 +80,18 @@ def fake_cluster(
         paths: Where the worker of each finds its modules.
     """
     head = hosts[0]
-    address = f"{head.address}:{PORTS[kind]}"
-    start = _start_dask if kind == "dask" else _start_ray
-    if kind == "dask":
-        address = f"tcp://{address}"
     try:
-        start(hosts, address, paths)
+        if kind == "slurm":
+            _start_slurm(hosts)
+            _wait(lambda: _count_nodes(head) == len(hosts), START, "nodes of Slurm")
+            yield f"slurm:{len(hosts)}"
+            return
+        address = f"{head.address}:{PORTS[kind]}"
+        address = f"tcp://{address}" if kind == "dask" else address
+        begin = _start_dask if kind == "dask" else _start_ray
+        begin(hosts, address, paths)
         _wait(lambda: _count(head, kind, address) == len(hosts), START, "workers of all hosts")
-        yield address
+        yield f"{kind} --address {address}"
     finally:
         for host in hosts:
             while host.kill():
@@ -164,6 +118,40 @@ def _start_ray(hosts: Sequence[FakeHost], address: str, paths: Sequence[str]) ->
         )
         if first:
             _wait(lambda: _count(hosts[0], "ray", address) == 1, START, "the head of Ray")
+
+
+def _start_slurm(hosts: Sequence[FakeHost]) -> None:
+    """Start Slurm with a node on each host, and its keeper of credentials on the first."""
+    head, folder = hosts[0], hosts[0].folder.parent / "slurm"
+    (folder / "state").mkdir(parents=True, exist_ok=True)
+    key, settings = folder / "munge.key", folder / "slurm.conf"
+    # The other version of control groups is searched for where namespaces have nothing mounted.
+    (folder / "cgroup.conf").write_text("CgroupPlugin=cgroup/v1\n")
+    key.write_bytes(os.urandom(128))
+    key.chmod(0o400)
+    nodes = "".join(SLURM_NODE.format(host=host) for host in hosts)
+    settings.write_text(SLURM.format(head=head, folder=folder).replace("Part", nodes + "Part"))
+    os.environ |= {
+        "SLURM_CONF": str(settings),
+        "DASK_JOBQUEUE__SLURM__INTERFACE": "eth0",
+        "DASK_JOBQUEUE__SLURM__LOG_DIRECTORY": str(folder),
+    }
+    files = {"--key-file": key} | {
+        f"--{what}": folder / f"munge.{what}" for what in ("socket", "pid-file", "seed-file")
+    }
+    options = [word for name, file in files.items() for word in (name, file)]
+    head.start("munged", "--foreground", "--force", *options)
+    _wait((folder / "munge.socket").exists, START, "munge")
+    head.start("slurmctld", "-D")
+    for host in hosts:
+        (folder / host.name).mkdir(exist_ok=True)
+        host.start("slurmd", "-D", "-N", host.name)
+
+
+def _count_nodes(host: FakeHost) -> int:
+    """Count the nodes of Slurm that wait for a job."""
+    idle = host.start("sinfo", "--noheader", "--Node", "--states", "idle")
+    return len(idle.communicate()[0].splitlines())
 
 
 def _count(host: FakeHost, kind: Kind, address: str) -> int:
@@ -207,8 +195,7 @@ def finish(process: subprocess.Popen[str]) -> None:
 def try_engine(kind: Kind, hosts: Sequence[FakeHost], folder: Path, n: int) -> dict[str, Any]:
     """Try an engine; return what was found."""
     few, many = folder / f"{kind}_few.json", folder / f"{kind}_many.json"
-    with fake_cluster(kind, hosts) as address:
-        engine = f"{kind} --address {address}"
+    with fake_cluster(kind, hosts) as engine:
         began = time.monotonic()
         finish(hosts[0].start(*list_words(1, engine, few)))
         took = time.monotonic() - began
@@ -226,6 +213,8 @@ def try_engine(kind: Kind, hosts: Sequence[FakeHost], folder: Path, n: int) -> d
         "processes_killed": killed,
         "same_with_kill": read_rises(many) == read_rises(folder / "here_many.json"),
     }
+    if kind == "slurm":
+        return found
     return found | {"refused": try_other_version(kind, hosts, folder, n)}
 
 
@@ -241,8 +230,8 @@ def try_other_version(kind: Kind, hosts: Sequence[FakeHost], folder: Path, n: in
         file.write("# another comment\n")
     other = os.pathsep.join([str(copy), str(REPOSITORY)])
     paths = [str(REPOSITORY), *[other] * (len(hosts) - 1)]
-    with fake_cluster(kind, hosts, paths) as address:
-        words = list_words(n, f"{kind} --address {address}", folder / f"{kind}_other.json")
+    with fake_cluster(kind, hosts, paths) as engine:
+        words = list_words(n, engine, folder / f"{kind}_other.json")
         process = hosts[0].start(*words)
         error = process.communicate(timeout=LONGEST)[1]
     return [f"exit code {process.returncode}", *error.strip().splitlines()]
@@ -258,10 +247,11 @@ def main(
         n: Falls of each class in the run in which a host is killed.
         json: File for the results.
     """
+    os.environ |= RAY
     with tempfile.TemporaryDirectory(dir="/var/tmp") as name, fake_hosts(Path(name)) as hosts:
         folder = Path(name)
         for file, count in {"here_few": 1, "here_many": n}.items():
-            finish(_start(*list_words(count, "local:1", folder / f"{file}.json")))
+            finish(start(*list_words(count, "local:1", folder / f"{file}.json")))
         cases = {kind: try_engine(kind, hosts, folder, n) for kind in kinds}
     text = dumps({"name": "fake_cluster", "hosts": HOSTS, "cases": cases}, indent=1)
     print(text)

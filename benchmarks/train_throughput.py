@@ -52,9 +52,11 @@ from sim2real.training.styled_training import keep_prior
 from sim2real.training.train import POOL, build_env, build_options, load_pool
 
 PROCESSES = 2
+SPEED_ITERATIONS = 25
 TORCHRUN = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(PROCESSES))
+Way = Literal["training", "overlapped", "two processes"]
 # Arguments of Python and of `getup train`; the last is not for recipes with style curves.
-WAYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+WAYS: dict[Way, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "training": ((), ()),
     "overlapped": ((), ("--overlap",)),
     "two processes": (TORCHRUN, ()),
@@ -75,11 +77,7 @@ class Task:
     prior: Path | None
     """Folder of the pose prior of a training with style curves."""
     parent: Path | None
-
-    @property
-    def ways(self) -> tuple[str, ...]:
-        """Return the ways in which the recipe can be trained."""
-        return tuple(WAYS)[: -1 if self.recipe.style else None]
+    ways: tuple[Way, ...]
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         if self.prior is not None:
@@ -139,14 +137,14 @@ class Stepping:
         return count / (time.perf_counter() - began), whole
 
 
-def measure_training(task: Task, way: str, iterations: int) -> float:
+def measure_training(task: Task, way: Way, iterations: int) -> float:
     """Return policy steps per second of a training, from the second iteration on."""
     with tempfile.TemporaryDirectory() as folder:
         train(task, way, Path(folder), iterations + 2)
         return TrainingProgress.read(Path(folder)).steps_per_s(begin=1)
 
 
-def train(task: Task, way: str, folder: Path, iterations: int) -> None:
+def train(task: Task, way: Way, folder: Path, iterations: int) -> None:
     """Train in a way by `getup train`, from the falls of the task."""
     task.pool.save(folder / POOL, task.robot)
     recipe, (launcher, options) = task.recipe_name, WAYS[way]
@@ -263,11 +261,12 @@ def main(
     robots: int | None = None,
     threads: int = 0,
     rounds: int = 3,
-    iterations: int = 25,
+    iterations: int | None = None,
     peer_iterations: int = 2,
     steps: int = 40,
     falls: int = 128,
     until: float | None = None,
+    ways: tuple[Way, ...] = (),
     json: Path | None = None,
 ) -> None:
     """Compare ways of training with bare physics.
@@ -280,28 +279,33 @@ def main(
         robots: Robots side by side; default: the recipe's.
         threads: Threads that step physics; 0 for one per processor.
         rounds: Measurements of each, in turn.
-        iterations: Iterations of training; every 25th writes a checkpoint.
+        iterations: Iterations of training, every 25th of which writes a checkpoint; default: 25,
+            with --until the recipe's.
         peer_iterations: Iterations of stable-baselines3; 0 for none.
         steps: Policy steps in a round.
         falls: Settled falls in the pool.
         until: Train whole recipes instead, and print the minutes until policies stand up from this
             share of falls.
+        ways: Ways to train; default: all that the recipe has.
         json: File for the results.
     """
     chosen = replace(RECIPES[recipe], falls=falls if until is None else RECIPES[recipe].falls)
     chosen = replace(chosen, robots=robots or chosen.robots)
+    if until is not None:
+        chosen = replace(chosen, iterations=iterations or chosen.iterations)
     if chosen.style is not None and prior is None:
         raise SystemExit(f"--prior is missing, expected with recipe {recipe}, see `getup prior`")
     loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
-    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent)
+    every = tuple(WAYS)[: -1 if chosen.style else None]
+    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every)
     head = {"name": "train_throughput", "recipe": recipe, "robots": chosen.robots}
     head |= {"mujoco": mujoco.__version__, "n": rounds}
     if until is not None:
         write(head | {"share": until, "minutes": measure_learning(task, until)}, json)
         return
-    speeds = measure_speeds(task, rounds, iterations)
+    speeds = measure_speeds(task, rounds, iterations or SPEED_ITERATIONS)
     if peer := measure_peer(task, peer_iterations):
         speeds["stable_baselines3"] = [peer] * rounds
     over = {

@@ -86,7 +86,9 @@ def find_first(
         iteration = int(read_checkpoint(folder / CHECKPOINT)["iter"])
         if progress.share[iteration] < share / 2.0:
             continue
-        if (stood := measure_stands(folder, falls)) >= share:
+        stood, steps = measure_stands(folder, falls), progress.steps[iteration]
+        print(f"  {stood:6.1%} stand after {steps / 1e6:.2f} million steps", flush=True)
+        if stood >= share:
             return float(progress.seconds[iteration]), stood
     return None
 

@@ -30,7 +30,7 @@ from fake_hosts import HOSTS, POLL, REPOSITORY, FakeHost, fake_hosts, start
 from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 
 PROGRAMS = Path(sys.executable).parent
-PORTS = {"dask": 8786, "ray": 6379}
+DASK_PORT, RAY_PORT = "8786", "6379"
 RAY = {
     "RAY_USAGE_STATS_ENABLED": "0",
     # A head whose address others reach requires a token.
@@ -52,9 +52,10 @@ StateSaveLocation={folder}/state
 SlurmdSpoolDir={folder}/%n
 SlurmctldPidFile={folder}/slurmctld.pid
 SlurmdPidFile={folder}/%n.pid
+{nodes}
 PartitionName=all Nodes=ALL Default=YES State=UP
 """
-SLURM_NODE = "NodeName={host.name} NodeAddr={host.address} CPUs=1 RealMemory=8000\n"
+SLURM_NODE = "NodeName={host.name} NodeAddr={host.address} CPUs=1 RealMemory=8000"
 START, LONGEST = 90.0, 400.0  # s
 LINES_AT_KILL = 3  # of the ledger: its recipe and two rises
 COUNT = """
@@ -79,58 +80,52 @@ def fake_cluster(
         hosts: The hosts.
         paths: Where the worker of each finds its modules.
     """
-    head = hosts[0]
+    starts = {"dask": _start_dask, "ray": _start_ray, "slurm": _start_slurm}
     try:
-        if kind == "slurm":
-            _start_slurm(hosts)
-            _wait(lambda: _count_nodes(head) == len(hosts), START, "nodes of Slurm")
-            yield f"slurm:{len(hosts)}"
-            return
-        address = f"{head.address}:{PORTS[kind]}"
-        address = f"tcp://{address}" if kind == "dask" else address
-        begin = _start_dask if kind == "dask" else _start_ray
-        begin(hosts, address, paths)
-        _wait(lambda: _count(head, kind, address) == len(hosts), START, "workers of all hosts")
-        yield f"{kind} --address {address}"
+        yield starts[kind](hosts, paths)
     finally:
         for host in hosts:
             while host.kill():
                 time.sleep(POLL)
 
 
-def _start_dask(hosts: Sequence[FakeHost], address: str, paths: Sequence[str]) -> None:
-    dask = PROGRAMS / "dask"
-    port = str(PORTS["dask"])
-    hosts[0].start(dask, "scheduler", "--host", hosts[0].address, "--port", port, "--no-dashboard")
+def _start_dask(hosts: Sequence[FakeHost], paths: Sequence[str]) -> str:
+    head, dask = hosts[0], PROGRAMS / "dask"
+    address = f"tcp://{head.address}:{DASK_PORT}"
+    head.start(dask, "scheduler", "--host", head.address, "--port", DASK_PORT, "--no-dashboard")
     for host, path in zip(hosts, paths, strict=True):
         own = ("--host", host.address, "--nthreads", "1", "--no-dashboard")
         host.start(dask, "worker", address, *own, path=path)
+    return _wait_for_workers(hosts, len(hosts), f"dask --address {address}")
 
 
-def _start_ray(hosts: Sequence[FakeHost], address: str, paths: Sequence[str]) -> None:
+def _start_ray(hosts: Sequence[FakeHost], paths: Sequence[str]) -> str:
+    address = f"{hosts[0].address}:{RAY_PORT}"
+    engine = f"ray --address {address}"
     own = ("--num-cpus", "1", "--object-store-memory", "100000000", "--block")
     for host, path in zip(hosts, paths, strict=True):
         first = host is hosts[0]
-        head = ("--head", "--port", str(PORTS["ray"]), "--include-dashboard", "false")
+        head = ("--head", "--port", RAY_PORT, "--include-dashboard", "false")
         role = head if first else ("--address", address)
         host.start(
             PROGRAMS / "ray", "start", *role, "--node-ip-address", host.address, *own, path=path
         )
         if first:
-            _wait(lambda: _count(hosts[0], "ray", address) == 1, START, "the head of Ray")
+            _wait_for_workers(hosts, 1, engine)
+    return _wait_for_workers(hosts, len(hosts), engine)
 
 
-def _start_slurm(hosts: Sequence[FakeHost]) -> None:
-    """Start Slurm with a node on each host, and its keeper of credentials on the first."""
+def _start_slurm(hosts: Sequence[FakeHost], _paths: Sequence[str]) -> str:
+    """Start Slurm with a node on each host; its jobs find modules where the program does."""
     head, folder = hosts[0], hosts[0].folder.parent / "slurm"
     (folder / "state").mkdir(parents=True, exist_ok=True)
     key, settings = folder / "munge.key", folder / "slurm.conf"
-    # The other version of control groups is searched for where namespaces have nothing mounted.
+    # Version 2 of control groups needs /sys/fs/cgroup, which is empty in `ip netns exec`.
     (folder / "cgroup.conf").write_text("CgroupPlugin=cgroup/v1\n")
     key.write_bytes(os.urandom(128))
     key.chmod(0o400)
-    nodes = "".join(SLURM_NODE.format(host=host) for host in hosts)
-    settings.write_text(SLURM.format(head=head, folder=folder).replace("Part", nodes + "Part"))
+    nodes = "\n".join(SLURM_NODE.format(host=host) for host in hosts)
+    settings.write_text(SLURM.format(head=head, folder=folder, nodes=nodes))
     os.environ |= {
         "SLURM_CONF": str(settings),
         "DASK_JOBQUEUE__SLURM__INTERFACE": "eth0",
@@ -146,6 +141,8 @@ def _start_slurm(hosts: Sequence[FakeHost]) -> None:
     for host in hosts:
         (folder / host.name).mkdir(exist_ok=True)
         host.start("slurmd", "-D", "-N", host.name)
+    _wait(lambda: _count_nodes(head) == len(hosts), START, "nodes of Slurm")
+    return f"slurm:{len(hosts)}"
 
 
 def _count_nodes(host: FakeHost) -> int:
@@ -154,8 +151,15 @@ def _count_nodes(host: FakeHost) -> int:
     return len(idle.communicate()[0].splitlines())
 
 
-def _count(host: FakeHost, kind: Kind, address: str) -> int:
+def _wait_for_workers(hosts: Sequence[FakeHost], count: int, engine: str) -> str:
+    """Wait until a program on the first host finds so many workers; return the engine."""
+    _wait(lambda: _count_workers(hosts[0], engine) == count, START, f"{count} workers of {engine}")
+    return engine
+
+
+def _count_workers(host: FakeHost, engine: str) -> int:
     """Count the workers that a program on a host finds; 0 if it finds no cluster."""
+    kind, _, address = engine.split()
     done = host.start(sys.executable, "-c", COUNT, kind, address).communicate()[0].split()
     return int(done[-1]) if done else 0
 

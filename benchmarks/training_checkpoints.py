@@ -71,7 +71,8 @@ def find_first(
 ) -> tuple[float, float] | None:
     """Find the first checkpoint whose policy stands up from a share of falls that it never saw.
 
-    Policies that stand up from less than half of that while they explore are not tried.
+    Policies that stand up from less than half of that while they explore are not tried; the share
+    of each other one is printed.
 
     Args:
         kept: Folders of checkpoints, the oldest first.

@@ -92,10 +92,10 @@ def fake_cluster(
 def _start_dask(hosts: Sequence[FakeHost], paths: Sequence[str]) -> str:
     head, dask = hosts[0], PROGRAMS / "dask"
     address = f"tcp://{head.address}:{DASK_PORT}"
-    head.start(dask, "scheduler", "--host", head.address, "--port", DASK_PORT, "--no-dashboard")
+    head.serve(dask, "scheduler", "--host", head.address, "--port", DASK_PORT, "--no-dashboard")
     for host, path in zip(hosts, paths, strict=True):
         own = ("--host", host.address, "--nthreads", "1", "--no-dashboard")
-        host.start(dask, "worker", address, *own, path=path)
+        host.serve(dask, "worker", address, *own, path=path)
     return _wait_for_workers(hosts, len(hosts), f"dask --address {address}")
 
 
@@ -107,7 +107,7 @@ def _start_ray(hosts: Sequence[FakeHost], paths: Sequence[str]) -> str:
         first = host is hosts[0]
         head = ("--head", "--port", RAY_PORT, "--include-dashboard", "false")
         role = head if first else ("--address", address)
-        host.start(
+        host.serve(
             PROGRAMS / "ray", "start", *role, "--node-ip-address", host.address, *own, path=path
         )
         if first:
@@ -135,12 +135,12 @@ def _start_slurm(hosts: Sequence[FakeHost], _paths: Sequence[str]) -> str:
         f"--{what}": folder / f"munge.{what}" for what in ("socket", "pid-file", "seed-file")
     }
     options = [word for name, file in files.items() for word in (name, file)]
-    head.start("munged", "--foreground", "--force", *options)
+    head.serve("munged", "--foreground", "--force", *options)
     _wait((folder / "munge.socket").exists, START, "munge")
-    head.start("slurmctld", "-D")
+    head.serve("slurmctld", "-D")
     for host in hosts:
         (folder / host.name).mkdir(exist_ok=True)
-        host.start("slurmd", "-D", "-N", host.name)
+        host.serve("slurmd", "-D", "-N", host.name)
     _wait(lambda: _count_nodes(head) == len(hosts), START, "nodes of Slurm")
     return f"slurm:{len(hosts)}"
 

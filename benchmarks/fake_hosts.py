@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 HOSTS = 3
@@ -30,10 +29,22 @@ class FakeHost:
     folder: Path
     """Its /tmp."""
 
-    def start(self, *words: str | Path, path: str = str(REPOSITORY)) -> subprocess.Popen[str]:
-        """Start a program on the host, with folders on which Python finds modules."""
+    def start(
+        self, *words: str | Path, path: str = str(REPOSITORY), log: Path | None = None
+    ) -> subprocess.Popen[str]:
+        """Start a program on the host, with folders on which Python finds modules.
+
+        Args:
+            words: The program and its arguments.
+            path: The folders.
+            log: File for what it prints; by default, pipes.
+        """
         enter = ("ip", "netns", "exec", self.name, "unshare", "--uts", "sh", "-c", ENTER, "sh")
-        return start(*enter, self.name, self.folder, *words, path=path)
+        return start(*enter, self.name, self.folder, *words, path=path, log=log)
+
+    def serve(self, *words: str | Path, path: str = str(REPOSITORY)) -> None:
+        """Start a program that runs until the host is killed; its log lies in the host's /tmp."""
+        self.start(*words, path=path, log=self.folder / f"{Path(words[0]).name}.log")
 
     def kill(self) -> int:
         """Kill all its processes; return their number."""
@@ -44,11 +55,19 @@ class FakeHost:
         return len(listed)
 
 
-def start(*words: str | Path, path: str = str(REPOSITORY)) -> subprocess.Popen[str]:
-    """Start a program, with folders on which Python finds modules."""
-    environment = os.environ | {"PYTHONPATH": path}
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*map(str, words)], env=environment, cwd="/", **pipes)
+def start(
+    *words: str | Path, path: str = str(REPOSITORY), log: Path | None = None
+) -> subprocess.Popen[str]:
+    """Start a program, with folders on which Python finds modules, and a file for its output."""
+    with log.open("a") if log else contextlib.nullcontext(subprocess.PIPE) as output:
+        return subprocess.Popen(
+            [*map(str, words)],
+            env=os.environ | {"PYTHONPATH": path},
+            cwd="/",
+            stdout=output,
+            stderr=output,
+            text=True,
+        )
 
 
 def run_ip(*words: str) -> str:

@@ -28,7 +28,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from json import dumps
 from pathlib import Path
 from typing import Any, Literal
@@ -38,7 +38,7 @@ import mujoco
 import numpy as np
 import tyro
 from mujoco.batch import Batch
-from training_checkpoints import KeptCheckpoints, find_first
+from training_checkpoints import JudgedCheckpoint, KeptCheckpoints, judge_until
 from training_progress import TrainingProgress
 
 from humanoid_getup.policy.observation import Floats
@@ -234,22 +234,20 @@ def measure_speeds(task: Task, rounds: int, iterations: int) -> dict[str, list[f
     return speeds
 
 
-def measure_learning(task: Task, share: float) -> dict[str, float | None]:
-    """Train the whole recipe in each way; return the minutes to a share of falls that stand."""
-    minutes: dict[str, float | None] = {}
+def measure_learning(task: Task, share: float) -> dict[str, list[JudgedCheckpoint]]:
+    """Train the whole recipe in each way; judge until a share of falls stands."""
+    ways: dict[str, list[JudgedCheckpoint]] = {}
     with tempfile.TemporaryDirectory() as name:
         for way in task.ways:
+            print(way, flush=True)
             folder = Path(name, way.replace(" ", "_"))
             folder.mkdir()
             checkpoints = KeptCheckpoints(training=folder, folder=folder / "checkpoints")
             with checkpoints.keeping():
                 train(task, way, folder, task.recipe.iterations)
-            progress = TrainingProgress.read(folder)
-            found = find_first(checkpoints.found, progress, share, Path(name, "unseen.npz"))
-            minutes[way] = None if found is None else found[0] / 60.0
-            text = "never" if found is None else f"{found[0] / 60.0:.1f} min: {found[1]:.1%}"
-            print(f"{way:18} {share:.0%} standing after {text}", flush=True)
-    return minutes
+            progress, falls = TrainingProgress.read(folder), Path(name, "unseen.npz")
+            ways[way] = judge_until(checkpoints.found, progress, share, falls)
+    return ways
 
 
 def main(
@@ -284,7 +282,7 @@ def main(
         peer_iterations: Iterations of stable-baselines3; 0 for none.
         steps: Policy steps in a round.
         falls: Settled falls in the pool.
-        until: Train whole recipes instead, and print the minutes until policies stand up from this
+        until: Train whole recipes instead, and judge their policies until one stands up from this
             share of falls.
         ways: Ways to train; default: all that the recipe has.
         json: File for the results.
@@ -303,7 +301,8 @@ def main(
     head = {"name": "train_throughput", "recipe": recipe, "robots": chosen.robots}
     head |= {"mujoco": mujoco.__version__, "n": rounds}
     if until is not None:
-        write(head | {"share": until, "minutes": measure_learning(task, until)}, json)
+        ways = {way: list(map(asdict, each)) for way, each in measure_learning(task, until).items()}
+        write(head | {"share": until, "ways": ways}, json)
         return
     speeds = measure_speeds(task, rounds, iterations or SPEED_ITERATIONS)
     if peer := measure_peer(task, peer_iterations):

@@ -66,32 +66,44 @@ class KeptCheckpoints:
             self.look()
 
 
-def find_first(
-    kept: Iterable[Path], progress: TrainingProgress, share: float, falls: Path
-) -> tuple[float, float] | None:
-    """Find the first checkpoint whose policy stands up from a share of falls that it never saw.
+@dataclass(frozen=True, kw_only=True)
+class JudgedCheckpoint:
+    """How often the policy of a checkpoint stands up."""
 
-    Policies that stand up from less than half of that while they explore are not tried; the share
-    of each other one is printed.
+    minutes: float
+    """Of the training until then."""
+    steps: int
+    """Policy steps of all robots until then."""
+    stood: float
+    """Share of falls that it never saw."""
+
+
+def judge_until(
+    kept: Iterable[Path], progress: TrainingProgress, share: float, falls: Path
+) -> list[JudgedCheckpoint]:
+    """Judge checkpoints until the policy of one stands up from a share of unseen falls.
+
+    Policies that stand up from less than half of that while they explore are left out.
 
     Args:
         kept: Folders of checkpoints, the oldest first.
         progress: Of the training.
         share: Share that has to stand.
         falls: File of the falls: read if it exists, else written.
-
-    Returns:
-        Time of the training until then [s], and the share; None if it never comes to that.
     """
+    judged = list[JudgedCheckpoint]()
     for folder in kept:
         iteration = int(read_checkpoint(folder / CHECKPOINT)["iter"])
         if progress.share[iteration] < share / 2.0:
             continue
-        stood, steps = measure_stands(folder, falls), progress.steps[iteration]
-        print(f"  {stood:6.1%} stand after {steps / 1e6:.2f} million steps", flush=True)
+        minutes, steps = progress.seconds[iteration] / 60.0, int(progress.steps[iteration])
+        stood = measure_stands(folder, falls)
+        text = f"  {stood:6.1%} stand after {minutes:.1f} min, {steps / 1e6:.2f} million steps"
+        print(text, flush=True)
+        judged.append(JudgedCheckpoint(minutes=float(minutes), steps=steps, stood=stood))
         if stood >= share:
-            return float(progress.seconds[iteration]), stood
-    return None
+            break
+    return judged
 
 
 def measure_stands(checkpoint: Path, falls: Path) -> float:

@@ -1,4 +1,4 @@
-"""Checkpoints of a training are kept, and the first whose policy stands up is found."""
+"""Checkpoints of a training are kept, and judged until the policy of one stands up."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def test_every_checkpoint_is_kept_once_as_it_was(script, tmp_path: Path):
     assert all((each / "recipe.json").exists() for each in kept.found)
 
 
-def test_the_first_policy_that_stands_up_is_found(script, op3, tmp_path: Path, monkeypatch):
+def test_they_are_judged_until_a_policy_stands_up(script, op3, tmp_path: Path, monkeypatch):
     training = tmp_path / "training"
     kept = script.KeptCheckpoints(training=training, folder=tmp_path / "kept")
     with kept.keeping():
@@ -48,7 +48,8 @@ def test_the_first_policy_that_stands_up_is_found(script, op3, tmp_path: Path, m
     progress = load_script("training_progress").TrainingProgress.read(training)
     monkeypatch.setattr(script, "FALLS", 4)
     falls = tmp_path / "falls.npz"
-    seconds, stood = script.find_first(kept.found, progress, 0.0, falls)
-    assert seconds == progress.seconds[iterations[0]]
-    assert 0.0 <= stood <= 1.0
-    assert script.find_first(kept.found, progress, 1.1, falls) is None, "nor is it tried"
+    (judged,) = script.judge_until(kept.found, progress, 0.0, falls)
+    assert judged.minutes == progress.seconds[iterations[0]] / 60.0
+    assert judged.steps == progress.steps[iterations[0]]
+    assert 0.0 <= judged.stood <= 1.0
+    assert script.judge_until(kept.found, progress, 1.1, falls) == [], "nor is it tried"

@@ -301,8 +301,9 @@ def main(
     head = {"name": "train_throughput", "recipe": recipe, "robots": chosen.robots}
     head |= {"mujoco": mujoco.__version__, "n": rounds}
     if until is not None:
-        ways = {way: list(map(asdict, each)) for way, each in measure_learning(task, until).items()}
-        write(head | {"share": until, "ways": ways}, json)
+        judged = measure_learning(task, until)
+        found = {way: [asdict(one) for one in each] for way, each in judged.items()}
+        write(head | {"share": until, "ways": found}, json)
         return
     speeds = measure_speeds(task, rounds, iterations or SPEED_ITERATIONS)
     if peer := measure_peer(task, peer_iterations):

@@ -298,8 +298,8 @@ def main(
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
     every = tuple(WAYS)[: -1 if chosen.style else None]
     task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every)
-    head = {"name": "train_throughput", "recipe": recipe, "robots": chosen.robots}
-    head |= {"mujoco": mujoco.__version__, "n": rounds}
+    head: dict[str, object] = {"name": "train_throughput", "recipe": recipe}
+    head |= {"robots": chosen.robots, "mujoco": mujoco.__version__}
     if until is not None:
         judged = measure_learning(task, until)
         found = {way: [asdict(one) for one in each] for way, each in judged.items()}
@@ -317,6 +317,7 @@ def main(
         spread = f"{min(over[name]):.2f} to {max(over[name]):.2f}"
         print(f"{name:18} {statistics.median(rates):9,.0f} policy steps/s  {ratio} ({spread})")
     medians = {name: statistics.median(rates) for name, rates in speeds.items()}
+    head["n"] = rounds
     write(head | {"policy_steps_per_s": medians, "each": speeds, "over_bare": over}, json)
 
 

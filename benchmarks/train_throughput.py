@@ -247,6 +247,8 @@ def measure_learning(task: Task, share: float) -> dict[str, list[JudgedCheckpoin
                 train(task, way, folder, task.recipe.iterations)
             progress, falls = TrainingProgress.read(folder), Path(name, "unseen.npz")
             ways[way] = judge_until(checkpoints.found, progress, share, falls)
+            if not any(each.stood >= share for each in ways[way]):
+                print(f"  never {share:.0%}", flush=True)
     return ways
 
 

@@ -39,6 +39,7 @@ class Timeline:
     def __init__(self, server: viser.ViserServer, stage: Stage) -> None:
         """Add the panel, and begin to draw."""
         self._stage = stage
+        self._events = server.get_event_loop()
         self._changed = threading.Condition()
         self._take: Take | None = None
         self._described: Take | None = None
@@ -69,8 +70,9 @@ class Timeline:
 
     def load(self, take: Take, *, play: bool = True) -> None:
         """Show a take from its beginning."""
+        velocity = differentiate(self._stage.world, take)
         with self._changed:
-            self._take, self._velocity = take, differentiate(self._stage.world, take)
+            self._take, self._velocity = take, velocity
             self._seek(0.0)
             self._start() if play else self._stop()
 
@@ -130,12 +132,20 @@ class Timeline:
         self._button.on_click(lambda _: self._toggle())
         self._slider.on_update(self._slide)
 
-    def _slide(self, event: viser.GuiEvent) -> None:
+    async def _slide(self, event: viser.GuiEvent) -> None:
+        """Scrub to where a person moved the slider.
+
+        As a coroutine it runs in the server's event loop, at once after the value arrived; there
+        alone `_move_slider` writes the slider, so the playback cannot replace the value before.
+        """
         if event.client_id is not None:  # moved by a person, not by the playback
-            seconds = self._slider.value
-            self.scrub(seconds, by_slider=True)
-            if self._slider.value != seconds:  # the playback moved it meanwhile
-                self._slider.value = seconds
+            self.scrub(self._slider.value, by_slider=True)
+
+    def _move_slider(self, nudge: float = 0.0) -> None:
+        """Move the slider to the time that is shown [s], unless it is being dragged."""
+        with self._changed:
+            if not (self._is_dragged or self._ended):
+                self._slider.value = min(self._at, self._slider.max) + nudge
 
     def _toggle(self) -> None:
         with self._changed:
@@ -244,15 +254,13 @@ class Timeline:
         rest = REST if self._is_dragged else None
         if not self._changed.wait_for(lambda: self._wanted or self._playing or self._ended, rest):
             self._is_dragged = False
-            self._slider.value = self._at + NUDGE  # what does not change is not sent
+            self._events.call_soon_threadsafe(self._move_slider, NUDGE)  # what is equal is not sent
         return not self._ended
 
     def _show_time(self, take: Take) -> None:
         """Move the slider, and the line in the plots, to the time that is shown."""
         now = time.perf_counter()
-        with self._changed:
-            if not self._is_dragged:
-                self._slider.value = min(self._at, self._slider.max)
+        self._events.call_soon_threadsafe(self._move_slider)
         if not self._playing or now - self._marked >= MARK_EVERY:
             self._marked = now
             self._plots.mark(float(take.time[0]) + self._at)

@@ -28,6 +28,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from json import dumps
 from pathlib import Path
@@ -38,7 +39,7 @@ import mujoco
 import numpy as np
 import tyro
 from mujoco.batch import Batch
-from training_checkpoints import JudgedCheckpoint, KeptCheckpoints, judge_until
+from training_checkpoints import FALLS, SEED, JudgedCheckpoint, KeptCheckpoints, judge_until
 from training_progress import TrainingProgress
 
 from humanoid_getup.policy.observation import Floats
@@ -78,6 +79,8 @@ class Task:
     """Folder of the pose prior of a training with style curves."""
     parent: Path | None
     ways: tuple[Way, ...]
+    seed: int
+    """Of the trainings."""
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         if self.prior is not None:
@@ -151,7 +154,7 @@ def train(task: Task, way: Way, folder: Path, iterations: int) -> None:
     line = [sys.executable, *launcher, "-m", "humanoid_getup.cli.main", "train", *options]
     line += ["--recipe", recipe, "--robot", task.robot.name, "--out", str(folder)]
     line += ["--iterations", str(iterations), "--robots", str(task.recipe.robots)]
-    line += ["--threads", str(task.threads)]
+    line += ["--threads", str(task.threads), "--seed", str(task.seed)]
     line += ["--prior", str(task.prior)] if task.prior else []
     line += ["--parent", str(task.parent)] if task.parent else []
     done = subprocess.run(line, capture_output=True, text=True, check=False)
@@ -234,9 +237,8 @@ def measure_speeds(task: Task, rounds: int, iterations: int) -> dict[str, list[f
     return speeds
 
 
-def measure_learning(task: Task, share: float) -> dict[str, list[JudgedCheckpoint]]:
+def measure_learning(task: Task, share: float) -> Iterator[tuple[str, list[JudgedCheckpoint]]]:
     """Train the whole recipe in each way; judge until a share of falls stands."""
-    ways: dict[str, list[JudgedCheckpoint]] = {}
     with tempfile.TemporaryDirectory() as name:
         for way in task.ways:
             print(way, flush=True)
@@ -246,10 +248,10 @@ def measure_learning(task: Task, share: float) -> dict[str, list[JudgedCheckpoin
             with checkpoints.keeping():
                 train(task, way, folder, task.recipe.iterations)
             progress, falls = TrainingProgress.read(folder), Path(name, "unseen.npz")
-            ways[way] = judge_until(checkpoints.found, progress, share, falls)
-            if not any(each.stood >= share for each in ways[way]):
+            judged = judge_until(checkpoints.found, progress, share, falls)
+            if not any(each.stood >= share for each in judged):
                 print(f"  never {share:.0%}", flush=True)
-    return ways
+            yield way, judged
 
 
 def main(
@@ -267,6 +269,7 @@ def main(
     falls: int = 128,
     until: float | None = None,
     ways: tuple[Way, ...] = (),
+    seed: int = 0,
     json: Path | None = None,
 ) -> None:
     """Compare ways of training with bare physics.
@@ -287,6 +290,7 @@ def main(
         until: Train whole recipes instead, and judge their policies until one stands up from this
             share of falls.
         ways: Ways to train; default: all that the recipe has.
+        seed: Random seed of the trainings.
         json: File for the results.
     """
     chosen = replace(RECIPES[recipe], falls=falls if until is None else RECIPES[recipe].falls)
@@ -299,13 +303,15 @@ def main(
     with tempfile.TemporaryDirectory() as folder:
         pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
     every = tuple(WAYS)[: -1 if chosen.style else None]
-    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every)
+    task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every, seed)
     head: dict[str, object] = {"name": "train_throughput", "recipe": recipe}
-    head |= {"robots": chosen.robots, "mujoco": mujoco.__version__}
+    head |= {"robots": chosen.robots, "seed": seed, "mujoco": mujoco.__version__}
     if until is not None:
-        judged = measure_learning(task, until)
-        found = {way: [asdict(one) for one in each] for way, each in judged.items()}
-        write(head | {"share": until, "ways": found}, json)
+        head |= {"share": until, "judged_falls": FALLS, "judged_seed": SEED}
+        found = dict[str, list[dict[str, Any]]]()
+        for way, judged in measure_learning(task, until):
+            found[way] = [asdict(one) for one in judged]
+            write(head | {"ways": found}, json)
         return
     speeds = measure_speeds(task, rounds, iterations or SPEED_ITERATIONS)
     if peer := measure_peer(task, peer_iterations):

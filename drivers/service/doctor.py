@@ -107,6 +107,8 @@ class HealthCheck:
     """What was written for the check, in words."""
     is_calibrated: bool
     """Whether the robot's folder holds a calibration."""
+    is_prioritized: bool
+    """Whether this user's control loop runs in the real-time class of the scheduler."""
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -125,7 +127,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     diagnostics = bus.diagnose()
     place = {joint.name: i for i, joint in enumerate(robot.joints)}
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
-    with in_real_time_class():  # as in the control loop
+    with in_real_time_class() as is_prioritized:  # as in the control loop
         ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
     imu = bus.imu.measure() if bus.imu else None
     rate = measure_rate(bus.imu) if bus.imu and bus.imu is not bus.board and imu else None
@@ -150,6 +152,7 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
         torque=torque,
         written=tuple(bus.written),
         is_calibrated=is_calibrated,
+        is_prioritized=is_prioritized,
     )
 
 

@@ -24,6 +24,11 @@ from robots import Joint, Robot
 from robots.quaternion import Array
 from robots.servo import LimitMode
 
+PRIORITIZED = {
+    True: "the control loop goes before other programs",
+    False: "not permitted: beside other programs cycles are late; "
+    "rtprio 60 in /etc/security/limits.d permits it",
+}
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
 HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
@@ -56,6 +61,7 @@ class DoctorResult(msgspec.Struct, frozen=True, kw_only=True):
     written: Sequence[str]
     """Values that were written to the robot, in words."""
     calibrated: bool
+    real_time_class: bool
     torque_on: list[str]
     limit_by: LimitMode
     period_s: float
@@ -88,6 +94,7 @@ def to_result(health: HealthCheck) -> DoctorResult:
         findings=health.findings,
         written=health.written,
         calibrated=health.is_calibrated,
+        real_time_class=health.is_prioritized,
         torque_on=[joint.name for joint in health.torque],
         limit_by=robot.limit_by,
         period_s=robot.control_period,
@@ -150,6 +157,7 @@ def print_health(health: HealthCheck, console: Console) -> None:
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
+    console.print(f"[bold]real-time class[/]: {PRIORITIZED[health.is_prioritized]}")
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
 
 

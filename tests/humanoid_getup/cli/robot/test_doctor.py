@@ -2,6 +2,7 @@
 
 import os
 import pty
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
@@ -125,6 +126,19 @@ def test_a_person_sees_verdict_joints_latency_and_what_was_done(tiny_served, cap
         "read only: no torque was switched",
     ):
         assert words in out, out
+
+
+@pytest.mark.parametrize("permitted", [True, False])
+def test_it_says_whether_the_loop_goes_before_other_programs(
+    permitted: bool, tiny_served, monkeypatch, capsys
+):
+    monkeypatch.setattr(doctor, "in_real_time_class", lambda: nullcontext(permitted))
+    _, message = examine(tiny_served, capsys)
+    assert message["real_time_class"] is permitted
+    main(("doctor", "--robot", str(TINY), "--port", tiny_served.path))
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("the control loop goes before other programs" in said) is permitted
+    assert ("not permitted: beside other programs cycles are late" in said) is not permitted
 
 
 def test_real_time_is_measured_too(capsys):

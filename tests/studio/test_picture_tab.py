@@ -30,7 +30,7 @@ def find_row(picture: Any) -> float:
 
 
 def test_a_video_shows_every_time_of_the_take_in_its_place(browser: "Browser", tmp_path: Path):
-    with open_studio(browser, folder=(tmp_path,)) as (studio, window):
+    with open_studio(browser, coarse=False, folder=(tmp_path,)) as (studio, window):
         studio.timeline.load(lift_robot(studio), play=False)
         window.see("lift")
         window.open_tab("Picture")
@@ -46,7 +46,7 @@ def test_a_video_shows_every_time_of_the_take_in_its_place(browser: "Browser", t
 
 
 def test_a_picture_shows_the_robot_and_not_the_panels(browser: "Browser", tmp_path: Path):
-    with open_studio(browser, folder=(tmp_path,)) as (_, window):
+    with open_studio(browser, coarse=False, folder=(tmp_path,)) as (_, window):
         window.open_tab("Picture")
         window.type("File name", "../outside")
         window.click("Save picture")

@@ -185,7 +185,7 @@ PICTURES = {
 
 
 def _take(browser: Browser, picture: Picture, file: Path, place: Path) -> None:
-    with open_studio(browser, **picture.prepare(place)) as (studio, window):
+    with open_studio(browser, coarse=False, **picture.prepare(place)) as (studio, window):
         window.page.locator("button.mantine-Notification-closeButton").first.click()
         picture.show(studio, window)
         window.take_picture(file)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from unittest.mock import patch
+
+from few_postures import drawing_few
 
 from humanoid_getup.jobs.search_motions import MotionSearch
-from humanoid_getup.posture_chains import moves
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.search_file import describe_search, make_recipe
@@ -28,7 +28,7 @@ def copy_bare_robot(robot: Robot, folder: Path) -> Path:
 
 def search_a_little(world: World) -> ChainDiscovery:
     """Search in small batches for one round."""
-    with patch.object(moves, "CROUCHES", 6), patch.object(moves, "PROPS", 6):
+    with drawing_few():
         discovery = ChainDiscovery(world, seed=SEED, sides=SIDES, most=1, settings=SMALL)
     for _ in discovery.advance():
         pass

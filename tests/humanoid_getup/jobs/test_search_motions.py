@@ -25,6 +25,8 @@ from humanoid_getup.posture_chains.motion_maker import MadeMotion
 from humanoid_getup.progress.callback import CancelledError, Progress
 from robots import Robot, load_robot
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 SIDES = ("supine", "prone", "left")
 SHARED = ("--sides", "supine", "--budget", "1", "--seed", "4")
 Getup = Callable[..., tuple[int, str, str]]
@@ -38,8 +40,6 @@ def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     small = partial(SearchSettings, batch=4, worlds=2, threads=1)
     monkeypatch.setattr(search_motions, "SearchSettings", small)
-    monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
-    monkeypatch.setattr("humanoid_getup.posture_chains.moves.PROPS", 6)
     return tmp_path / "bare"
 
 
@@ -96,7 +96,7 @@ def test_motions_and_their_keys_are_stored_and_drawn(
     assert not (bare / "unfinished").exists()
 
 
-@pytest.mark.usefixtures("found")
+@pytest.mark.usefixtures("found", "no_film")
 def test_motions_of_an_earlier_search_are_never_replaced(bare: Path, getup: Getup):
     assert getup("--most", "1")[0] == 0
     before = {file: file.read_bytes() for file in (bare / "motions").iterdir()}
@@ -137,6 +137,7 @@ def test_a_search_whose_budget_ends_says_how_to_go_on_and_does(bare: Path, getup
     assert not (bare / "motions").exists()
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_cancelled_search_can_be_resumed(bare: Path, getup: Getup):
     reports = list[Progress]()
     request = DiscoverRequest(robot=str(bare), sides=("supine",), budget=1e6)
@@ -153,7 +154,7 @@ def test_there_is_nothing_to_resume_where_nothing_was_searched(bare: Path, getup
     assert not (bare / "unfinished").exists()
 
 
-@pytest.mark.usefixtures("bare")
+@pytest.mark.usefixtures("bare", "no_film")
 def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
     options = ("--sides", "supine", "--budget", "1")
     assert getup(*options)[0] == 1
@@ -162,7 +163,7 @@ def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
     assert "made with another seed (0, now 1), expected the same" in err
 
 
-@pytest.mark.usefixtures("bare")
+@pytest.mark.usefixtures("bare", "no_film")
 def test_servos_that_are_too_weak_are_named(getup: Getup):
     _, out, _ = getup("--sides", "supine", "--budget", "1", "--torque-limit", "0.6")
     assert "knee' is at its limit of 0.6 N·m" in out
@@ -222,6 +223,7 @@ def test_several_robots_are_searched_in_one_command(
     assert Path("one_motions.png").exists() and Path("two_motions.png").exists()
 
 
+@pytest.mark.usefixtures("no_film")
 def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path]):
     reports = list[Progress]()
     request = DiscoverRequest(robot="one,two", sides=("supine",), budget=1.0)

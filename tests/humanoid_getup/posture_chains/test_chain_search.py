@@ -29,6 +29,8 @@ from humanoid_getup.posture_chains.resting_state import PostureMove, RestingStat
 from humanoid_getup.posture_chains.ways_up import WaysUp
 from humanoid_getup.simulation.world import World
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 SMALL = SearchSettings(batch=12, worlds=2, threads=1)
 
 

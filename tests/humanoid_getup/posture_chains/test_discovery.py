@@ -18,6 +18,8 @@ from humanoid_getup.posture_chains.resting_state import PostureChain
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 DISCOVERY = "humanoid_getup.posture_chains.discovery"
 SMALL = SearchSettings(batch=2, worlds=2, threads=1)
 Begin = Callable[..., ChainDiscovery]
@@ -50,8 +52,6 @@ def begin(world: World, monkeypatch: pytest.MonkeyPatch) -> Begin:
         monkeypatch.setattr(discovery.maker, "make", make)
         return discovery
 
-    monkeypatch.setattr("humanoid_getup.posture_chains.moves.CROUCHES", 6)
-    monkeypatch.setattr("humanoid_getup.posture_chains.moves.PROPS", 6)
     monkeypatch.setattr(f"{DISCOVERY}.find_least_share", lambda *_: min(LIMIT_SHARES))
     monkeypatch.setattr(ChainSearch, "advance", find_chain)
     monkeypatch.setattr(ChainSearch, "shorten", lambda _, chain: chain)

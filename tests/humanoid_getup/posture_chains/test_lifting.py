@@ -9,6 +9,8 @@ from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, TorqueLimit
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 
 @pytest.fixture(scope="module")
 def moves(world: World) -> RandomMoves:

@@ -23,6 +23,8 @@ from humanoid_getup.simulation.world import World
 from robots import Body, load_robot
 from robots.storage.arrays import save_arrays
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 SMALL = SearchSettings(batch=6, worlds=2, threads=1)
 
 

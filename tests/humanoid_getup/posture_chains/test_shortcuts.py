@@ -17,6 +17,8 @@ from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 WORLDS = 2
 
 

@@ -25,6 +25,8 @@ from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.kinematics import read_posture
 
+pytestmark = pytest.mark.usefixtures("few_postures")
+
 
 @pytest.fixture(scope="module")
 def squat(world: World) -> Posture:

@@ -151,12 +151,13 @@ def test_a_preference_replaces_what_the_keyframes_weigh(world, keyframes, trace)
 def test_keyframes_that_nearly_succeed_are_improved_by_the_worlds_in_which_they_fail(
     world, op3, monkeypatch
 ):
-    """With 1.6 N·m a push-up stands in 42 of 48 worlds."""
-    monkeypatch.setattr(optimization, "PRACTICE", 48)
+    """With 1.55 N·m a push-up stands in 36 of 48 worlds."""
+    monkeypatch.setattr(optimization, "PRACTICE", 16)
     monkeypatch.setattr(optimization, "ROUNDS", 1)
+    monkeypatch.setattr(optimization, "EACH_ROUND", 1)
     weak = next(k for k in load_robot_keyframes(op3) if k.name == "prone_push_up_fast")
-    weak = replace(weak, torque_limit=1.6)
-    optimizer = TrajectoryOptimizer(world, settle(world, weak), bounds=(0.0, 1.6))
+    weak = replace(weak, torque_limit=1.55)
+    optimizer = TrajectoryOptimizer(world, settle(world, weak), bounds=(0.0, 1.55))
     before = optimizer.judge(weak, 0)[1].sum()
     better = optimizer.improve(weak, 0)
     assert optimizer.judge(better, 0)[1].sum() > before

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from humanoid_getup.reporting import film_strip
+from humanoid_getup.reporting.figure import save_figure
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
@@ -67,7 +68,10 @@ def test_moments_are_spread_evenly_from_the_first_to_the_last():
 
 
 @pytest.mark.parametrize(("count", "rows"), [(4, 1), (6, 1), (12, 2)])
-def test_a_strip_is_one_file_of_rows_of_six(tmp_path: Path, count: int, rows: int):
+def test_a_strip_is_one_file_of_rows_of_six(
+    tmp_path: Path, count: int, rows: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(film_strip, "save_figure", save_figure)  # no draft
     pictures = np.full((count, 20, 20, 3), 200, dtype=np.uint8)
     film_strip.save_strip(
         pictures, np.arange(count) * 0.1, tmp_path / "strip.png", title="twelve steps"

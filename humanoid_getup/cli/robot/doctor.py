@@ -12,6 +12,7 @@ from rich.table import Table
 
 from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.diagnostics import READ_SHARE, Finding, ServoFacts, Severity
+from drivers.real_time_class import IS_KNOWN
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError
@@ -24,11 +25,9 @@ from robots import Joint, Robot
 from robots.quaternion import Array
 from robots.servo import LimitMode
 
-PRIORITIZED = {
-    True: "the control loop goes before other programs",
-    False: "not permitted: beside other programs cycles are late; "
-    "rtprio 60 in /etc/security/limits.d permits it",
-}
+PRIORITIZED = "the control loop goes before other programs"
+NOT_PRIORITIZED = "beside other programs cycles are late"
+PERMIT = "not permitted, rtprio 60 in /etc/security/limits.d permits it"
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")
 HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
@@ -157,8 +156,14 @@ def print_health(health: HealthCheck, console: Console) -> None:
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
     calibrated = "present" if health.is_calibrated else "none: getup calibrate"
     console.print(f"[bold]calibration[/]: {calibrated}")
-    console.print(f"[bold]real-time class[/]: {PRIORITIZED[health.is_prioritized]}")
+    console.print(f"[bold]real-time class[/]: {_describe_class(health.is_prioritized)}")
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
+
+
+def _describe_class(is_prioritized: bool) -> str:
+    if is_prioritized:
+        return PRIORITIZED
+    return f"{PERMIT if IS_KNOWN else 'none on this system'}: {NOT_PRIORITIZED}"
 
 
 def _tabulate(health: HealthCheck) -> Table:

@@ -138,7 +138,17 @@ def test_it_says_whether_the_loop_goes_before_other_programs(
     main(("doctor", "--robot", str(TINY), "--port", tiny_served.path))
     said = " ".join(capsys.readouterr().out.split())
     assert ("the control loop goes before other programs" in said) is permitted
-    assert ("not permitted: beside other programs cycles are late" in said) is not permitted
+    assert ("rtprio 60 in /etc/security/limits.d permits it" in said) is not permitted
+    assert ("beside other programs cycles are late" in said) is not permitted
+
+
+def test_a_system_without_a_real_time_class_is_not_to_permit_it(tiny_served, monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "in_real_time_class", lambda: nullcontext(False))
+    monkeypatch.setattr("humanoid_getup.cli.robot.doctor.IS_KNOWN", False)
+    main(("doctor", "--robot", str(TINY), "--port", tiny_served.path))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "real-time class: none on this system" in said
+    assert "rtprio" not in said
 
 
 def test_real_time_is_measured_too(capsys):

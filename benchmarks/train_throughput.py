@@ -80,7 +80,7 @@ class Task:
     parent: Path | None
     ways: tuple[Way, ...]
     seed: int
-    """Of the trainings."""
+    """Random seed of the trainings."""
 
     def make_env(self, robots: int, threads: int) -> GetUpEnv:
         if self.prior is not None:
@@ -290,7 +290,7 @@ def main(
         until: Train whole recipes instead, and judge their policies until one stands up from this
             share of falls.
         ways: Ways to train; default: all that the recipe has.
-        seed: Random seed of the trainings.
+        seed: Random seed of the trainings, and of the falls that they begin with.
         json: File for the results.
     """
     chosen = replace(RECIPES[recipe], falls=falls if until is None else RECIPES[recipe].falls)
@@ -301,7 +301,7 @@ def main(
         raise SystemExit(f"--prior is missing, expected with recipe {recipe}, see `getup prior`")
     loaded = load_robot(robot)
     with tempfile.TemporaryDirectory() as folder:
-        pool = load_pool(loaded, chosen, 0, Path(folder, "falls.npz"))
+        pool = load_pool(loaded, chosen, seed, Path(folder, "falls.npz"))
     every = tuple(WAYS)[: -1 if chosen.style else None]
     task = Task(loaded, recipe, chosen, pool, threads, steps, prior, parent, ways or every, seed)
     head: dict[str, object] = {"name": "train_throughput", "recipe": recipe}

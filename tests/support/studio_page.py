@@ -121,8 +121,8 @@ def open_studio(
 ) -> Iterator[tuple[Any, StudioPage]]:
     """Serve a studio at a free port, and open it in a window.
 
-    The scene is coarse, without reflections and shadows, unless pictures are taken of it: a page
-    then takes the processor 6 s instead of 22 s until it is shown, where there is no GPU.
+    The scene is coarse, without reflections and shadows, unless pictures are taken of it: where
+    there is no GPU, they take most of the processor time until a page is shown.
     """
     from humanoid_getup.jobs.requests.studio import StudioRequest
     from humanoid_getup.studio.studio import Studio

@@ -26,7 +26,7 @@ from robots.quaternion import Array
 from robots.servo import LimitMode
 
 PRIORITIZED = "the control loop goes before other programs"
-NOT_PRIORITIZED = "beside other programs cycles are late"
+NOT_PRIORITIZED = "beside other programs more cycles are late"
 PERMIT = "not permitted, rtprio 60 in /etc/security/limits.d permits it"
 NOTHING_SET = "read only: no torque was switched, no EEPROM was written"
 MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "error")

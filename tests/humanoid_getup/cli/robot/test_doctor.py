@@ -139,7 +139,7 @@ def test_it_says_whether_the_loop_goes_before_other_programs(
     said = " ".join(capsys.readouterr().out.split())
     assert ("the control loop goes before other programs" in said) is permitted
     assert ("rtprio 60 in /etc/security/limits.d permits it" in said) is not permitted
-    assert ("beside other programs cycles are late" in said) is not permitted
+    assert ("beside other programs more cycles are late" in said) is not permitted
 
 
 def test_a_system_without_a_real_time_class_is_not_to_permit_it(tiny_served, monkeypatch, capsys):

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from drivers.errors import DriverError
+from drivers.interrupts import unsuspended
 from drivers.real_time_class import in_real_time_class
 from drivers.safety_guard import SafetyGuard
 from drivers.safety_limits import ClipCounts
@@ -167,13 +168,14 @@ def run(
 def engaged(guard: SafetyGuard, *, realtime: bool = False) -> Iterator[None]:
     """Connect for several runs, one after the other without a gap; switch torque off afterwards.
 
-    In real time, objects that exist now are not garbage collected meanwhile.
+    In real time, objects that exist now are not garbage collected meanwhile. Ctrl-Z ends it like
+    Ctrl-C.
     """
     if not isinstance(guard, SafetyGuard):
         raise TypeError(
             f"a robot moves through a SafetyGuard only, not through a {type(guard).__name__}"
         )
-    with guard, _uncollected() if realtime else nullcontext():
+    with unsuspended(), guard, _uncollected() if realtime else nullcontext():
         yield
 
 
@@ -312,6 +314,8 @@ class _Loop:
             began = clock()
             state = self.guard.read()
             self.duration = state.time - start
+        if fault := self.guard.check_stop():  # it came after the last command
+            return Ending.FAULT, str(fault)
         return Ending.DONE, Ending.DONE.value
 
     def _begin(self) -> State:

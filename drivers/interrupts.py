@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP")
 
 
 @contextmanager
@@ -37,3 +37,16 @@ def deferred_interrupts() -> Iterator[None]:
     if caught:
         handle, number, frame = caught[0]
         handle(number, frame)
+
+
+@contextmanager
+def unsuspended() -> Iterator[None]:
+    """End a block at Ctrl-Z (SIGTSTP) as at Ctrl-C: a suspended program commands no robot."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTSTP, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTSTP, before or signal.SIG_DFL)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -16,7 +16,7 @@ from robots.servo import VOLTAGE_ROUNDING, LimitMode
 
 
 class FaultKind(Enum):
-    """Why the guard switched torque off."""
+    """Why the guard switched torque off, or held the robot where it was."""
 
     BAD_COMMAND = "the command holds values that no servo can follow"
     BAD_MEASUREMENT = "the measurement holds invalid values"
@@ -26,12 +26,13 @@ class FaultKind(Enum):
     SERVO_ERROR = "a servo has switched itself off"
     LOW_VOLTAGE = "the supply is too low"
     TOO_HOT = "a servo is too hot"
+    PAUSED = "the control loop paused under torque"
     STOPPED = "the robot was stopped"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why and when the guard switched torque off."""
+    """Why and when the guard ended the motion."""
 
     kind: FaultKind
     detail: str
@@ -56,12 +57,14 @@ class SafetyGuard(Backend):
       gain share and the PWM limit are between 0 and 1.
     - A limp joint of the robot is never driven, and may report errors.
     - While the measurement of a joint is some periods old, all targets are held.
+    - While the supply is low, the torque limit shrinks with it.
 
     A position servo needs a distance from its angle to its target to make torque, so that
     distance is free. Cuts are counted in ``clips``. Invalid commands, measurements that are not
-    finite, do not change or are too old, servo errors, heat and a low supply are faults: torque
-    goes off and stays off until ``clear`` or the next ``connect``. ``stop`` is a fault that
-    outlives a connection: only ``clear`` ends it.
+    finite, do not change or are too old, servo errors, heat and a supply that stays low are
+    faults: torque goes off and stays off until ``clear`` or the next ``connect``. ``stop`` is a
+    fault that outlives a connection: only ``clear`` ends it. After a pause under torque the robot
+    is held where it was measured, until ``resume``, ``clear`` or the next ``connect``.
     The target of a joint without torque is its measured angle, so that torque comes back
     without a jerk.
     """
@@ -92,9 +95,10 @@ class SafetyGuard(Backend):
 
     def _forget(self) -> None:
         self.fault: Fault | None = None
-        """Why torque was switched off; None if it was not."""
+        """Why the motion ended; None if it did not."""
         self._state: State | None = None
         self._judged_time = -np.inf
+        self._low_since = np.inf
         self._stale_writes = 0
         self._sent = self._limited = Command.limp(self.robot.n)
 
@@ -136,6 +140,18 @@ class SafetyGuard(Backend):
         if self.fault is not None:
             self._forget()
 
+    def resume(self) -> None:
+        """Clear the fault of a pause; the next command starts from the measured angles."""
+        if self.fault is not None and self.fault.kind is FaultKind.PAUSED:
+            self._forget()
+
+    def check_stop(self) -> Fault | None:
+        """Return the fault; a stop that was called for becomes one at once."""
+        if self._stop_reason is not None:  # before any other fault: only a person ends it
+            time = self._state.time if self._state is not None else -np.inf
+            self.fault = Fault(FaultKind.STOPPED, self._stop_reason, time)
+        return self.fault
+
     def read(self) -> State:
         """Measure the robot."""
         self._state = self.backend.read()
@@ -148,11 +164,12 @@ class SafetyGuard(Backend):
     def write(self, command: Command) -> Command:
         """Send a command within the limits, or torque off after a fault; return what was sent."""
         state = self.read() if self._state is None else self._state
-        if self._stop_reason is not None:  # before any other fault: only a person ends it
-            self.fault = Fault(FaultKind.STOPPED, self._stop_reason, state.time)
-        if self.fault is None:
-            self.fault = self._find_fault(command, state)
-        if self.fault:
+        fault = self.check_stop()
+        if fault is None or fault.kind is FaultKind.PAUSED:
+            self.fault = self._find_fault(command, state) or fault
+        if self.fault and self.fault.kind is FaultKind.PAUSED and not command.is_limp:
+            limited = self._limited if fault else self._stay(state)
+        elif self.fault:
             limited = Command.limp(self.robot.n)
         elif not command.is_limp and not state.joint_age.max() <= self._hold_age:
             self.holds += 1
@@ -164,6 +181,7 @@ class SafetyGuard(Backend):
 
     def _find_fault(self, command: Command, state: State) -> Fault | None:
         self._stale_writes = 0 if state.time > self._judged_time else self._stale_writes + 1
+        pause = 0.0 if self._sent.is_limp else state.time - self._judged_time
         self._judged_time = max(self._judged_time, state.time)
         names, limits = self.robot.joint_names, self.limits
         if not state.is_valid:
@@ -175,13 +193,16 @@ class SafetyGuard(Backend):
             return fault
         if problems := find_command_problems(command, names):
             return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
+        if pause > limits.max_pause:
+            detail = f"{pause:.2f} s between two cycles, expected at most {limits.max_pause:.2f} s"
+            return Fault(FaultKind.PAUSED, detail, state.time)
         return None
 
     def _find_body_fault(self, state: State) -> Fault | None:
         """Find a fault of the robot itself."""
         names, limits = self.robot.joint_names, self.limits
-        low = self._find_low_supply(state)
         alerts = state.alert * ~self._is_limp
+        low = self._find_low_supply(state, is_reported=bool(alerts.any()))
         if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
             return low  # which servos report as well
         if alerts.any():
@@ -209,12 +230,28 @@ class SafetyGuard(Backend):
         """Find the joints that have been silent for too long, by their numbers."""
         return np.flatnonzero(~(state.joint_age <= self._limp_age))
 
-    def _find_low_supply(self, state: State) -> Fault | None:
-        least = self.limits.min_voltage
-        if not state.voltage < least - VOLTAGE_ROUNDING:
+    def _find_low_supply(self, state: State, *, is_reported: bool) -> Fault | None:
+        """Find a supply that stays low, is below what servos need, or that they report."""
+        limits = self.limits
+        if not state.voltage < limits.min_voltage - VOLTAGE_ROUNDING:
+            self._low_since = np.inf
             return None
-        detail = f"{state.voltage:.1f} V, expected {least:.1f} V or more"
+        self._low_since = min(self._low_since, state.time)
+        low = state.time - self._low_since
+        is_dip = low <= limits.longest_dip and not state.voltage < limits.shutdown_voltage
+        if is_dip and not is_reported:
+            return None
+        detail = (
+            f"{state.voltage:.1f} V for {low:.1f} s, expected {limits.min_voltage:.1f} V or more"
+        )
         return Fault(FaultKind.LOW_VOLTAGE, detail, state.time)
+
+    def _stay(self, state: State) -> Command:
+        """Hold the joints where they are measured, with the limits of the last command."""
+        known = state.joint_age <= self._hold_age
+        return replace(
+            self._limited, joint_pos=np.where(known, state.joint_pos, self._limited.joint_pos)
+        )
 
     def _limit(self, command: Command, state: State) -> Command:
         limits = self.limits
@@ -225,7 +262,7 @@ class SafetyGuard(Backend):
         in_range = _clip(wanted, limits.lower, limits.upper, reference)
         target = np.minimum(np.maximum(in_range, reference - self._reach), reference + self._reach)
         target = np.where(released, state.joint_pos, target)
-        torque = np.minimum(command.torque_limit, limits.derate(state.temperature))
+        torque = np.minimum(command.torque_limit, limits.derate(state.temperature, state.voltage))
         torque = np.where(self._is_limp, 0.0, torque)
         gain = np.minimum(np.maximum(command.gain_scale, 0.0), 1.0)
         pwm = np.minimum(np.maximum(command.pwm_limit, 0.0), 1.0)

@@ -8,13 +8,15 @@ import numpy as np
 
 from robots import Robot
 from robots.quaternion import Array
+from robots.servo import VOLTAGE_ROUNDING
 
 # A servo switches itself off at its Temperature Limit (e-manual), 80 °C for an XM430. The guard
 # acts earlier, while the robot can still be lowered by hand without burns.
 HOT_MARGIN = 5.0  # °C
 # From here on torque is derated, so that a servo cools before it switches itself off.
 DERATE_MARGIN = 15.0  # °C
-DERATED_SHARE = 0.4  # of the torque limit that is left at the highest temperature
+DERATED_SHARE = 0.4  # of the torque limit that is left at the highest temperature, lowest supply
+SHUTDOWN_SHARE = 0.95  # of the least supply: an X servo's own least, 9.5 V, beside 10 V
 LIMP_SILENCE = 3.0  # s of silence of servos or IMU: harmless without torque
 
 
@@ -45,7 +47,13 @@ class GuardLimits:
     derate_temperature: Array | float
     """Temperature above which each servo's torque limit is derated [°C], shape (n,), or of all."""
     min_voltage: float = 0.0
-    """Lowest supply [V]."""
+    """Supply below which the torque limits are derated [V]."""
+    shutdown_voltage: float = 0.0
+    """Supply that is a fault at once [V]: the servos' own least."""
+    longest_dip: float = 2.0  # four turns of the background read of 20 servos
+    """Time below ``min_voltage`` that is a fault [s]."""
+    max_pause: float = 0.1  # the servos' watchdog: from there on they stop by themselves
+    """Time between two measurements under torque that is a fault [s]."""
     stale_writes: int = 5  # 40 ms at the OP3's cycle: more than a retried read, less than a fall
     """Number of commands upon one measurement that is a fault."""
     hold_cycles: int = 3  # up to two lost or damaged measurements are bridged
@@ -94,6 +102,7 @@ class GuardLimits:
             max_temperature=find_max_temperature(robot),
             derate_temperature=find_derate_temperature(robot),
             min_voltage=robot.supply_range[0],
+            shutdown_voltage=SHUTDOWN_SHARE * robot.supply_range[0],
         )
 
     @staticmethod
@@ -103,16 +112,21 @@ class GuardLimits:
         limits = GuardLimits.of(robot)
         return replace(limits, limp_cycles=cycles, stale_writes=cycles, max_imu_age=LIMP_SILENCE)
 
-    def derate(self, temperature: Array) -> Array:
-        """Compute the torque limits [N·m] at servo temperatures [°C], (n,).
+    def derate(self, temperature: Array, voltage: float = np.inf) -> Array:
+        """Compute the torque limits [N·m] at servo temperatures [°C], (n,), and a supply [V].
 
-        Linear from the full limit at ``derate_temperature`` to a share at ``max_temperature``.
+        Linear from the full limit at ``derate_temperature`` to a share at ``max_temperature``, and
+        from that at ``min_voltage`` to the same share at ``shutdown_voltage``.
         """
         span = np.asarray(self.max_temperature - self.derate_temperature)
         has_span = (span > 0.0) & (span < np.inf)
         excess = np.where(has_span, temperature - self.derate_temperature, 0.0)
         heat = np.minimum(np.maximum(excess / np.where(has_span, span, 1.0), 0.0), 1.0)
-        return self.torque_limit * (1.0 - (1.0 - DERATED_SHARE) * heat)
+        room = max(self.min_voltage - self.shutdown_voltage, 1e-9)
+        lack = self.min_voltage - VOLTAGE_ROUNDING - voltage
+        dip = min(max(lack / room, 0.0), 1.0)
+        lost = 1.0 - DERATED_SHARE
+        return self.torque_limit * (1.0 - lost * heat) * (1.0 - lost * dip)
 
 
 @dataclass(frozen=True, eq=False)

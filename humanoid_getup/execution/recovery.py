@@ -1,7 +1,8 @@
-"""Recovery of a robot with torque off after its guard stopped it: cooling, reboots, waiting."""
+"""Recovery of a robot with torque off after a fault: cooling, reboots, waiting."""
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,14 +10,18 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from drivers import Command, Fault, FaultKind, SafetyGuard, State
+from drivers import Command, DriverError, Fault, FaultKind, SafetyGuard, State
 from drivers.control_loop import Pacer, prioritized
 from drivers.state import HardwareError
+from robots.servo import VOLTAGE_ROUNDING
 
 OVERHEATING, OVERLOAD = int(HardwareError.OVERHEATING), int(HardwareError.OVERLOAD)
+VOLTAGE = int(HardwareError.VOLTAGE)
 MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more reboots mean a fault that they do not clear
 ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
+CONNECT_TRIES, CONNECT_WAIT = 15, 2.0  # s each; a supply that sagged may come back
+REMEDIED = (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR, FaultKind.LOW_VOLTAGE)
 SLACK = 4  # cycles that a wait may take for each cycle of its nominal time
 
 
@@ -99,7 +104,7 @@ class Recovery:
         match fault.kind:
             case FaultKind.STOPPED:
                 raise StoppedError(fault.detail)
-            case FaultKind.TOO_HOT:
+            case FaultKind.TOO_HOT | FaultKind.LOW_VOLTAGE | FaultKind.PAUSED:
                 self.cool_down()
             case FaultKind.SERVO_ERROR:
                 self._recover_servos()
@@ -107,22 +112,30 @@ class Recovery:
                 raise UnrecoveredError(str(fault))
 
     def cool_down(self) -> None:
-        """Wait with torque off for `Cooling.min_time`, and until every servo is cool.
+        """Wait with torque off for `Cooling.min_time`, for cool servos and for the supply.
 
         Raises:
+            DriverError: if the robot cannot be connected to, as without a supply.
             StoppedError: if the operator stops the robot meanwhile.
             UnrecoveredError: if it takes too long, or another fault occurs meanwhile.
         """
-        cooling = self._cooling
-        self._report(f"torque off until every servo has {cooling.temperature:.0f} °C or less")
+        cooling, least = self._cooling, self._guard.limits.min_voltage - VOLTAGE_ROUNDING
+        self._report(
+            f"torque off until every servo has {cooling.temperature:.0f} °C or less, and the "
+            f"supply {least:.1f} V or more"
+        )
 
-        def is_cool(state: State, elapsed: float) -> bool:
+        def is_ready(state: State, elapsed: float) -> bool:
             cool = float(state.temperature.max()) <= cooling.temperature
-            return cool and elapsed >= cooling.min_time
+            supplied = state.voltage >= least and not np.any(state.alert & VOLTAGE)
+            return cool and supplied and elapsed >= cooling.min_time
 
+        self._connect()
         with self._guard:
-            state, cool = self._wait(is_cool, cooling.max_time)
-        if not cool:
+            state, ready = self._wait(is_ready, cooling.max_time)
+        if state.voltage < least:
+            raise UnrecoveredError(f"{FaultKind.LOW_VOLTAGE.value}: {state.voltage:.1f} V at rest")
+        if not ready:
             hottest = int(state.temperature.argmax())
             raise UnrecoveredError(
                 f"joint '{self._guard.robot.joint_names[hottest]}' still has "
@@ -130,10 +143,29 @@ class Recovery:
                 f"expected at most {cooling.temperature:.0f} °C"
             )
 
+    def _connect(self) -> None:
+        """Connect; a driver refuses servos with too low a supply, or that restart after it."""
+        for left in reversed(range(CONNECT_TRIES)):
+            try:
+                self._guard.connect()
+                return
+            except DriverError as error:
+                self._guard.close()
+                if not left:
+                    raise
+                self._report(f"waiting, torque off: {error}")
+            if stop := self._guard.check_stop():
+                self.remedy(stop)
+            time.sleep(CONNECT_WAIT if self._realtime else 0.0)
+
     def _recover_servos(self) -> None:
         """Reboot servos that tripped by overload; let those that tripped by heat cool down."""
+        self._connect()
         with self._guard:
             state, _ = self._wait(_is_named, ALERT_TIME)
+            if np.any(state.alert & VOLTAGE):
+                self.cool_down()
+                return
             hot = self._check_errors(state)
             for joint in np.flatnonzero(state.alert & ~hot):
                 self._reboot(int(joint), state)
@@ -192,7 +224,7 @@ class Recovery:
                     break
                 guard.write(Command.limp(guard.robot.n))
                 fault = guard.fault
-                if fault and fault.kind not in (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR):
+                if fault and fault.kind not in REMEDIED:
                     self.remedy(fault)
                 if pacer:
                     pacer.wait()

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -78,6 +79,31 @@ def test_a_guards_fault_ends_the_run_limp(tiny, backend):
     assert "target is nan rad" in report.reason
     assert report.cycles == 3
     assert backend.received[-1].is_limp
+
+
+@pytest.mark.parametrize("cycles", [0, 7])
+def test_a_stop_after_the_last_command_ends_the_run_as_one_before_it(tiny, backend, cycles):
+    guard = SafetyGuard(backend)
+    if not cycles:
+        guard.stop("a key")
+    controller = Hold(tiny, cycles=cycles)
+    report = run(
+        controller,
+        guard,
+        max_time=1.0,
+        on_cycle=lambda _: guard.stop("a key") if controller.done else None,
+    )
+    assert (report.ending, report.cycles) == (Ending.FAULT, cycles)
+    assert report.reason == "the robot was stopped: a key"
+
+
+def test_ctrl_z_ends_a_run_as_ctrl_c_does_and_suspends_as_ever_outside(tiny, backend):
+    before = signal.getsignal(signal.SIGTSTP)
+    controller = Hold(tiny, spoil=lambda: signal.raise_signal(signal.SIGTSTP) or Command.limp(2))
+    report = run(controller, SafetyGuard(backend), max_time=1.0)
+    assert report.ending is Ending.INTERRUPTED
+    assert not backend.connected
+    assert signal.getsignal(signal.SIGTSTP) is before
 
 
 @pytest.mark.parametrize("lost", [{"imu_age": 0.5}, {"joint_age": np.array([0.0, 0.5])}])

@@ -72,7 +72,7 @@ def test_letting_go_is_never_held_up(guard, backend):
         ({"orientation": np.zeros(4)}, FaultKind.BAD_MEASUREMENT, "IMU"),
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
-        ({"voltage": 9.9}, FaultKind.LOW_VOLTAGE, "9.9 V, expected 10.0 V or more"),
+        ({"voltage": 9.4}, FaultKind.LOW_VOLTAGE, "9.4 V for 0.0 s, expected 10.0 V or more"),
         ({"voltage": 9.9, "alert": np.array([1, 1])}, FaultKind.LOW_VOLTAGE, "9.9 V"),
         ({"voltage": 9.9, "alert": np.array([1, 32])}, FaultKind.SERVO_ERROR, "reports overload"),
         ({"alert": np.array([1, 1])}, FaultKind.SERVO_ERROR, "reports voltage"),
@@ -115,7 +115,7 @@ def test_a_stop_outlives_the_connection_and_ends_only_when_cleared(guard, backen
     "changes",
     [
         {"temperature": np.array([75.0, 25.0])},
-        {"voltage": 10.0},
+        {"voltage": 9.5},
         {"imu_age": 0.3},
         {"joint_age": np.array([0.0, 11.4 * PERIOD])},
     ],
@@ -130,7 +130,7 @@ def test_what_is_just_within_its_limit_is_no_fault(guard, backend, changes):
     ("changes", "kind"),
     [
         ({"temperature": np.array([75.1, 25.0])}, FaultKind.TOO_HOT),
-        ({"voltage": 9.99}, FaultKind.LOW_VOLTAGE),
+        ({"voltage": 9.49}, FaultKind.LOW_VOLTAGE),
         ({"imu_age": 0.301}, FaultKind.LOST_IMU),
         ({"joint_age": np.array([0.0, 11.6 * PERIOD])}, FaultKind.LOST_JOINTS),
     ],
@@ -204,11 +204,58 @@ def test_each_servo_is_stopped_below_the_limit_of_its_own_type(tiny):
         assert guard.fault.detail == "joint 'r_hip' has 66 °C, expected at most 65 °C"
 
 
-def test_a_supply_at_its_lower_end_up_to_rounding_is_no_fault(guard, backend):
-    turn(guard, backend, 0.0, voltage=10.0 - 2e-15)
+def pass_time(guard: SafetyGuard, backend: RecordingBackend, seconds: float, **changes) -> Command:
+    """Run periods for some seconds, in which the robot measures given values."""
+    for _ in range(round(seconds / PERIOD)):
+        sent = turn(guard, backend, 0.0, **changes)
+    return sent
+
+
+def test_a_dip_of_the_supply_takes_torque_first_and_ends_the_motion_if_it_stays(guard, backend):
+    full = 4.1
+    assert pass_time(guard, backend, 0.1, voltage=10.0 - 2e-15).torque_limit[0] == full
+    # 40 % of the torque at 9.5 V, linear from 10 V on.
+    for voltage, share in ((9.9, 0.88), (9.6, 0.52), (9.5, 0.4)):
+        dip = pass_time(guard, backend, 1.0, voltage=voltage)
+        assert dip.torque_limit == pytest.approx(np.full(2, share * full), abs=1e-4)
+        assert pass_time(guard, backend, 0.1, voltage=10.1).torque_limit[0] == full
     assert guard.fault is None
-    turn(guard, backend, 0.0, voltage=9.9)
-    assert guard.fault.kind is FaultKind.LOW_VOLTAGE
+    assert not pass_time(guard, backend, 1.99, voltage=9.9).is_limp
+    assert pass_time(guard, backend, 0.05, voltage=9.9).is_limp
+    assert "9.9 V for 2.0 s, expected 10.0 V or more" in str(guard.fault)
+
+
+def test_after_a_pause_under_torque_the_robot_is_held_where_it_is_measured(guard, backend):
+    turn(guard, backend, 0.02)
+    backend.state = replace(backend.state, joint_pos=np.array([0.3, -0.2]))
+    for target in (2.7, 2.8):  # where a motion has gone on to
+        sent = turn(guard, backend, target, time=backend.state.time + 2.0)
+        assert sent.joint_pos.tolist() == [0.3, -0.2]
+        assert guard.fault.kind is FaultKind.PAUSED
+    assert "2.01 s between two cycles, expected at most 0.10 s" in str(guard.fault)
+    guard.resume()
+    sent = turn(guard, backend, 2.8)
+    assert guard.fault is None
+    step = guard.limits.max_velocity * PERIOD
+    assert sent.joint_pos == pytest.approx(backend.state.joint_pos + step)
+
+
+@pytest.mark.parametrize("ends", [{"alert": np.array([0, 32])}, {"voltage": 9.0}, None])
+def test_what_follows_a_pause_still_ends_limp(guard, backend, ends):
+    turn(guard, backend, 0.02)
+    assert not turn(guard, backend, 0.02, time=backend.state.time + 2.0).is_limp
+    if ends is None:
+        guard.stop("a key")
+        guard.resume()
+    assert turn(guard, backend, 0.02, **(ends or {})).is_limp
+    assert guard.fault.kind is not FaultKind.PAUSED
+
+
+def test_a_pause_without_torque_is_none(guard, backend):
+    guard.read()
+    guard.write(Command.limp(2))
+    assert not turn(guard, backend, 0.02, time=backend.state.time + 2.0).is_limp
+    assert guard.fault is None
 
 
 @pytest.mark.parametrize(

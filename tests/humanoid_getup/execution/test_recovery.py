@@ -35,6 +35,7 @@ def rise_and_break(
     world: World,
     strike: Callable[[FaultInjector, SafetyGuard], object],
     attempts: int = 2,
+    recover: Callable[[FaultInjector], object] = lambda _: None,
 ) -> tuple[RiseResult, list[PhaseChange], VirtualRobot]:
     """Get an OP3 up on the virtual bus; something breaks half a second into the first run."""
     virtual = VirtualRobot(Simulation(world), powered=True)
@@ -49,11 +50,16 @@ def rise_and_break(
             if next(cycles) == STRIKE:
                 strike(ports.main.faults, guard)
 
+        def note(change: PhaseChange) -> None:
+            phases.append(change)
+            if change.phase is Phase.RECOVERING:
+                recover(ports.main.faults)
+
         session = Session(
             guard=guard,
             world=world,
             simulation=virtual.simulation,
-            on_phase=phases.append,
+            on_phase=note,
             on_cycle=look,
         )
         manager = AttemptManager(session, StoredMotion(world, MOTION), max_attempts=attempts)
@@ -72,6 +78,15 @@ def test_an_overload_is_rebooted_and_the_robot_gets_up_after_all(op3: Robot, wor
     message = [change.detail for change in phases if change.phase is Phase.RECOVERING]
     assert "rebooting joint 'r_knee', which tripped by overload" in message
     assert virtual.servos[KNEE - 1].peek("hardware_error_status") == 0
+
+
+def test_a_weak_supply_ends_the_rise_and_the_next_attempt_waits_for_it(op3: Robot, world: World):
+    rise, phases, _ = rise_and_break(
+        op3, world, lambda faults, _: faults.sag(9.2), recover=lambda faults: faults.sag(12.0)
+    )
+    assert rise.status is AttemptStatus.STOOD, rise.reason
+    assert "reports" in rise.attempts[0].reason  # the alert of a servo is read first
+    assert any("waiting, torque off: all 20 servos: supply is 9.2" in p.detail for p in phases)
 
 
 def test_overheating_is_never_rebooted_away(op3: Robot, world: World):
@@ -97,7 +112,7 @@ def test_after_a_stop_nothing_moves_any_more(op3: Robot, world: World):
     [
         (lambda faults, _: faults.kill(KNEE), "joint 'r_knee' since"),
         (lambda faults, _: faults.unplug(), "silent for too long"),
-        (lambda faults, _: faults.sag(9.6), "the supply is too low"),
+        (lambda faults, _: faults.sag(9.2), "supply is 9.2 V, expected 10.0"),
     ],
 )
 def test_what_no_rest_cures_asks_for_help(op3: Robot, world: World, strike, words: str):

@@ -34,6 +34,8 @@ class Backend(Protocol):
     """What the torque limits of commands act on."""
     release: Release = Release.LIMP
     """State of the joints after ``close``; it may be changed until then."""
+    unreleased: tuple[str, ...] = ()
+    """Joints that did not confirm torque off when the last connection ended."""
     has_wire: bool = False
     """Whether each cycle waits for devices on a wire, and computes little meanwhile."""
 
@@ -49,7 +51,16 @@ class Backend(Protocol):
         ...
 
     def close(self) -> None:
-        """Release every joint and the devices; calling it twice is harmless."""
+        """Release every joint and the devices; calling it twice is harmless.
+
+        Raises:
+            UnreleasedError: if joints that had torque do not confirm that it is off.
+        """
+
+    def hand_over(self) -> tuple[str, ...]:
+        """Leave the joints under torque at ``close``, unless one does not confirm; return those."""
+        self.release = Release.HOLD
+        return ()
 
     def __enter__(self) -> Self:
         try:

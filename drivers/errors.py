@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from robots import Joint
+
 
 class DriverError(Exception):
     """A backend failed."""
@@ -17,6 +21,19 @@ class NotConnectedError(DriverError):
     def __init__(self, backend: str) -> None:
         super().__init__(f"{backend} is not connected: call connect() or use it in a 'with' block")
         self.backend = backend
+
+
+class UnreleasedError(DriverError):
+    """Servos that were driven do not confirm that their torque is off."""
+
+    def __init__(self, joints: Sequence[Joint], *, watched: bool) -> None:
+        names = ", ".join(f"joint '{joint.name}' (id {joint.servo.id})" for joint in joints)
+        until = "" if watched else "; without a watchdog it holds its last goal until then"
+        super().__init__(
+            f"{names}: torque off is not confirmed: cut the supply of the servos{until}"
+        )
+        self.joints = tuple(joint.name for joint in joints)
+        """Names of the joints."""
 
 
 class CommandError(DriverError):

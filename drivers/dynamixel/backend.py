@@ -29,7 +29,7 @@ from drivers.dynamixel.startup import (
     measure_once,
     name_devices,
 )
-from drivers.errors import NotConnectedError, SetupError
+from drivers.errors import NotConnectedError, SetupError, UnreleasedError
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
@@ -125,8 +125,6 @@ class DynamixelBackend(Backend):
         self._watchdog = max(1, round(self._bus_settings.watchdog / WATCHDOG_STEP))
         self.diagnostics = Diagnostics((), ())
         """Findings of `connect`."""
-        self.unreleased: tuple[str, ...] = ()
-        """Joints that did not confirm torque off at the last `close`."""
         built = build_ports(
             robot,
             ports,
@@ -175,7 +173,9 @@ class DynamixelBackend(Backend):
         """
         if self._connected:
             return
+        may_drive = self._states.may_drive
         self._reset()
+        self._states.may_drive, self.unreleased = may_drive, ()
         chains, states = self.chains, self._states
         buses = [chain.bus for chain in chains]
         try:
@@ -201,28 +201,44 @@ class DynamixelBackend(Backend):
         """Release every joint that can be reached, and close the ports.
 
         A signal that arrives meanwhile is handled afterwards.
+
+        Raises:
+            UnreleasedError: if joints that had torque do not confirm that it is off.
         """
+        unreleased: list[Joint] = []
         try:
             with deferred_interrupts():
-                self._close()
+                self._close(unreleased)
         except KeyboardInterrupt:  # it may have come before the block; twice is harmless
             with deferred_interrupts():
-                self._close()
-            raise
+                self._close(unreleased)
+            if not unreleased:
+                raise
+        if unreleased:
+            self.unreleased = tuple(joint.name for joint in unreleased)
+            raise UnreleasedError(
+                unreleased, watched=all(chain.is_watched for chain in self.chains)
+            )
 
-    def _close(self) -> None:
+    def _close(self, unreleased: list[Joint]) -> None:
         self._connected = False
-        unreleased: list[Joint] = []
         for chain in self.chains:
-            if self.release is Release.HOLD:
-                chain.disarm()
-            elif chain.bus.port.is_open or chain.is_lost:
-                unreleased += chain.release()
+            if self.release is Release.LIMP and (chain.bus.port.is_open or chain.is_lost):
+                unreleased += chain.release(self._states)
             chain.bus.port.close()
             chain.is_lost = False
         if self.imu is not None:
             self.imu.close()
-        self.unreleased = tuple(joint.name for joint in unreleased)
+
+    def hand_over(self) -> tuple[str, ...]:
+        """Leave the joints under torque at ``close``, unless one does not confirm; return those."""
+        self._check_connected()
+        unconfirmed = [joint for chain in self.chains for joint in chain.disarm()]
+        if unconfirmed:  # all are watched again
+            self._states.must_seed |= self._states.is_on
+        else:
+            self.release = Release.HOLD
+        return tuple(joint.name for joint in unconfirmed)
 
     # The cycle --------------------------------------------------------------------------------
 

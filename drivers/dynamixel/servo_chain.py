@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -18,11 +18,13 @@ from drivers.dynamixel.goal_ranges import goal_range
 from drivers.dynamixel.protocol2 import ALERT
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.robot_ports import RobotPort
-from drivers.dynamixel.servo_states import TORQUE, ServoStates
+from drivers.dynamixel.servo_states import TORQUE, WATCHDOG, ServoStates
 from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
 from robots import Joint, Robot
 from robots.servo import LimitMode
 
+# s in which a silent servo is told again to switch its torque off: beside a watchdog, and without
+RELEASE_TIME, UNWATCHED_RELEASE_TIME = 1.0, 5.0
 MUTE_TIME = 1.0  # s without a single byte after which a port is opened again
 SETUP_STEPS = 4  # instructions per cycle to servos that are set up again
 STEP_TIME = 0.0015  # s that one of them may take
@@ -57,6 +59,8 @@ class ServoChain:
         self.eeprom_writes = 0
         self.writer = CommandWriter(self.bus, self.joints, self.rows, watchdog, limit_by)
         self._limit_by: LimitMode = limit_by
+        self.is_watched = table_named(self.joints[0].servo.model.name).has_watchdog
+        """Whether the servos stop by themselves when they are sent nothing."""
         self._torque = table_named(self.joints[0].servo.model.name)[TORQUE]
         self._facts: dict[int, ServoFacts] = {}
         self._setups: dict[int, ServoSetup] = {}
@@ -185,38 +189,43 @@ class ServoChain:
 
     # Releasing --------------------------------------------------------------------------------
 
-    def release(self) -> list[Joint]:
-        """Switch off all torque and watchdogs; return the joints that do not confirm it."""
-        self._reopen_at = 0.0
-        if not self._is_usable() or not self.bus.port.is_open:
-            return list(self.joints)
-        unreleased = self._exchange(self._release)
-        return list(self.joints) if unreleased is None else unreleased
+    def release(self, states: ServoStates) -> list[Joint]:
+        """Switch off all torque and watchdogs; return driven joints that do not confirm it."""
+        until = time.monotonic() + (RELEASE_TIME if self.is_watched else UNWATCHED_RELEASE_TIME)
+        rows = {joint.name: row for joint, row in zip(self.joints, self.rows, strict=True)}
+        left = [joint for joint in self.joints if states.may_drive[rows[joint.name]]]
+        while True:
+            self._reopen_at = 0.0
+            if self._is_usable() and self.bus.port.is_open:
+                unconfirmed = self._exchange(self._clear, left, TORQUE, TORQUE, WATCHDOG)
+                left = left if unconfirmed is None else unconfirmed
+            if not left or time.monotonic() > until:
+                break
+            time.sleep(POLL_WAIT)
+        states.may_drive[self.rows] = False
+        states.may_drive[[rows[joint.name] for joint in left]] = True
+        return left
 
-    def disarm(self) -> None:
-        """Switch off the watchdogs, so that the servos hold for as long as they have power."""
-        if self.bus.port.is_open:
-            self._exchange(self._disarm)
+    def disarm(self) -> list[Joint]:
+        """Switch off the watchdogs, so that servos hold while they have power.
 
-    def _disarm(self) -> None:
-        for _ in range(2):  # sync writes are not confirmed
-            self.writer.write_all("bus_watchdog", 0)
-        for joint in self.joints:
-            table = table_named(joint.servo.model.name)
-            if not table.has_watchdog:
-                continue
-            item = table["bus_watchdog"]
-            if self.bus.read_item(joint.servo.id, item, tries=1) != 0:
-                self.bus.write_item(joint.servo.id, item, 0, tries=2)
+        Returns the joints that do not confirm it.
+        """
+        joints = list(self.joints) if self.is_watched else []
+        unconfirmed = self._exchange(self._clear, joints, WATCHDOG, WATCHDOG)
+        return joints if unconfirmed is None else unconfirmed
 
-    def _release(self) -> list[Joint]:
-        for register in (TORQUE, TORQUE, "bus_watchdog"):  # sync writes are not confirmed
+    def _clear(self, joints: Sequence[Joint], *registers: str) -> list[Joint]:
+        """Set registers of all servos to 0; return the joints that do not confirm the first."""
+        for register in registers:  # sync writes are not confirmed
             self.writer.write_all(register, 0)
+        table = table_named(self.joints[0].servo.model.name)
         return [
             joint
-            for joint in self.joints
-            if self.bus.read_item(joint.servo.id, self._torque, tries=1) != 0
-            and not self.bus.write_item(joint.servo.id, self._torque, 0, tries=2)
+            for joint in joints
+            for item in (table[registers[0]],)
+            if self.bus.read_item(joint.servo.id, item, tries=1) != 0
+            and not self.bus.write_item(joint.servo.id, item, 0, tries=2)
         ]
 
     # The port ---------------------------------------------------------------------------------

@@ -68,6 +68,8 @@ class ServoStates:
         """Hardware error bits; ``ALERT`` while they have not been read."""
         self.is_on = np.zeros(n, dtype=bool)
         """Torque was switched on, as far as the driver knows."""
+        self.may_drive = np.zeros(n, dtype=bool)
+        """Torque was switched on, and was not confirmed off at a `close` since."""
         self.is_ready = np.zeros(n, dtype=bool)
         """All registers are set."""
         self.is_locked = np.zeros(n, dtype=bool)
@@ -206,7 +208,7 @@ class ServoStates:
 
     def note_on(self, rows: NDArray[np.int_]) -> None:
         """Note that torque was switched on at the present position."""
-        self.is_on[rows] = True
+        self.is_on[rows] = self.may_drive[rows] = True
         self.must_seed[rows] = self.must_release[rows] = False
         self._off_reads[rows] = 0
 

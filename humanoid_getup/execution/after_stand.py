@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 import msgspec
 
 from drivers import Command, Ending, RunReport
+from drivers.errors import UnreleasedError
 from humanoid_getup.execution.phase import Phase
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.playback.monitors import Abort
@@ -128,7 +129,7 @@ class AfterStand:
     """What a robot did after its stand; its torque is off, unless it was handed over."""
 
     refusal: str | None = None
-    """Reason why nothing was started."""
+    """Reason why nothing was started, or why it did not end as requested."""
     refused_by_fault: bool = False
     """Whether the reason is a hardware fault."""
     hold: Step | None = None
@@ -138,6 +139,14 @@ class AfterStand:
     way_down: Step | None = None
     """The way down; None if it did not begin."""
     hand_over: HandOver | None = None
+    unreleased: tuple[str, ...] = ()
+    """Joints that did not confirm that their torque is off."""
+
+    def fail_release(self, error: UnreleasedError) -> AfterStand:
+        """Return the same with the joints that did not confirm torque off as the reason."""
+        return replace(
+            self, refusal=str(error), refused_by_fault=True, unreleased=error.joints, hand_over=None
+        )
 
     @property
     def succeeded(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
+from drivers.errors import UnreleasedError
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
@@ -86,6 +87,7 @@ class AttemptManager:
         except (UnrecoveredError, DriverError) as error:
             status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
         self._report(Phase.ENDED, reason)
+        release = attempts[-1].release if attempts else None
         measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
         return RiseResult(
             robot=self._guard.robot,
@@ -93,8 +95,9 @@ class AttemptManager:
             status=status,
             reason=reason,
             attempts=tuple(attempts),
-            by_fault=by_fault or _ended_by_fault(attempts, status),
+            by_fault=by_fault or release is not None or _ended_by_fault(attempts, status),
             has_imu=self._session.has_imu,
+            unreleased=release.joints if release else (),
         )
 
     def _try_all(
@@ -104,6 +107,8 @@ class AttemptManager:
         for self._number in range(1, most + 1):
             attempt = self._attempt(rng)
             attempts.append(attempt)
+            if attempt.release is not None:
+                return AttemptStatus.NEEDS_HELP, f"{attempt.reason}; {attempt.release}"
             if attempt.stood:
                 return AttemptStatus.STOOD, attempt.reason
             if attempt.is_unknown:
@@ -251,19 +256,25 @@ class AttemptManager:
 
     def _play(self, attempt: Attempt, controller: Supervisor) -> Attempt:
         judge, after = self._session.make_judge(), None
-        with self._keeper.engaged():
-            report = play_engaged(
-                controller,
-                self._guard,
-                judge,
-                realtime=self._session.realtime,
-                on_cycle=self._keeper.watch,
-            )
-            completed = report.ending is Ending.DONE and controller.aborted is None
-            if judge.end() is not False and completed:
-                may_balance = attempt.plan is None or attempt.plan.balanced
-                may_balance &= self._session.balance
-                after = self._keeper.keep(balanced=may_balance)
+        report = release = None
+        try:
+            with self._keeper.engaged():
+                report = play_engaged(
+                    controller,
+                    self._guard,
+                    judge,
+                    realtime=self._session.realtime,
+                    on_cycle=self._keeper.watch,
+                )
+                completed = report.ending is Ending.DONE and controller.aborted is None
+                if judge.end() is not False and completed:
+                    may_balance = attempt.plan is None or attempt.plan.balanced
+                    may_balance &= self._session.balance
+                    after = self._keeper.keep(balanced=may_balance)
+        except UnreleasedError as error:
+            if report is None:
+                raise
+            release, after = error, after and after.fail_release(error)
         ended = judge.conclude()
         return replace(
             attempt,
@@ -273,6 +284,7 @@ class AttemptManager:
             abort=controller.aborted,
             warnings=tuple(controller.warnings),
             after=after,
+            release=release,
         )
 
     def _check_end(self, attempt: Attempt) -> None:

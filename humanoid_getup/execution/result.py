@@ -11,6 +11,7 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict
 
 from drivers import Ending, RunReport
+from drivers.errors import UnreleasedError
 from humanoid_getup.execution.after_stand import AfterFigures, AfterStand, HandOver
 from humanoid_getup.experiments.judging.joint_figures import JointFigures
 from humanoid_getup.experiments.judging.outcome import Outcome
@@ -63,6 +64,8 @@ class Attempt:
     """Why it was not played."""
     after: AfterStand | None = None
     """What followed its stand; None without one."""
+    release: UnreleasedError | None = None
+    """The joints that did not confirm that their torque is off; None if all did."""
     moves: tuple[PlayedMove, ...] = ()
     """Moves that were played before."""
     refused: tuple[RisePlan, ...] = ()
@@ -152,6 +155,8 @@ class RiseResult:
     attempts: tuple[Attempt, ...] = ()
     has_imu: bool = True
     """False for a robot that cannot measure its orientation."""
+    unreleased: tuple[str, ...] = ()
+    """Joints that did not confirm that their torque is off."""
 
     def __str__(self) -> str:
         """Describe in one line how it ended, by which motion, and how it was judged."""

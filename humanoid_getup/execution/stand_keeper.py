@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -14,13 +14,14 @@ from drivers import (
     Controller,
     Cycle,
     Ending,
+    FaultKind,
     Release,
     RunReport,
     State,
     engaged,
     run_engaged,
 )
-from drivers.errors import NoImuError
+from drivers.errors import NoImuError, UnreleasedError
 from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session
@@ -56,6 +57,7 @@ class StandKeeper:
         self._limit = session.torque_limit.value
         self._sent: Command | None = None
         self._handed_over: HandOver | None = None
+        self._balanced = True
         robot = session.world.robot
         self._way_down = find_lying_down(robot) if session.lies_down else None
 
@@ -103,10 +105,11 @@ class StandKeeper:
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque goes off then.
         """
+        self._balanced = balanced
         if self._session.pilot is not None:
             after = AfterStand(followed=self._follow(self._session.pilot))
             return self._end(after) if after.succeeded else after
-        hold = self._hold(0.0, balanced) if self._session.then == "hold" else None
+        hold = self._hold(0.0) if self._session.then == "hold" else None
         if hold is not None and not hold.is_done:
             return AfterStand(hold=hold)
         return self._end(AfterStand(hold=hold))
@@ -116,6 +119,12 @@ class StandKeeper:
 
         With ``then`` at ``"sit"``, it sits down at once.
         """
+        try:
+            return self._start()
+        except UnreleasedError as error:
+            return AfterStand().fail_release(error)
+
+    def _start(self) -> AfterStand:
         with self._guard:
             self._place()
             state = self._guard.read()
@@ -133,7 +142,7 @@ class StandKeeper:
                 return AfterStand(refusal=refusal)
             hold = None
             if self._session.then != "sit":
-                hold = self._hold(HOLD, balanced=True)
+                hold = self._hold(HOLD)
                 if not hold.is_done and not (hold.ran and self._way_down is not None):
                     return AfterStand(hold=hold)
             return self._end(AfterStand(hold=hold))
@@ -168,7 +177,7 @@ class StandKeeper:
             "its torque is off"
         )
 
-    def _hold(self, least: float, balanced: bool) -> Step:
+    def _hold(self, least: float) -> Step:
         session = self._session
         self._report(Phase.HOLDING, "" if session.has_imu else HOLDING_TARGETS)
         stand = StandWatch(session.make_judge, session.is_released) if least else None
@@ -179,7 +188,7 @@ class StandKeeper:
             is_released=stand.may_end if stand else session.is_released,
             torque_limit=self._limit,
             held=self._held,
-            balanced=balanced if session.has_imu else None,
+            balanced=self._balanced if session.has_imu else None,
         )
 
         def watch(cycle: Cycle) -> None:
@@ -188,31 +197,33 @@ class StandKeeper:
                 stand(cycle)
 
         try:
-            run = run_engaged(
-                supervisor,
-                self._guard,
-                max_time=supervisor.longest,
-                realtime=session.realtime,
-                on_cycle=watch,
-            )
+            run = self._run(supervisor, supervisor.longest, watch)
         finally:
             if stand is not None:
                 stand.end()
-        _check_interrupt(run)
         stood = stand is None or stand.stood
         return Step(run=run, abort=supervisor.aborted, succeeded=stood)
 
     def _follow(self, pilot: Controller) -> Step:
         self._report(Phase.FOLLOWING)
-        run = run_engaged(
-            pilot,
-            self._guard,
-            max_time=math.inf,
-            realtime=self._session.realtime,
-            on_cycle=self.watch,
-        )
-        _check_interrupt(run)
-        return Step(run=run)
+        return Step(run=self._run(pilot, math.inf, self.watch))
+
+    def _run(
+        self, controller: Controller, max_time: float, on_cycle: Callable[[Cycle], None]
+    ) -> RunReport:
+        """Run a controller of a robot that stands; after a pause it begins again where it is."""
+        guard, session = self._guard, self._session
+        while True:
+            run = run_engaged(
+                controller, guard, max_time=max_time, realtime=session.realtime, on_cycle=on_cycle
+            )
+            if run.ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            is_paused = guard.fault is not None and guard.fault.kind is FaultKind.PAUSED
+            if not (is_paused and session.has_imu) or self._find_lean(guard.read()):
+                return run
+            self._report(Phase.HOLDING, f"{run.reason}: held where it is, and on from there")
+            guard.resume()
 
     def _choose_posture(self) -> Motion:
         """Return the posture to hold: the stand, or without an IMU the last targets."""
@@ -224,7 +235,7 @@ class StandKeeper:
     def _end(self, after: AfterStand) -> AfterStand:
         """End the stand as requested, after a hold or a pilot."""
         if self._session.then == "hand-over":
-            return replace(after, hand_over=self._hand_over())
+            return self._hand_over(after)
         return replace(after, way_down=self._lie_down())
 
     def _lie_down(self) -> Step | None:
@@ -246,13 +257,24 @@ class StandKeeper:
         lies = bool(has_succeeded(self._way_down, outcome))
         return Step(run=run, abort=supervisor.aborted, outcome=outcome, succeeded=lies)
 
-    def _hand_over(self) -> HandOver:
-        self._guard.backend.release = Release.HOLD
+    def _hand_over(self, after: AfterStand) -> AfterStand:
+        """Leave the servos under torque, if each confirms it and no stop came meanwhile."""
+        guard = self._guard
+        if unconfirmed := guard.backend.hand_over():
+            reason = f"not handed over: {', '.join(unconfirmed)} did not confirm the watchdog off"
+            self._report(Phase.HOLDING, f"{reason}: {Phase.HOLDING.value}, then tried again")
+            after = replace(after, hold=self._hold(HOLD))
+            if after.hold is not None and not after.hold.ran:
+                return after
+            if guard.backend.hand_over():
+                return replace(after, refusal=f"{reason}; torque off", refused_by_fault=True)
         assert self._sent is not None
-        self._handed_over = HandOver(
-            robot=self._guard.robot, command=self._sent, limit_by=self._guard.limit_by
-        )
-        return self._handed_over
+        handed_over = HandOver(robot=guard.robot, command=self._sent, limit_by=guard.limit_by)
+        if stop := guard.check_stop():
+            guard.backend.release = Release.LIMP
+            return replace(after, refusal=f"{stop}; torque off", refused_by_fault=True)
+        self._handed_over = handed_over
+        return replace(after, hand_over=handed_over)
 
     @property
     def _held(self) -> np.ndarray | None:
@@ -260,8 +282,3 @@ class StandKeeper:
 
     def _report(self, phase: Phase, detail: str = "") -> None:
         self._session.on_phase(PhaseChange(phase, 1, detail or phase.value))
-
-
-def _check_interrupt(run: RunReport) -> None:
-    if run.ending is Ending.INTERRUPTED:
-        raise KeyboardInterrupt

@@ -39,6 +39,8 @@ class ReportHead:
     torque_limit_nm: float | None
     limit_by: LimitMode
     then: Then | None
+    unreleased_joints: tuple[str, ...]
+    """Joints that did not confirm that their torque is off."""
 
 
 @dataclass(frozen=True, kw_only=True)

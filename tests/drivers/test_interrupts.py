@@ -8,7 +8,6 @@ import pytest
 from memory_rig import Rig
 
 from drivers import Command
-from drivers.backend import Release
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.interrupts import deferred_interrupts
 
@@ -55,17 +54,14 @@ def test_an_error_of_the_block_is_not_hidden():
         raise ValueError("mine")
 
 
-@pytest.mark.parametrize(
-    ("release", "method", "torque"),
-    [(Release.LIMP, "release", {0}), (Release.HOLD, "disarm", {1})],
-)
-def test_a_robot_is_released_or_handed_over_completely(tiny, monkeypatch, release, method, torque):
-    """Interrupted at the first chain: all are served, and every port is closed."""
+@pytest.mark.parametrize("method", ["release", "disarm"])
+def test_a_robot_is_released_completely(tiny, monkeypatch, method):
+    """Interrupted at the first chain, of its release or of a hand-over: every port is closed."""
     original = getattr(ServoChain, method)
 
-    def interrupted(self: ServoChain):
+    def interrupted(self: ServoChain, *args):
         interrupt()
-        return original(self)
+        return original(self, *args)
 
     with Rig(tiny) as rig:
         backend = rig.backend
@@ -73,10 +69,12 @@ def test_a_robot_is_released_or_handed_over_completely(tiny, monkeypatch, releas
             state = backend.read()
             backend.write(Command.position(tiny, state.joint_pos))
         assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == {1}
-        backend.release = release
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             patch.setattr(ServoChain, method, interrupted)
+            if method == "disarm":
+                backend.hand_over()
             backend.close()
-        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == torque
+        backend.close()
+        assert {servo.peek("torque_enable") for servo in rig.virtual.servos} == {0}
         assert {servo.peek("bus_watchdog") for servo in rig.virtual.servos} == {0}
         assert not any(chain.bus.port.is_open for chain in backend.chains)

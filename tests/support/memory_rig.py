@@ -1,6 +1,7 @@
 """A robot whose driver talks to virtual servos in memory, in lock-step."""
 
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from memory_port import MemoryPort
 from drivers import Command, State
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
+from drivers.errors import UnreleasedError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
@@ -87,7 +89,10 @@ class Rig:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.backend.close()
+        dead = not all(servo.alive for servo in self.virtual.servos)
+        lost = dead or any(port.unplugged for port in self.ports.values())
+        with suppress(UnreleasedError) if lost else nullcontext():
+            self.backend.close()
 
 
 class Still:

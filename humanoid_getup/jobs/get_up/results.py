@@ -98,7 +98,7 @@ def finish_rise(
     """Report a rise, and write its files."""
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
     with naming_hand_over(result):
-        report = make_report(result, _make_head(world, request, origin), settings, motion)
+        report = make_report(result, _make_head(result, world, request, origin), settings, motion)
         report = replace(report, keys=_measure_keys(result, world))
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:
@@ -117,7 +117,7 @@ def finish_stand(
 ) -> FinishedStand:
     """Report how a stand was kept and ended, and write the files."""
     with naming_hand_over(result):
-        report = StandReport(**vars(_make_head(world, request)), **vars(result.figures()))
+        report = StandReport(**vars(_make_head(result, world, request)), **vars(result.figures()))
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:
                 reason = _draw_way_down(result, world, request, folder)
@@ -154,6 +154,7 @@ def _film(
 
 
 def _make_head(
+    result: RiseResult | AfterStand,
     world: World,
     request: GetUpOptions | SitRequest | HoldRequest,
     start: str | UnsetType = UNSET,
@@ -168,6 +169,7 @@ def _make_head(
         torque_limit_nm=request.torque_limit,
         limit_by=request.limit_by or world.robot.limit_by,
         then=request.ending if isinstance(request, GetUpOptions) else request.then,
+        unreleased_joints=result.unreleased,
     )
 
 

@@ -86,6 +86,10 @@ class SessionHooks:
             self._onlookers = invited
             result = work()
         if result.hand_over is not None:
+            if stop := guard.check_stop():  # it came too late for the session: taken back
+                with guard.backend:
+                    pass
+                raise KeyboardInterrupt(f"{stop}; torque off")
             self._monitor.commit()
         return result
 

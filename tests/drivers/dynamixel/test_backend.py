@@ -1,5 +1,6 @@
 """The backend on servos: what reaches them, what is believed, and what happens when they fail."""
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,6 @@ from hypothesis import strategies as st
 from memory_rig import Rig, split
 
 from drivers import Backend, Command
-from drivers.backend import Release
 from drivers.dynamixel import backend as driver_module
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
@@ -18,7 +18,7 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.cyclic_read import MISSES, GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import HEADER, Instruction
-from drivers.errors import CommandError, NotConnectedError, SetupError
+from drivers.errors import CommandError, NotConnectedError, SetupError, UnreleasedError
 from drivers.serial_port import PortError, SdkPort, SerialPort
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
@@ -438,9 +438,10 @@ def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
     for cycles, torque in ((2, 1), (4, 0)):
         with Rig(tiny) as rig:
             state = rig.turn(Command.limp(tiny.n), 3)
-            rig.port.spoil = lambda *_: []
+            answer, rig.port.spoil = rig.port.spoil, lambda *_: []
             rig.turn(Command.limp(tiny.n), cycles - 1)
             rig.turn(rig.hold(state))
+            rig.port.spoil = answer
             assert rig.peek("torque_enable") == [torque] * 2
 
 
@@ -720,25 +721,56 @@ def test_closing_with_half_the_bus_dead_releases_the_rest_and_names_the_dead(op3
     rig.turn(cycles=3)
     for servo in rig.virtual.servos[::2]:
         servo.alive = False
-    rig.backend.close()
+    with pytest.raises(UnreleasedError, match=r"'r_sho_pitch' \(id 1\), .* cut the supply"):
+        rig.backend.close()
     assert rig.peek("torque_enable")[1::2] == [0] * 10
     assert rig.backend.unreleased == rig.robot.joint_names[::2]
+    rig.backend.close()
 
 
 def test_closing_may_leave_the_robot_standing(tiny):
     with Rig(tiny) as rig:
-        rig.backend.release = Release.HOLD
         rig.turn(cycles=3)
+        assert rig.backend.hand_over() == ()
         rig.backend.close()
         assert rig.peek("torque_enable") == [1, 1]
         assert rig.peek("bus_watchdog") == [0, 0], "it would stop holding after a while"
+
+
+def test_nothing_is_handed_over_while_a_servo_does_not_confirm(tiny):
+    with Rig(tiny) as rig:
+        rig.turn(cycles=3)
+        rig.servo("r_hip").alive = False
+        assert rig.backend.hand_over() == ("r_hip",)
+        rig.servo("r_hip").alive = True
+        rig.turn(cycles=3)
+        assert rig.peek("bus_watchdog") == [5, 5], "a dead program would leave it under torque"
+    assert rig.peek("torque_enable") == [0, 0]
+
+
+def test_a_servo_that_is_silent_for_a_moment_is_released_all_the_same(tiny):
+    with Rig(tiny) as rig:
+        rig.turn(cycles=3)
+        rig.servo("r_hip").alive = False
+        back = threading.Timer(0.3, lambda: setattr(rig.servo("r_hip"), "alive", True))
+        back.start()
+    back.join()
+    assert rig.peek("torque_enable") == [0, 0]
+
+
+def test_a_silent_servo_that_never_had_torque_is_no_alarm(tiny):
+    with Rig(tiny) as rig:
+        rig.turn(Command.limp(2), cycles=3)
+        rig.servo("r_hip").alive = False
+    assert rig.backend.unreleased == ()
 
 
 def test_closing_without_a_port_is_harmless(rig):
     rig.turn(cycles=3)
     rig.port.unplugged = True
     rig.turn()
-    rig.backend.close()
+    with pytest.raises(UnreleasedError):
+        rig.backend.close()
     assert rig.backend.unreleased == rig.robot.joint_names
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import humanoid_getup as hg
-from drivers import Command, Cycle, Ending, FaultKind, Release, State, Twin
+from drivers import Command, Cycle, Ending, FaultKind, Release, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
@@ -429,3 +429,93 @@ def test_a_robot_that_is_let_go_after_it_was_measured_gets_no_torque(world: Worl
     assert result.refusal.startswith("the robot does not stand: its torso is")
     assert sent
     assert all(command.is_limp for command in sent)
+
+
+def press(guard: SafetyGuard, name: str):
+    """Make a method of a guard's backend during which a key is pressed, at its end."""
+    original = getattr(guard.backend, name)
+
+    def pressed():
+        result = original()
+        guard.stop("a key was pressed")
+        return result
+
+    setattr(guard.backend, name, pressed)
+
+
+def test_a_stop_at_the_hand_over_wins(world: World, op3: Robot):
+    guard = SafetyGuard(Twin(world, op3.standing))
+    press(guard, "hand_over")
+    result = hg.keep_stand(guard, world, then="hand-over")
+    assert result.hand_over is None
+    assert result.by_fault
+    assert result.reason == "the robot was stopped: a key was pressed; torque off"
+    assert not guard.backend.simulation.has_torque
+    assert guard.backend.release is Release.LIMP
+
+
+class Doubtful(Twin):
+    """Has a servo that does not confirm the hand-over the first time, or ever."""
+
+    doubts = 1
+
+    def hand_over(self) -> tuple[str, ...]:
+        self.doubts -= 1
+        return ("r_knee",) if self.doubts >= 0 else super().hand_over()
+
+
+@pytest.mark.parametrize(("doubts", "has_torque"), [(1, True), (2, False)])
+def test_a_robot_that_does_not_confirm_its_hand_over_is_held(
+    doubts: int, has_torque: bool, world: World, op3: Robot
+):
+    twin, said = Doubtful(world, op3.standing), list[str]()
+    twin.doubts = doubts
+    options = SessionOptions(on_phase=lambda change: said.append(change.detail))
+    result = hg.keep_stand(twin, world, then="hand-over", options=options)
+    assert "not handed over: r_knee did not confirm the watchdog off" in said[1]
+    assert result.hold is not None
+    assert result.hold.run.duration >= 3.0
+    assert twin.simulation.has_torque is has_torque
+    assert (result.hand_over is not None) is has_torque
+    assert result.by_fault is not has_torque
+
+
+class Pausing(Twin):
+    """Is not asked for 2 s, once, while its servos hold their last targets."""
+
+    pause_at, skipped = 2.0, 0.0
+
+    def read(self) -> State:
+        if not self.skipped and self.data.time > self.pause_at:
+            self.skipped = 2.0
+            self.simulation.step(round(2.0 / self.model.opt.timestep))
+        return super().read()
+
+
+def test_a_stand_goes_on_after_a_pause_without_a_jump(world: World, op3: Robot):
+    twin, cycles, said = Pausing(world, op3.standing), list[Cycle](), list[str]()
+    options = SessionOptions(
+        is_released=after(3.0, twin.period),
+        on_cycle=cycles.append,
+        on_phase=lambda change: said.append(change.detail),
+    )
+    result = hg.keep_stand(twin, world, then="hold", options=options)
+    assert result.succeeded, result.reason
+    assert any("paused under torque: 2.01 s between two cycles" in text for text in said)
+    assert not any(cycle.sent.is_limp for cycle in cycles)
+    moved = np.abs(np.diff([cycle.sent.joint_pos for cycle in cycles], axis=0)).max(axis=1)
+    assert moved.max() < 0.1
+
+
+def test_a_pause_in_mid_rise_ends_limp_and_the_next_attempt_begins_where_it_lies(
+    world: World, rise: hg.StoredMotion, squat: Posture
+):
+    twin = Pausing(world, squat)
+    twin.pause_at = 0.5
+    sent: list[Command] = []
+    write = twin.write
+    twin.write = lambda command: sent.append(command) or write(command)
+    result = get_up(twin, rise, then="limp")
+    assert result.attempts[0].reason.startswith("the control loop paused under torque: 2.01 s")
+    assert not twin.simulation.has_torque
+    assert np.abs(np.diff([c.joint_pos for c in sent if not c.is_limp], axis=0)).max() < 0.3

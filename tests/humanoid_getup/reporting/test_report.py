@@ -33,6 +33,7 @@ HEAD = ReportHead(
     torque_limit_nm=2.5,
     limit_by="current",
     then="limp",
+    unreleased_joints=(),
 )
 SETTINGS = RiseSettings(planning=True)
 FIELDS = fields(RiseReport)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 
 from getup_server.messages import Snapshot
@@ -21,6 +22,7 @@ class Mailbox:
         self._action: dict[str, float] = {}
         self._posted = self._taken = self._answered = 0
         self._stopping = False
+        self._heard_at = time.monotonic()
 
     # The side of LeRobot ------------------------------------------------------------------------
 
@@ -29,12 +31,18 @@ class Mailbox:
         """Return what is known of the robot."""
         return self._snapshot
 
+    def observe(self) -> Snapshot:
+        """Return what is known of the robot to LeRobot, whose process is alive."""
+        self._heard_at = time.monotonic()
+        return self._snapshot
+
     def post(self, targets: dict[str, float]) -> Snapshot:
         """Leave targets [rad] by joints; return what is known after the cycle that sent them.
 
         While the robot rises, the answer comes at once, and the targets are dropped.
         """
         with self._changed:
+            self._heard_at = time.monotonic()
             if self._snapshot.rising:
                 return self._snapshot
             self._action = self._action | targets
@@ -60,6 +68,11 @@ class Mailbox:
     def is_stopping(self) -> bool:
         """Return whether the robot is to end."""
         return self._stopping
+
+    @property
+    def silence(self) -> float:
+        """Return the time since LeRobot's process sent a message [s]."""
+        return time.monotonic() - self._heard_at
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait for the first action or the end; return whether one of them has come."""

@@ -105,7 +105,7 @@ class RobotClient:
         if isinstance(reply, Refusal):
             raise RobotUnreachableError(reply.reason)
         if reply.ended:
-            raise RobotUnreachableError(f"torque is off: {reply.ended}")
+            raise RobotUnreachableError(f"the robot has stopped: {reply.ended}")
         return reply
 
     def _exchange(self, message: object, longest: float) -> Snapshot | Refusal:

@@ -90,6 +90,8 @@ def run_robot(setup: Setup, connection: Connection, watch: EndWatch) -> None:
                 raise
             mailbox.end(_describe(error))
             mailbox.wait_for_end()  # LeRobot learns why when it sends something next
+            if choice.backend.unreleased:
+                raise
 
 
 def _describe(error: Exception) -> str:
@@ -103,11 +105,11 @@ def _describe(error: Exception) -> str:
 def answer(connection: Connection, mailbox: Mailbox) -> None:
     """Answer the messages of LeRobot's process until it closes the connection."""
     try:
-        connection.send(mailbox.snapshot)
+        connection.send(mailbox.observe())
         while True:
             message = connection.recv()
             is_action = isinstance(message, Act)
-            connection.send(mailbox.post(message.targets) if is_action else mailbox.snapshot)
+            connection.send(mailbox.post(message.targets) if is_action else mailbox.observe())
     except (EOFError, OSError):
         pass
     finally:

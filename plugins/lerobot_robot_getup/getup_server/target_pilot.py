@@ -15,6 +15,8 @@ from robots.quaternion import Array
 
 FALLEN_TIME = 0.2  # s beyond the tilt: a push that the robot survives is shorter
 OBEYING = "obeying"
+HANG_TIME = 0.1  # s without a message, by which LeRobot's process hangs
+SILENT = f"held: no message from LeRobot for {HANG_TIME:g} s"
 
 
 class FallWatch:
@@ -42,7 +44,8 @@ class FallWatch:
 class TargetPilot:
     """Moves joints to the newest targets; without any, they are held.
 
-    After the start and after a rise, joints go to the first targets at the speed of the approach.
+    After the start, after a rise and after a silence, joints go to the first targets at the speed
+    of the approach. While LeRobot's process is silent, they stay where they are.
     """
 
     def __init__(
@@ -65,7 +68,7 @@ class TargetPilot:
         """Hold the targets that the servos have, and begin to obey."""
         self._target = self._guard.held.copy()
         self._goal = self._target.copy()
-        self._has_arrived = self.fallen = False
+        self._has_arrived = self.fallen = self._is_silent = False
         self._watch.reset(state)
         self._mailbox.begin(OBEYING, rising=False)
 
@@ -74,6 +77,12 @@ class TargetPilot:
         self.fallen = self._watch.has_fallen(state)
         for joint, angle in self._mailbox.take().items():
             self._goal[self._number[joint]] = angle
+        if self._is_silent is not (self._mailbox.silence > HANG_TIME):
+            self._is_silent = not self._is_silent
+            self._mailbox.begin(SILENT if self._is_silent else OBEYING, rising=False)
+            if self._is_silent:
+                self._target, self._has_arrived = self._guard.held.copy(), False
+                self._goal = self._target.copy()
         self._target = self._approach(self._goal)
         return Command.position(self._robot, self._target, self._torque_limit)
 

@@ -164,7 +164,8 @@ class GetupRobot(Robot):
         and what the rise sends is returned.
 
         Raises:
-            ValueError: if the action names an unknown joint.
+            ValueError: if the action names an unknown joint, or a target that is no finite number;
+                the robot keeps its targets.
             DeviceNotConnectedError: if it is not open.
             RobotUnreachableError: if its torque is off, for good; the message says why.
         """
@@ -186,6 +187,9 @@ class GetupRobot(Robot):
                 f"action: unknown joint {', '.join(map(repr, unknown))}, expected "
                 f"{', '.join(names)} of robot '{self._robot.name}'"
             )
+        if wrong := [name for name, number in numbers.items() if not np.isfinite(number)]:
+            named = ", ".join(f"joint '{name}': target is {numbers[name]}" for name in wrong)
+            raise ValueError(f"action: {named}, expected a finite number")
         given = np.array([numbers.get(name, 0.0) for name in names])
         angles = dict(zip(names, self._units.to_angles(given).tolist(), strict=True))
         return {name: angles[name] for name in numbers}

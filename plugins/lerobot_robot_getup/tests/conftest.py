@@ -58,7 +58,7 @@ class RunningRobot:
 
     def wait_until(self, holds: Callable[[Snapshot], bool]) -> Snapshot:
         """Wait until something holds for what is known; fail if it never does."""
-        return wait_until(lambda: self.mailbox.snapshot, holds)
+        return wait_until(self.mailbox.observe, holds)
 
 
 def wait_until(

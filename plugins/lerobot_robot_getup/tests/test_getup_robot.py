@@ -92,9 +92,17 @@ def test_a_fault_is_raised_and_torque_stays_off(tmp_path: Path):
         end = time.monotonic() + 60.0
         with pytest.raises(RobotUnreachableError, match="'head_pan': target is nan rad"):
             while time.monotonic() < end:
-                robot.send_action({"head_pan.pos": float("nan")})
-        with pytest.raises(RobotUnreachableError, match="torque is off"):
+                robot._client.act({"head_pan": float("nan")})
+        with pytest.raises(RobotUnreachableError, match="has stopped"):
             robot.get_observation()
+
+
+def test_a_target_that_is_no_number_is_refused_and_the_robot_obeys_on(tmp_path: Path):
+    with make(tmp_path) as robot:
+        held = robot.send_action({"head_pan.pos": 0.0})
+        with pytest.raises(ValueError, match="joint 'head_tilt': target is nan, expected a finite"):
+            robot.send_action({"head_pan.pos": 9.0, "head_tilt.pos": float("nan")})
+        assert robot.send_action({}) == pytest.approx(held, abs=0.2)
 
 
 def test_an_unknown_joint_is_refused(tmp_path: Path):

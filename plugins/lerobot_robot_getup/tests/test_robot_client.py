@@ -181,7 +181,7 @@ def test_an_unexpected_error_as_it_opens_is_named():
 
 def test_an_unexpected_error_as_it_obeys_is_named(client: RobotClient):
     for use in (lambda: client.act({"no_joint": 1.0}), client.observe):
-        with pytest.raises(RobotUnreachableError, match="torque is off: unexpected KeyError"):
+        with pytest.raises(RobotUnreachableError, match="has stopped: unexpected KeyError"):
             use()
         assert client.returncode is None, "it stays to say why"
 

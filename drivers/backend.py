@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Protocol, Self, runtime_checkable
 
+from drivers.safety_limits import GuardLimits
 from drivers.state import Command, State
 from robots import Robot
 from robots.servo import LimitMode
@@ -41,6 +42,10 @@ class Backend(Protocol):
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""
+
+    def narrow(self, limits: GuardLimits) -> GuardLimits:
+        """Narrow a guard's limits to those inside the devices, as read by ``connect``."""
+        return limits
 
     def read(self) -> State:
         """Measure the robot."""

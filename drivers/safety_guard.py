@@ -81,6 +81,7 @@ class SafetyGuard(Backend):
         self.has_wire = backend.has_wire
         self.limits = GuardLimits.of(backend.robot) if limits is None else limits
         self.limits.check_range(self.robot)
+        self._widest = self.limits
         self._reach = self.limits.max_velocity * self.period
         self._is_limp = self.robot.strength == 0.0
         # Half a period less: ages are sums of periods, beyond rounding.
@@ -124,6 +125,7 @@ class SafetyGuard(Backend):
         self._counts[:] = 0
         self.holds = 0
         self.backend.connect()
+        self.limits = self.backend.narrow(self._widest)
         self._is_open = True
 
     def close(self) -> None:

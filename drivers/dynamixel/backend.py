@@ -33,6 +33,7 @@ from drivers.errors import NotConnectedError, SetupError, UnreleasedError
 from drivers.imu.fusion import ImuFusion
 from drivers.imu.source import ImuSource
 from drivers.interrupts import deferred_interrupts
+from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN, GuardLimits
 from drivers.serial_port import MakePort, PortError, SerialPort, is_pseudo_terminal
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
@@ -196,6 +197,18 @@ class DynamixelBackend(Backend):
         for servo in self.diagnostics.servos:
             self._converter.note_limits(states.row(servo.id), servo.registers)
         self._connected = True
+
+    def narrow(self, limits: GuardLimits) -> GuardLimits:
+        """Narrow a guard's limits to those at which the servos switch themselves off."""
+        servos = {servo.joint.name: servo for servo in self.diagnostics.servos}
+        off = np.array([servos[name].to_si("temperature_limit") for name in self.robot.joint_names])
+        lowest = [servo.to_si("min_voltage_limit", 0.0) for servo in servos.values()]
+        return replace(
+            limits,
+            max_temperature=np.minimum(limits.max_temperature, off - HOT_MARGIN),
+            derate_temperature=np.minimum(limits.derate_temperature, off - DERATE_MARGIN),
+            min_voltage=max([limits.min_voltage, *lowest]),
+        )
 
     def close(self) -> None:
         """Release every joint that can be reached, and close the ports.

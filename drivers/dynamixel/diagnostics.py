@@ -22,10 +22,13 @@ from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import HardwareError
 from robots import Joint, Robot
 from robots.bus_settings import BAUD_RATES
+from robots.servo import VOLTAGE_ROUNDING
 
 MIN_FIRMWARE = 38  # the first with a bus watchdog (e-manual, XM430-W350)
 FIRST_FREE_ID = 253  # from here on a secondary id means none
 READ_SHARE = 0.75  # of the period within which all reads must end
+SUPPLY_MARGIN = 0.5  # V that a supply sags or swings by under load
+LIMITS = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
 SEARCHED_RATES = tuple(reversed(BAUD_RATES[1:]))
 """Baud rates at which to search for servos that are silent at the right one [bit/s]."""
 
@@ -120,12 +123,16 @@ class ServoFacts:
     @property
     def voltage(self) -> float:
         """Return the supply [V]."""
-        return self.table["present_input_voltage"].to_si(self.registers["present_input_voltage"])
+        return self.to_si("present_input_voltage")
 
     @property
     def temperature(self) -> float:
         """Return the temperature [°C]."""
-        return self.table["present_temperature"].to_si(self.registers["present_temperature"])
+        return self.to_si("present_temperature")
+
+    def to_si(self, name: str, missing: float = math.inf) -> float:
+        """Return a register in its SI unit, or another value for one that it lacks."""
+        return self.table[name].to_si(self.registers[name]) if name in self.registers else missing
 
 
 @dataclass(frozen=True)
@@ -240,16 +247,35 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
             f"firmware {servo.firmware} has no bus watchdog, expected {MIN_FIRMWARE} or newer",
             "update it with DYNAMIXEL Wizard",
         )
-    has_supply = model.accepts_supply(servo.voltage)
+    window = servo.to_si("min_voltage_limit", 0.0), servo.to_si("max_voltage_limit")
+    lowest, highest = max(model.min_voltage, window[0]), min(model.max_voltage, window[1])
+    room = min(servo.voltage - window[0], window[1] - servo.voltage) + VOLTAGE_ROUNDING
+    has_supply = model.accepts_supply(servo.voltage) and room >= 0.0
     alert = HardwareError(servo.errors)
     if alert and (has_supply or alert != HardwareError.VOLTAGE):
         found.append(_describe_alert(servo, alert))
     if not has_supply:
         error(
-            f"supply is {servo.voltage:.1f} V, expected {model.min_voltage:.1f} to "
-            f"{model.max_voltage:.1f} V",
-            "charge or change the battery",
+            f"supply is {servo.voltage:.1f} V, expected {lowest:.1f} to {highest:.1f} V",
+            "charge or change the battery"
+            + ("" if room >= 0.0 else ", or set its voltage limits back (getup doctor)"),
         )
+    elif room < SUPPLY_MARGIN:
+        warn(
+            f"supply is {servo.voltage:.1f} V, {room:.1f} V within its voltage limits of "
+            f"{window[0]:g} to {window[1]:g} V, expected {SUPPLY_MARGIN:g} V or more",
+            "charge or change the battery, or set its voltage limits back",
+        )
+    for name in (name for name in LIMITS if name in registers):
+        item = servo.table[name]
+        # Types that share a table are for different supplies, and shipped with other limits.
+        is_known = item.unit != "V" or len(types_of(servo.table)) == 1
+        if is_known and registers[name] != item.default:
+            warn(
+                f"{name.replace('_', ' ')} is {servo.to_si(name):g} {item.unit}, expected "
+                f"{item.to_si(item.default or 0):g} {item.unit} as shipped",
+                f"getup servo write {name}={item.default} --id ID sets it back",
+            )
     if registers.get("drive_mode", 0) & DriveMode.REVERSE:
         error(
             f"drive mode is {registers['drive_mode']}, reversed: it would turn the wrong way",

@@ -246,7 +246,7 @@ def _check_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
     findings, remedy = [], "let it cool down"
     for servo in servos:
         measured = f"has {servo.temperature:.0f} °C"
-        limit = servo.joint.servo.model.temperature_limit
+        limit = min(servo.to_si("temperature_limit"), servo.joint.servo.model.temperature_limit)
         if servo.temperature > limit - HOT_MARGIN:
             text = f"{measured}, expected at most {limit - HOT_MARGIN:.0f} °C"
             findings.append(Finding(Severity.FAULT, servo.name, text, remedy))

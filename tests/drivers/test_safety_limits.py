@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from memory_rig import Rig
 
+from drivers import Command, SafetyGuard
 from drivers.safety_limits import ClipCounts, GuardLimits
 from robots import Robot
 
@@ -62,3 +64,42 @@ def test_cuts_are_counted_and_named_by_joint_and_kind(tiny: Robot):
         "joint 'r_hip': position cut 3 times",
         "joint 'l_hip': torque cut 7 times",
     ]
+
+
+# Inside the servos ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limit", [40, 79, 80, 95])
+def test_a_guard_goes_by_the_limits_inside_the_servos_where_they_are_the_narrower(tiny, limit):
+    rig = Rig(tiny)
+    rig.servo("r_hip").poke("temperature_limit", limit)
+    rig.servo("r_hip").poke("min_voltage_limit", 112)
+    own = GuardLimits.of(tiny)
+    with SafetyGuard(rig.backend) as guard:
+        lowest = min(limit, 80)
+        assert guard.limits.max_temperature == pytest.approx([75.0, lowest - 5.0])
+        assert guard.limits.derate_temperature == pytest.approx([65.0, lowest - 15.0])
+        assert (own.min_voltage, guard.limits.min_voltage) == (10.0, 11.2)
+    rig.poke("temperature_limit", 80)
+    rig.poke("min_voltage_limit", 95)
+    with guard:
+        assert guard.limits.max_temperature == pytest.approx(own.max_temperature)
+        assert guard.limits.min_voltage == own.min_voltage, "a limit that was set back stays"
+
+
+def test_a_servo_is_released_before_it_switches_itself_off(tiny):
+    rig = Rig(tiny)
+    rig.servo("r_hip").poke("temperature_limit", 50)
+    with SafetyGuard(rig.backend) as guard:
+        limits = []
+        for degrees in (34.0, 40.0, 46.0):
+            rig.virtual.physics.heat(2, degrees)
+            for _ in range(20):  # one slow value of one servo a cycle
+                state = guard.read()
+                sent = guard.write(Command.position(tiny, state.joint_pos))
+            limits.append(sent.torque_limit[1] / tiny.max_torque[1])
+        assert limits == pytest.approx([1.0, 0.7, 0.0], abs=0.01)
+        assert str(guard.fault) == (
+            "a servo is too hot: joint 'r_hip' has 46 °C, expected at most 45 °C"
+        )
+        assert not any(servo.peek("hardware_error_status") for servo in rig.virtual.servos)

@@ -62,6 +62,10 @@ def test_looking_changes_nothing(rig):
 @pytest.mark.parametrize(
     ("item", "value", "severity", "words"),
     [
+        ("temperature_limit", 40, Severity.WARNING, "is 40 °C, expected 80 °C as shipped; getup"),
+        ("temperature_limit", 95, Severity.WARNING, "is 95 °C, expected 80 °C as shipped; getup"),
+        ("min_voltage_limit", 110, Severity.WARNING, "min voltage limit is 11 V, expected 9.5 V"),
+        ("max_voltage_limit", 130, Severity.WARNING, "servo write max_voltage_limit=160 --id ID"),
         ("drive_mode", 1, Severity.ERROR, "drive mode is 1, reversed"),
         ("secondary_id", 7, Severity.ERROR, "also responds to the secondary id 7"),
         ("hardware_error_status", 36, Severity.FAULT, "overheating and overload"),
@@ -124,6 +128,46 @@ def test_a_supply_at_the_servos_highest_is_no_finding(rig):
     feel(rig, 2048.0, 14.9)
     (finding,) = look(rig).errors
     assert "supply is 14.9 V, expected 10.0 to 14.8 V" in str(finding)
+
+
+@pytest.mark.parametrize(
+    ("limit", "tenths", "severity", "words"),
+    [
+        ("min_voltage_limit", 115, None, None),
+        ("min_voltage_limit", 116, Severity.WARNING, "0.4 V within its voltage limits of 11.6 to"),
+        ("min_voltage_limit", 120, Severity.WARNING, "0.0 V within its voltage limits"),
+        ("min_voltage_limit", 121, Severity.ERROR, "expected 12.1 to 14.8 V; charge or change"),
+        ("max_voltage_limit", 125, None, None),
+        ("max_voltage_limit", 122, Severity.WARNING, "12.0 V, 0.2 V within its voltage limits"),
+        ("max_voltage_limit", 119, Severity.ERROR, "expected 10.0 to 11.9 V; charge or change"),
+    ],
+)
+def test_a_supply_at_the_limits_inside_a_servo_is_a_warning_and_beyond_them_an_error(
+    rig, limit, tenths, severity, words
+):
+    """At 12 V, with half a volt for what the supply sags and swings."""
+    rig.servo("l_hip").poke(limit, tenths)
+    found = look(rig).findings
+    assert found[-1].text.startswith(limit.replace("_", " ")), "it differs from the shipped one"
+    assert [f.severity for f in found[:-1]] == ([] if severity is None else [severity])
+    assert words is None or words in str(found[0])
+
+
+def test_types_with_one_table_are_not_told_what_another_is_shipped_with(tiny):
+    """STS3215 for 7.4 V and for 12 V: their limits differ, their registers do not say which."""
+    model = servo_models()["STS3215-C001"]
+    joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, model=model))
+    limits = {"max_voltage_limit": 80, "min_voltage_limit": 45, "temperature_limit": 60}
+    servo = ServoFacts(
+        joint=joint,
+        table=table_named("STS3215"),
+        firmware=9,
+        registers=SOUND | limits | {"present_input_voltage": 74},
+    )
+    found = [finding.text for finding in check_servo(servo) if "limit is" in finding.text]
+    assert [text for text in found if "PWM" not in text] == [
+        "temperature limit is 60 °C, expected 70 °C as shipped"
+    ]
 
 
 def test_a_joint_that_stands_outside_its_range_is_reported(rig):

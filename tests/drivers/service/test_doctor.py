@@ -79,6 +79,25 @@ def test_heat_is_a_warning_from_65_and_a_fault_from_75_degrees_on(tiny: Robot, d
     assert found == ([] if severity is None else [severity])
 
 
+@pytest.mark.parametrize(
+    ("limit", "degrees", "severity"),
+    [
+        (60, 46.0, Severity.WARNING),
+        (60, 56.0, Severity.FAULT),
+        (95, 66.0, Severity.WARNING),
+        (95, 76.0, Severity.FAULT),
+    ],
+)
+def test_heat_is_judged_by_the_limit_inside_a_servo_if_it_is_the_lower(
+    tiny: Robot, limit, degrees, severity
+):
+    bench = ServiceBench(tiny)
+    bench.servo("l_hip").poke("temperature_limit", limit)
+    bench.virtual.physics.heat(1, degrees)
+    found = texts(check(bench), "joint 'l_hip'")
+    assert [s for s, text in found if text.startswith("has ")] == [severity]
+
+
 def test_torque_is_named_and_stays(tiny: Robot):
     bench = ServiceBench(tiny)
     bench.servo("l_hip").write(64, b"\x01")

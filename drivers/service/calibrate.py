@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from drivers.dynamixel.board import Board
 from drivers.dynamixel.control_table import DriveMode, table_named
 from drivers.dynamixel.diagnostics import DiagnosticsError, name_all, name_of
 from drivers.dynamixel.protocol2 import is_confirmed
 from drivers.errors import DriverError, SetupError
+from drivers.imu.source import ImuSource
 from drivers.service.session import RobotBus
 from drivers.servo_units import fits_one_turn, tick_range
-from robots import Joint, Robot
+from robots import Joint, Robot, quaternion
 from robots.description.calibration import Calibration, JointCalibration
+from robots.imu import AxesSetting, SensorAxes, find_axes_problems
 from robots.joint_directions import find_directions
+from robots.kinematics import imu_in_torso
 from robots.quaternion import Array
 from robots.servo import TICKS_PER_TURN
 from robots.storage.validation import Sign
@@ -29,6 +36,9 @@ STILL = 4  # ticks that the reads may differ by, 0.35 degrees
 LARGE_SHIFT = 10.0  # degrees by which a zero may move without a warning
 TURN = 20  # degrees to turn a joint by
 LEAST_TURN = 5.0  # degrees; less may be a wobble
+MOST_TILT = 20.0  # degrees; a person holds a robot straighter, and axes differ by 90
+SIGNED = ("x", "y", "z", "-x", "-y", "-z")
+AXES = [axes for axes in permutations(SIGNED, 3) if not find_axes_problems("axes", axes)]
 TRIES = 3  # measurements of a robot that is not held still; reads of a silent servo
 DEG_PER_TICK = 360.0 / TICKS_PER_TURN
 
@@ -176,13 +186,16 @@ class Calibrator:
         if blocking:
             raise DiagnosticsError(blocking)
 
-    def measure_zeros(self, joint_pos: Array) -> None:
+    def measure_zeros(self, joint_pos: Array, orientation: Array | None = None) -> None:
         """Compute zeros from the present positions at known angles [rad], (n,).
 
         Raises:
             MovingError: if the robot is not still.
+            SetupError: if the IMU does not measure the torso's orientation (4,), where known.
         """
         ticks = measure_ticks(self._bus, [m.joint for m in self.measured])
+        if orientation is not None and self._bus.imu is not None:
+            check_tilt(self._robot, self._bus.imu, orientation)
         turned = self._robot.transmission.to_actuator(joint_pos)
         for name, measured in self._measured.items():
             angle = float(turned[self._robot.joint_names.index(name)])
@@ -229,6 +242,35 @@ class Calibrator:
         """Return the turns of a joint's servo behind its gear per turn of the joint alone."""
         alone = np.eye(self._robot.n)[self._robot.joint_names.index(joint.name)]
         return float(self._robot.transmission.to_actuator(alone) @ alone)
+
+
+def check_tilt(robot: Robot, imu: ImuSource, orientation: Array) -> None:
+    """Check that an IMU, if it replies, measures gravity as in a torso of an orientation (4,).
+
+    Raises:
+        SetupError: if it does not, with the axes with which it would.
+    """
+    if (sample := imu.measure()) is None:
+        return
+    key, setting = "imu.axes", robot.imu.axes if robot.imu else AXES[0]
+    if isinstance(imu, Board):
+        key, setting = "bus.board.imu_axes", imu.settings.imu_axes
+    mounting = imu_in_torso(robot, robot.read_model().compile())
+    up = -quaternion.gravity_in_body(quaternion.multiply(orientation, mounting))
+    force = SensorAxes.of(setting).to_sensor(sample.accelerometer)
+
+    def find_tilt(axes: AxesSetting) -> float:
+        cosine = SensorAxes.of(axes).to_site(force) @ up / np.linalg.norm(force)
+        return math.degrees(math.acos(np.clip(cosine, -1.0, 1.0)))
+
+    if find_tilt(setting) <= MOST_TILT:
+        return
+    fitting = " or ".join(json.dumps(axes) for axes in AXES if find_tilt(axes) <= MOST_TILT)
+    raise SetupError(
+        f"{imu.name}: gravity is {find_tilt(setting):.0f}° from that of the posture, expected at "
+        f"most {MOST_TILT:.0f}°: hold the torso as in the posture"
+        f"{f', or set {key} in robot.toml to {fitting}' if fitting else ''}; nothing is saved"
+    )
 
 
 def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:

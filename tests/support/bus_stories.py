@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,11 @@ class Served:
         posture = Posture(
             position=standing.position, orientation=standing.orientation, joint_pos=joint_pos
         )
+        self._ports.main.call(lambda: self.virtual.place(posture))
+
+    def lean(self, orientation: np.ndarray) -> None:
+        """Hold the robot in its stance, its torso in another orientation (4,)."""
+        posture = replace(self.robot.standing, orientation=orientation)
         self._ports.main.call(lambda: self.virtual.place(posture))
 
     def poke(self, joint: str, item: str, value: int) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -13,12 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.diagnostics import name_all
+from drivers.errors import SetupError
 from drivers.serial_port import is_pseudo_terminal
 from drivers.service.calibrate import (
     TRIES,
     Calibrator,
     JointMeasurement,
-    MovingError,
     Prompt,
     check_ranges,
     is_yes,
@@ -26,14 +27,14 @@ from drivers.service.calibrate import (
 )
 from drivers.service.session import RobotBus, open_robot_bus
 from humanoid_getup.cli.options.hardware import Calibrate
-from humanoid_getup.cli.robot.held_posture import ZERO, find_held_angles
+from humanoid_getup.cli.robot.held_posture import ZERO, find_held_posture
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.prompt import open_prompt
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import name_ports
-from robots import Joint, Robot, load_robot
+from robots import Joint, Posture, Robot, load_robot
 from robots.description.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
 
@@ -46,7 +47,7 @@ VIRTUAL_FILE = "calibration.virtual.toml"
 def calibrate(command: Calibrate) -> int:
     """Measure, ask, save; 0 if saved, 1 if the person declined."""
     robot = _load_robot(command)
-    joints, joint_pos = _choose_joints(command, robot), _choose_posture(command, robot)
+    joints, held = _choose_joints(command, robot), _choose_posture(command, robot)
     ports = name_ports(robot, command.port)
     is_virtual = any(map(is_pseudo_terminal, ports.values()))
     path = command.out or robot.folder / (VIRTUAL_FILE if is_virtual else CALIBRATION_FILE)
@@ -64,11 +65,13 @@ def calibrate(command: Calibrate) -> int:
             return _leave(console)
         if command.signs and prompt is not None:
             calibrator.check_signs(prompt)
-        if joint_pos is not None:
-            _measure_zeros(calibrator, robot, joints, joint_pos, asker)
+        if held is not None:
+            orientation = None if command.at in (None, ZERO) else held.orientation
+            measure = partial(calibrator.measure_zeros, held.joint_pos, orientation)
+            _measure_zeros(measure, robot, joints, held.joint_pos, asker)
     measured = calibrator.measured
     console.print(_tabulate(measured))
-    _print_warnings(measured, console, has_zeros=joint_pos is not None)
+    _print_warnings(measured, console, has_zeros=held is not None)
     check_ranges(measured)
     saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
     if saved:
@@ -101,22 +104,22 @@ def _choose_joints(command: Calibrate, robot: Robot) -> tuple[Joint, ...]:
     return tuple(j for j in robot.actuators if not command.joint or j.name in command.joint)
 
 
-def _choose_posture(command: Calibrate, robot: Robot) -> Array | None:
-    """Return the angles of the posture to hold [rad], (n,); ``None`` to measure no zeros."""
+def _choose_posture(command: Calibrate, robot: Robot) -> Posture | None:
+    """Return the posture to hold; ``None`` to measure no zeros."""
     at = command.at
     if at is None:
         if command.signs:
             return None
         at = ZERO
-    angles = find_held_angles(robot, at)
+    posture = find_held_posture(robot, at)
     if at != ZERO:
-        return angles
+        return posture
     chosen = [joint.name for joint in _choose_joints(command, robot)]
     beyond = [j for j in robot.joints if j.name in chosen and not j.lower <= 0.0 <= j.upper]
     if beyond:
         names = ", ".join(f"'{joint.name}'" for joint in beyond)
         raise BadInputError(f"joint {names} cannot be at 0: name a posture file with --at")
-    return angles
+    return posture
 
 
 def check_folder(folder: Path) -> None:
@@ -144,15 +147,15 @@ def _release(bus: RobotBus, asker: Prompt | None) -> bool:
 
 
 def _measure_zeros(
-    calibrator: Calibrator,
+    measure: Callable[[], None],
     robot: Robot,
     joints: Sequence[Joint],
     joint_pos: Array,
     asker: Prompt | None,
 ) -> None:
-    """Measure the zeros; let a person try again if the robot moved."""
+    """Measure the zeros; let a person try again if the robot moved or is held otherwise."""
     if asker is None:
-        calibrator.measure_zeros(joint_pos)
+        measure()
         return
     angles = {j.name: math.degrees(joint_pos[robot.joint_names.index(j.name)]) for j in joints}
     turned = ", ".join(f"{name} {angle:+.1f}°" for name, angle in angles.items() if round(angle, 1))
@@ -160,9 +163,9 @@ def _measure_zeros(
     for left in reversed(range(TRIES)):
         asker.ask("hold it still, then Enter:")
         try:
-            calibrator.measure_zeros(joint_pos)
+            measure()
             return
-        except MovingError as error:
+        except SetupError as error:
             if not left:
                 raise
             asker.tell(str(error))

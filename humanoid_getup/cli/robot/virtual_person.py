@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.virtual_bus.served_robot import ServedRobot
-from humanoid_getup.cli.robot.held_posture import STANDING, find_held_angles
+from humanoid_getup.cli.robot.held_posture import STANDING, find_held_posture
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_start
 from humanoid_getup.simulation.world import World
@@ -55,8 +55,7 @@ class VirtualPerson:
 
     def hang(self, at: str) -> None:
         """Hold the robot in the air in a posture: zero, standing, or a file."""
-        angles = find_held_angles(self._robot, at)
-        posture = replace(self._robot.standing, joint_pos=angles)
+        posture = find_held_posture(self._robot, at)
         if isinstance(self._world, World):
             posture = _hang(self._world, posture)
         self._served.hold(posture)

@@ -6,25 +6,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from paths import TINY
 from service_bench import ServiceBench
 
+from drivers.errors import SetupError
+from drivers.imu.sample import ImuSample
+from drivers.orientation_filter import GRAVITY
 from drivers.service import calibrate
 from drivers.service.calibrate import (
+    AXES,
     Calibrator,
     JointMeasurement,
     MovingError,
     PositionRangeError,
     SilentError,
     check_ranges,
+    check_tilt,
     describe_direction,
     measure_ticks,
     read_ticks,
     save,
 )
 from drivers.virtual_bus.devices.sensors import Measured
-from robots import Joint, Robot
+from robots import ImuSettings, Joint, Robot, load_robot, quaternion
 from robots.description.calibration import Calibration
 from robots.description.servo_catalog import servo_models
+from robots.imu import SensorAxes
+from robots.kinematics import imu_in_torso
 
 
 @pytest.fixture(autouse=True)
@@ -202,3 +212,50 @@ def test_a_large_shift_is_a_warning(tiny: Robot):
 def test_the_direction_of_a_joint_is_described_for_a_standing_robot(op3: Robot, name, way):
     joint = op3.joints[op3.joint_names.index(name)]
     assert describe_direction(op3, joint) == way
+
+
+# The IMU --------------------------------------------------------------------------------------
+
+TINY_ROBOT = load_robot(TINY)
+MOUNTING = imu_in_torso(TINY_ROBOT, TINY_ROBOT.read_model().compile())
+
+
+class MountedImu:
+    """An IMU whose axes are some, and described as others, in a torso that is held still."""
+
+    name = "IMU"
+
+    def __init__(self, orientation: np.ndarray, own: tuple, described: tuple) -> None:
+        up = -quaternion.gravity_in_body(quaternion.multiply(orientation, MOUNTING))
+        raw = SensorAxes.of(own).to_sensor(GRAVITY * up)
+        self.force = SensorAxes.of(described).to_site(raw)
+
+    def measure(self) -> ImuSample | None:
+        return ImuSample(np.zeros(3), self.force, b"")
+
+
+@given(
+    turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1),
+    own=st.sampled_from(AXES),
+    described=st.sampled_from(AXES),
+)
+def test_gravity_is_that_of_the_posture_or_the_right_axes_are_among_those_named(
+    turn: tuple, own: tuple, described: tuple
+):
+    orientation = quaternion.normalize(np.array(turn))
+    imu = MountedImu(orientation, own, described)
+    robot = replace(TINY_ROBOT, imu=ImuSettings(kind="serial_line", axes=described))
+    up = MountedImu(orientation, own, own).force / GRAVITY
+    try:
+        check_tilt(robot, imu, orientation)  # type: ignore[arg-type]
+    except SetupError as error:
+        assert up @ imu.force < GRAVITY * math.cos(math.radians(19.9))
+        assert str(list(own)).replace("'", '"') in str(error)
+    else:
+        assert up @ imu.force > GRAVITY * math.cos(math.radians(20.1))
+
+
+def test_all_axes_are_24_rotations():
+    found = {SensorAxes.of(axes).matrix.tobytes() for axes in AXES}
+    assert len(found) == len(AXES) == 24
+    assert all(np.linalg.det(SensorAxes.of(axes).matrix) > 0.0 for axes in AXES)

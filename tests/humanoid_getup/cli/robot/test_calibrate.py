@@ -222,6 +222,43 @@ def test_a_zero_whose_range_leaves_the_servos_turn_is_warned_of(calibrate):
     assert message["joints"]["r_hip"]["warnings"] == []
 
 
+# How the torso is held ------------------------------------------------------------------------
+
+
+def turn_imu(robot: Robot, *axes: str) -> Robot:
+    """Describe the board of a robot with other axes."""
+    return replace(robot, bus=replace(robot.bus, board=replace(robot.bus.board, imu_axes=axes)))
+
+
+def test_an_imu_that_is_upside_down_is_named_with_its_axes_and_nothing_is_saved(folder, calibrate):
+    with serving(turn_imu(load_robot(TINY), "-x", "y", "-z")) as served:
+        served.place()
+        person = Person("", "", "")
+        assert calibrate(served, person, "--at", "standing")[0] == 2
+        assert calibrate(served, None, "--yes", "--at", "standing")[0] == 2
+        assert not list(folder.glob("calibration*"))
+        assert calibrate(served, None, "--yes", "--at", "zero")[0] == 0, "the torso may lie then"
+        spoil(folder, "imu_axes = [-1, -1, 1]", 'imu_axes = ["-x", "y", "-z"]')
+        assert calibrate(served, None, "--yes", "--at", "standing")[0] == 0
+    message = person.heard[1]
+    assert "board 'OpenCR' (id 200): gravity is 180° from that of the posture, expected" in message
+    assert 'set bus.board.imu_axes in robot.toml to ["x", "-y", "-z"] or' in message
+    assert '["-x", "y", "-z"]' in message
+
+
+def test_a_robot_that_is_held_otherwise_than_its_posture_is_measured_again(calibrate, tmp_path):
+    robot = load_robot(TINY)
+    tilted = np.array([np.cos(0.25), 0.0, np.sin(0.25), 0.0])  # 0.5 rad about y, 29°
+    held = replace(robot.standing, orientation=tilted)
+    (tmp_path / "held.json").write_text(format_posture(held, robot))
+    with serving(robot) as served:
+        served.place()
+        person = Person("", lambda: served.lean(tilted) or "", "yes")
+        assert calibrate(served, person, "--at", str(tmp_path / "held.json"))[0] == 0
+    assert "gravity is 29° from that of the posture, expected at most 20°: hold" in person.heard[1]
+    assert "imu_axes" not in person.heard[1], "no axes make up for it"
+
+
 # On a virtual bus -----------------------------------------------------------------------------
 
 

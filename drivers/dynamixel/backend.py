@@ -208,6 +208,7 @@ class DynamixelBackend(Backend):
             max_temperature=np.minimum(limits.max_temperature, off - HOT_MARGIN),
             derate_temperature=np.minimum(limits.derate_temperature, off - DERATE_MARGIN),
             min_voltage=max([limits.min_voltage, *lowest]),
+            shutdown_voltage=max([limits.shutdown_voltage, *lowest]),
         )
 
     def close(self) -> None:

@@ -100,6 +100,7 @@ class CheckedDriver(DynamixelBackend):
         self.too_fast = 0
         """Number of targets that moved faster than the joint's maximum speed."""
         self._sent: Command | None = None
+        self._measured = np.zeros(virtual.robot.n)
         self.believed_wrong: list[str] = []
         """Wrong values that the driver reported as fresh."""
 
@@ -115,6 +116,7 @@ class CheckedDriver(DynamixelBackend):
         ]
         low, high = np.min(moments, axis=0), np.max(moments, axis=0)
         off = np.maximum(low - state.joint_pos, state.joint_pos - high)
+        self._measured = state.joint_pos
         wrong = (state.joint_age == 0.0) & (off > 0.5 * RAD_PER_TICK)
         self.believed_wrong += [
             f"{state.time:.3f} s: joint '{self.robot.joint_names[i]}' at "
@@ -135,6 +137,8 @@ class CheckedDriver(DynamixelBackend):
         if before is not None:
             driven = (before.torque_limit > 0.0) & (sent.torque_limit > 0.0)
             reach = self.robot.max_velocity * self.period + RAD_PER_TICK
-            jumps = np.abs(sent.joint_pos - before.joint_pos) > reach
+            # A target that leaps to where its joint is moves nothing, as after a pause.
+            leaps = np.abs(sent.joint_pos - self._measured) > reach
+            jumps = leaps & (np.abs(sent.joint_pos - before.joint_pos) > reach)
             self.too_fast += int(np.sum(driven & jumps))
         return sent

@@ -75,11 +75,10 @@ def run_parts(
         BadInputError: if a finished part is damaged, or of another benchmark.
         CancelledError: if it is canceled; the parts that were finished are kept.
     """
-    if not resume:
-        for path in folder.glob("*.jsonl"):
-            path.unlink()
     with refusing():
         ledgers = {part.name: open_part(folder, part, resume=resume) for part in parts}
+        for ledger in ledgers.values() if not resume else ():
+            ledger.path.unlink(missing_ok=True)
     left = [part for part in parts if RESULT not in ledgers[part.name].done]
     if resume:
         monitor.tell(f"{len(parts) - len(left)} of {len(parts)} parts are finished")

@@ -6,14 +6,15 @@ import pytest
 from msgspec import convert
 
 from humanoid_getup.benchmarks.bench_result import KeptRise
-from humanoid_getup.benchmarks.part import MethodRises
+from humanoid_getup.benchmarks.part import MethodRises, Part
 from humanoid_getup.benchmarks.rise_method import RiseMethod
 from humanoid_getup.benchmarks.torque_cap import make_caps
 from humanoid_getup.benchmarks.whole import Whole, sample_by_class, summarize_parts
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.jobs.run_parts import open_part, read_result, run_part
+from humanoid_getup.jobs.run_parts import open_part, read_result, run_part, run_parts
 from humanoid_getup.motions.motion_database import find_motion
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.reporting.benchmark_plot import save_benchmark
 from humanoid_getup.simulation.world import World
@@ -130,6 +131,15 @@ def test_a_run_that_was_interrupted_ends_as_one_that_was_not(whole, results, tmp
     assert len(parts) >= 3
     assert resumed == [results[part.name] for part in parts]
     assert len(list((tmp_path / "parts").iterdir())) == len(parts)
+
+
+def test_a_run_that_starts_over_deletes_its_own_parts_alone(tmp_path):
+    old, new = (MethodRises(classes=classes, missing={}, rises=[]) for classes in ((), ("prone",)))
+    part = Part(name="one", count=0, depends={}, kind=MethodRises, run=lambda _: new)
+    open_part(tmp_path, part, resume=False).add("result", old)
+    (tmp_path / "notes.jsonl").write_text("mine")
+    assert run_parts([part], tmp_path, ProgressMonitor(), resume=False) == {"one": new}
+    assert (tmp_path / "notes.jsonl").read_text() == "mine"
 
 
 def test_classes_in_which_a_robot_never_lies_are_left_out_with_the_reason(op3):

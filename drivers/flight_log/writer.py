@@ -215,7 +215,7 @@ class FlightLog:
 
 def make_room(path: Path) -> None:
     """Rename an existing log to the next free number."""
-    if path.is_file():
+    if path.is_file() or path.is_symlink():
         numbered = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
         path.rename(next(free for free in numbered if not free.exists()))
 

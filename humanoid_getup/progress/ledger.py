@@ -32,7 +32,12 @@ class Ledger:
         Args:
             path: The file, which the first part replaces.
             recipe: What the results depend on, as a dataclass or a mapping.
+
+        Raises:
+            ValueError: if the file is a symbolic link, through which another would be written.
         """
+        if path.is_symlink():
+            raise ValueError(f"{path}: is a symbolic link, expected a file: name or remove it")
         self.path = path
         self.recipe: dict[str, Any] = as_kept(recipe)
         self.done: dict[str, Any] = {}

@@ -260,6 +260,13 @@ def test_earlier_logs_are_moved_and_not_written_over(tmp_path, robot, flight):
     assert [FlightRecord.load(tmp_path / name).cycles for name in names] == [1, 2, 3]
 
 
+def test_a_link_is_moved_and_not_written_through(tmp_path, robot, flight):
+    (tmp_path / "f.mcap").symlink_to(tmp_path / "elsewhere")
+    write_flight(tmp_path / "f.mcap", robot, flight[:1])
+    assert not (tmp_path / "elsewhere").exists()
+    assert (tmp_path / "f.mcap.1").is_symlink()
+
+
 def test_closing_twice_and_logging_afterwards_are_harmless(tmp_path, robot, flight):
     with FlightLog(tmp_path / "f", robot) as log:
         log.log(flight[0])

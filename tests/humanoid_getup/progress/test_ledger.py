@@ -37,6 +37,18 @@ def test_a_new_ledger_replaces_the_one_that_is_there_with_its_first_part(tmp_pat
     assert Ledger.resume(path, {"seed": 7}).done == {"two": 2}
 
 
+@pytest.mark.parametrize("begin", [Ledger, Ledger.resume])
+@pytest.mark.parametrize("content", [None, "my notes"])
+def test_a_link_is_refused_and_what_it_leads_to_stays(tmp_path: Path, begin, content):
+    target, path = tmp_path / "elsewhere", tmp_path / "ledger.jsonl"
+    if content is not None:
+        target.write_text(content)
+    path.symlink_to(target)
+    with pytest.raises(ValueError, match=r"ledger\.jsonl: is a symbolic link, expected a file"):
+        begin(path, RECIPE).add("one", 1)
+    assert (target.read_text() if target.exists() else None) == content
+
+
 @pytest.mark.parametrize(
     ("recipe", "message"),
     [

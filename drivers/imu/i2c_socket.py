@@ -15,11 +15,11 @@ from pathlib import Path
 
 from drivers.imu.i2c import I2cChip
 from drivers.serial_port import REOPEN_EVERY
+from drivers.socket_path import reaching
 
 TRANSFER = struct.Struct("<BH")
 GREETING = b"humanoid-getup I2C 1"
 LONGEST_PACKET = 1 << 17  # bytes, beyond any transfer
-LONGEST_PATH = 107  # bytes of a socket's path (Linux, un.h)
 TIMEOUT = 0.5  # s for a transfer; adapters of Linux give up after a second
 ENDED, FOREIGN = "the virtual bus has ended", "is no I2C bus"
 
@@ -82,12 +82,11 @@ class SocketI2cChip(I2cChip):
 
 def _connect(path: str) -> socket.socket:
     """Connect to a virtual bus, which greets."""
-    if len(os.fsencode(path)) > LONGEST_PATH:
-        raise OSError(errno.ENAMETOOLONG, f"its path is longer than {LONGEST_PATH} bytes")
     line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     line.settimeout(TIMEOUT)
     try:
-        line.connect(path)
+        with reaching(Path(path)) as address:
+            line.connect(address)
         if line.recv(LONGEST_PACKET) != GREETING:
             raise OSError(errno.EPROTO, FOREIGN)
     except OSError as error:
@@ -100,6 +99,6 @@ def _explain(path: str, error: OSError) -> str:
     """Explain why a path is no bus to connect to."""
     if error.errno == errno.ECONNREFUSED and Path(path).is_socket():
         return ENDED
-    if error.errno in (errno.ENOENT, errno.EACCES):
+    if error.errno in (errno.ENOENT, errno.EACCES, errno.ENAMETOOLONG):
         return os.strerror(error.errno)
     return FOREIGN

@@ -14,11 +14,13 @@ from drivers.control_loop import Cycle
 from drivers.live_feed.messages import (
     STOP,
     SUFFIX,
+    FeedFolderError,
     LiveHello,
     LiveSample,
     find_feeds_folder,
     send_message,
 )
+from drivers.socket_path import reaching
 from robots import Robot
 
 BEGUN = ".begun"  # suffix of a feed that cannot be followed yet
@@ -54,7 +56,11 @@ class LiveFeed:
     def __enter__(self) -> LiveFeed:
         begun = self.path.with_suffix(BEGUN)
         begun.unlink(missing_ok=True)  # of a killed process with this number
-        self._listener.bind(str(begun))
+        try:
+            with reaching(begun) as address:
+                self._listener.bind(address)
+        except OSError as error:
+            raise FeedFolderError(f"live feed {self.path}: {error.strerror}") from error
         self._listener.listen()
         begun.replace(self.path)  # who finds it can connect
         threading.Thread(target=self._accept, name="live feed", daemon=True).start()

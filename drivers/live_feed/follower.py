@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from drivers.live_feed.messages import STOP, FeedError, LiveHello, LiveSample, receive_message
+from drivers.socket_path import reaching
 
 CONNECT_WITHIN = 5.0  # s
 
@@ -36,7 +37,8 @@ class LiveFollower:
         self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._connection.settimeout(CONNECT_WITHIN)
-            self._connection.connect(str(path))
+            with reaching(path) as address:
+                self._connection.connect(address)
             hello = receive_message(self._connection, LiveHello)
         except OSError as error:
             self._connection.close()

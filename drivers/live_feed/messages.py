@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from drivers.control_loop import Cycle
-from drivers.errors import DriverError
+from drivers.errors import DriverError, SetupError
 from drivers.safety_limits import find_max_temperature
 from robots import Robot
 
@@ -116,17 +116,21 @@ class FeedError(DriverError):
     """A feed cannot be served or followed; the message is one line."""
 
 
+class FeedFolderError(FeedError, SetupError):
+    """The folder of the feeds cannot be used."""
+
+
 def find_feeds_folder() -> Path:
     """Return the folder of this user's feeds, which no other user can enter.
 
     Raises:
-        FeedError: if another user made it.
+        FeedFolderError: if another user made it.
     """
     folder = Path(tempfile.gettempdir(), f"getup-feeds-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
     if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode) or found.st_mode & 0o077:
-        raise FeedError(f"{folder}: expected a folder of this user alone; remove it")
+        raise FeedFolderError(f"{folder}: expected a folder of this user alone; remove it")
     return folder
 
 

@@ -5,6 +5,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from waiting import wait_until
 
 from drivers import Command
 from drivers.control_loop import Cycle, Timing
+from drivers.errors import SetupError
 from drivers.live_feed.feed import LiveFeed, list_feeds
 from drivers.live_feed.follower import LiveFollower
 from drivers.live_feed.messages import FeedError, LiveSample, find_feeds_folder
@@ -194,3 +196,29 @@ def test_a_folder_that_others_can_enter_is_refused():
     find_feeds_folder().chmod(0o755)
     with pytest.raises(FeedError, match="this user alone"):
         find_feeds_folder()
+
+
+def test_the_folder_for_temporary_files_may_have_a_long_path(
+    tiny: Robot,
+    samples: "queue.Queue[LiveSample]",
+    stops: "queue.Queue[str]",
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    folder = tmp_path / ("x" * 200)
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    with LiveFeed(tiny, stops.put) as feed:
+        assert list_feeds() == [feed.path]
+        feed.show(make_cycle(tiny, 0.5))
+        follower = LiveFollower(feed.path, samples.put)
+        assert samples.get(timeout=TIMEOUT).time == 0.5
+        follower.close()
+
+
+def test_a_name_too_long_for_a_socket_is_refused_in_one_line(
+    tiny: Robot, stops: "queue.Queue[str]"
+):
+    feed = LiveFeed(replace(tiny, name="x" * 100), stops.put)
+    with pytest.raises(SetupError, match=r"live feed .*x-\d+\.feed: File name too long"):
+        feed.__enter__()

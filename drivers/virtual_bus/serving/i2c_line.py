@@ -11,7 +11,8 @@ import tempfile
 from pathlib import Path
 
 from drivers.imu.i2c import I2cChip
-from drivers.imu.i2c_socket import GREETING, LONGEST_PACKET, LONGEST_PATH, TRANSFER
+from drivers.imu.i2c_socket import GREETING, LONGEST_PACKET, TRANSFER
+from drivers.socket_path import reaching
 from drivers.virtual_bus.serving.interfaces import SideLine
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
 
@@ -44,6 +45,7 @@ class I2cLine(SideLine):
             self._listener = _listen(self._link)
         except BaseException:
             self._ends.close()
+            shutil.rmtree(self._folder or "", ignore_errors=True)
             raise
         self._ends.register(self._listener.fileno(), select.EPOLLIN)
 
@@ -126,15 +128,14 @@ class I2cLine(SideLine):
 
 def _listen(link: Path) -> socket.socket:
     """Create the socket; one that a dead virtual bus left behind is removed."""
-    if len(os.fsencode(link)) > LONGEST_PATH:
-        raise PortLinkError(link, f"the path of a socket has at most {LONGEST_PATH} bytes")
     if os.path.lexists(link) and not _is_dead(link):
         raise PortLinkError(link, "a file is there, name another path or remove it")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.setblocking(False)
     try:
         link.unlink(missing_ok=True)
-        listener.bind(str(link))
+        with reaching(link) as address:
+            listener.bind(address)
         listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
@@ -146,5 +147,5 @@ def _is_dead(link: Path) -> bool:
     """Return whether a file is a socket that no program listens at."""
     if not link.is_socket():
         return False
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-        return probe.connect_ex(str(link)) == errno.ECONNREFUSED
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe, reaching(link) as address:
+        return probe.connect_ex(address) == errno.ECONNREFUSED

@@ -16,14 +16,16 @@ from waiting import wait_until
 from drivers.imu import i2c_socket
 from drivers.imu.build import build_i2c_source, choose_chip
 from drivers.imu.i2c import I2cChip, LinuxI2cChip
-from drivers.imu.i2c_socket import LONGEST_PATH, SocketI2cChip
+from drivers.imu.i2c_socket import SocketI2cChip
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
+from drivers.socket_path import LONGEST_PATH
 from drivers.virtual_bus.imu.build import build_virtual_imu
 from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
 from drivers.virtual_bus.serving.call_queue import CallQueue
 from drivers.virtual_bus.serving.i2c_line import I2cLine
+from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
 from robots import ImuSettings
 
 SETTINGS = {kind: ImuSettings(kind=kind, connection="i2c") for kind in ("bno055", "bno08x")}
@@ -185,12 +187,39 @@ def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
             (file, "is no I2C bus"),
             (dead, "the virtual bus has ended"),
             (other, "is no I2C bus"),
-            (tmp_path / ("x" * LONGEST_PATH), "its path is longer than 107 bytes"),
+            (tmp_path / ("x" * LONGEST_PATH), "File name too long"),
         ):
             source = build_i2c_source(SETTINGS[kind], choose_chip(SETTINGS[kind], str(path)))
             expected = rf"^IMU BNO0\w\w on {path} at 0x..: {text}; check .* --port imu=PATH"
             with pytest.raises(ImuError, match=expected):
                 source.open()
+
+
+def test_the_path_of_a_bus_may_be_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = tmp_path / ("x" * 200)
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    line = I2cLine(make_chip("bno055"), 0x28, link=None)
+    with serving_line(line):
+        assert line.path.startswith(str(folder))
+        chip = SocketI2cChip(line.path, 0x28)
+        chip.open()
+        assert len(chip.transfer(b"\0", 1)) == 1
+        chip.close()
+    assert list(folder.iterdir()) == []
+
+
+def test_a_bus_that_cannot_be_made_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    with pytest.raises(PortLinkError, match="i2c: No space left on device, name a path"):
+        I2cLine(make_chip("bno055"), 0x28, link=None)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_program_that_does_not_greet_is_no_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

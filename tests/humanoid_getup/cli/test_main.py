@@ -228,6 +228,16 @@ def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
     assert run("robots") == (130, "", "getup: interrupted\n")
 
 
+def test_an_error_of_no_file_and_no_output_is_its_own_text(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(_: object) -> None:
+        raise OSError("AF_UNIX path too long")
+
+    monkeypatch.setattr(commands, "load_work", lambda _: fail)
+    assert run("robots") == (2, "", "getup: AF_UNIX path too long\n")
+
+
 @pytest.mark.parametrize("command", ["robots", "motions list"])
 def test_no_command_imports_what_it_does_not_need(command: str, loaded: dict[str, set[str]]):
     assert "numpy" in loaded[command]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.imu.i2c_socket import LONGEST_PATH
+from drivers.socket_path import LONGEST_PATH
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.serving.i2c_line import I2cLine
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
@@ -45,5 +45,5 @@ def test_a_path_that_is_in_use_or_not_to_be_written_is_refused(tmp_path: Path):
     assert file.read_text() == "mine"
     with pytest.raises(PortLinkError, match="No such file or directory, name a path you may"):
         make_line(tmp_path / "none" / "bus")
-    with pytest.raises(PortLinkError, match="a socket has at most 107 bytes"):
+    with pytest.raises(PortLinkError, match="File name too long, name a path"):
         make_line(tmp_path / ("x" * LONGEST_PATH))

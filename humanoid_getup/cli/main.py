@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import signal
@@ -70,8 +71,8 @@ def _report_failure(error: Exception) -> int:
         return _report(f"{error}, expected egl, osmesa, glfw or disable", BAD_INPUT)
     if not isinstance(error, OSError):
         raise error
-    if error.errno is None:  # not of the system: a library's own text
-        return _report(str(error), BAD_INPUT)
+    if error.filename is None and error.errno in (None, errno.ENOENT):  # a library's own text
+        return _report(error.strerror or str(error), BAD_INPUT)
     if error.filename is None:
         _discard_output()
     if isinstance(error, BrokenPipeError):

@@ -27,6 +27,7 @@ def find_folder_problems(folder: Path, names: Sequence[str], owner: str | None =
         with tempfile.TemporaryDirectory(dir=existing, prefix=SCRATCH) as scratch:
             missing = make_absolute(folder).relative_to(existing)
             Path(scratch, missing).mkdir(parents=True, exist_ok=True)
+            Path(scratch, missing, SCRATCH).write_bytes(bytes(4096))  # a full disk has no room
         in_the_way = [folder / name for name in names if (folder / name).is_dir()]
     except OSError as error:
         return [f"{owner}: {error.strerror}, expected a folder that can be written"]

@@ -89,7 +89,7 @@ class RealTimeRobot:
         """Return the path of each port by its name in robot.toml, that of the IMU included.
 
         Raises:
-            DriverError: if a port cannot be created.
+            DriverError: if a port cannot be created; OSError: if its folder cannot.
         """
         if not self._paths:
             self._paths |= self._await_reply(LONGEST_START)
@@ -187,7 +187,7 @@ class RealTimeRobot:
             reply = self._replies.get(timeout=longest)
         except queue.Empty:
             raise VirtualBusError(f"the virtual bus does not answer within {longest:g} s") from None
-        if isinstance(reply, DriverError):
+        if isinstance(reply, DriverError | OSError):
             raise reply
         if reply is ENDED:
             raise VirtualBusError("the virtual bus stopped unexpectedly")

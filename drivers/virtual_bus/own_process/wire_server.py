@@ -53,7 +53,7 @@ def main(commands: int, measurements: int, descriptor: int) -> None:
         with ports:
             line.send(ports.paths)
             _serve(line, robot, ports)
-    except DriverError as error:
+    except (DriverError, OSError) as error:  # also a folder that cannot be made
         line.send(error)
 
 

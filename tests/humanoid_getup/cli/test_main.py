@@ -1,5 +1,6 @@
 """`getup` as a program: fast to start, clear when it cannot continue, quiet when it is stopped."""
 
+import errno
 import json
 import os
 import shutil
@@ -228,14 +229,15 @@ def test_an_interrupt_that_an_import_swallows_stops_the_program_before_it_works(
     assert run("robots") == (130, "", "getup: interrupted\n")
 
 
+@pytest.mark.parametrize("number", [None, errno.ENOENT])
 def test_an_error_of_no_file_and_no_output_is_its_own_text(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch, number: int | None
 ):
     def fail(_: object) -> None:
-        raise OSError("AF_UNIX path too long")
+        raise OSError("no folder") if number is None else OSError(number, "no folder")
 
     monkeypatch.setattr(commands, "load_work", lambda _: fail)
-    assert run("robots") == (2, "", "getup: AF_UNIX path too long\n")
+    assert run("robots") == (2, "", "getup: no folder\n")
 
 
 @pytest.mark.parametrize("command", ["robots", "motions list"])

@@ -11,7 +11,7 @@ from recording_backend import still_state
 from drivers import Command, State
 from drivers.control_loop import Cycle, Timing
 from drivers.live_feed.feed import LiveFeed
-from drivers.live_feed.messages import LiveHello, LiveSample
+from drivers.live_feed.messages import LiveHello, LiveSample, find_feeds_folder
 from drivers.safety_limits import ClipCounts
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.check_health import RobotHealth, check_health, describe_health
@@ -84,6 +84,13 @@ def test_a_running_program_is_followed_and_its_cycles_are_counted(
             program.join()
     assert (found.robot, found.phase, found.program) == ("op3", "rising", os.getpid())
     assert 0.0 < found.rate_hz < 1000.0
+
+
+def test_a_folder_of_feeds_that_others_can_enter_is_bad_input(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    find_feeds_folder().chmod(0o755)
+    assert main(("health",)) == 2
+    assert "expected a folder of this user alone; remove it" in capsys.readouterr().err
 
 
 def test_without_a_program_that_shows_a_robot_there_is_one_line(tmp_path, monkeypatch):

@@ -132,6 +132,18 @@ def test_an_imu_on_a_line_of_its_own_measures(tiny: Robot, settings: ImuSettings
             wait_until(lambda: driver.read().imu_age < 0.1)
 
 
+def test_a_folder_that_cannot_be_made_is_no_fault_of_the_bus(
+    tiny: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    deep = os.fspath(tmp_path)
+    while len(deep) < 4080:  # room for the trial of a folder for temporary files, not for a bus
+        deep = f"{deep}/{'x' * min(200, 4084 - len(deep))}"
+        os.mkdir(deep)  # noqa: PTH102
+    monkeypatch.setenv("TMPDIR", deep)
+    with RealTimeRobot(Simulation(tiny)) as robot, pytest.raises(OSError, match="too long"):
+        robot.place(tiny.standing)
+
+
 def test_a_port_that_cannot_be_created_is_refused(tiny: Robot, tmp_path: Path):
     link = tmp_path / "port"
     link.touch()

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import resource
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -103,6 +104,18 @@ def test_a_policy_of_a_robot_is_no_output_but_of_what_makes_it(op3: Robot, robot
 
 def test_trying_a_folder_leaves_nothing_behind(tmp_path: Path):
     assert find_folder_problems(tmp_path / "some" / "where", NAMES) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_folder_is_refused_beforehand(tmp_path: Path):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        problems = find_folder_problems(tmp_path, NAMES), find_file_problems(tmp_path / "a.json")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    expected = [f"output folder {tmp_path}: File too large, expected a folder that can be written"]
+    assert problems == (expected, expected)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -41,9 +41,13 @@ def find_file_problems(file: Path) -> list[str]:
     target = make_absolute(file)
     try:
         target = target.resolve() if target.is_symlink() else target
-        if target.exists() and not target.is_file() and not target.is_dir():  # a device, a FIFO
-            writable = os.access(target, os.W_OK)
-            return [] if writable else [f"output file {file}: Permission denied"]
+        if file.exists() and not file.is_file() and not file.is_dir():  # a device, a FIFO
+            if not os.access(file, os.W_OK):
+                return [f"output file {file}: Permission denied"]
+            if file.is_char_device():
+                with file.open("wb", buffering=0) as device:
+                    device.write(b"")  # which /dev/full refuses
+            return []
     except (OSError, RuntimeError) as error:  # a name too long, links in a circle
         return [f"output file {file}: {getattr(error, 'strerror', error)}"]
     if target.is_dir():

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from paths import REPOSITORY
 from rich.console import Console
 from rich.text import Text
 from run_getup import Run
 
+from humanoid_getup.cli import commands
 from humanoid_getup.cli.options.shared import JsonOption, with_json
 from humanoid_getup.cli.shared import console as console_module
 from humanoid_getup.cli.shared.console import format_figure, make_bars, make_table, showing
@@ -178,6 +180,32 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
     assert code == 2
     assert error == "getup: output file /dev/full: No space left on device\n"
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"robots import {REPOSITORY}/robots/op3/model.xml --out out",
+        "robots export op3 --ros2-control out",
+        "policy pack robust --out out",
+        "play squat_to_stand --out out",
+        f"log export {REPOSITORY}/README.md --rosbag2 out",
+        "bench all --out out",
+    ],
+)
+def test_a_full_device_is_refused_before_the_work(run: Run, words: str, monkeypatch):
+    monkeypatch.setattr(commands, "load_work", lambda name: pytest.fail(f"{name} begins"))
+    code, _, error = run(*words.split(), "--json", "/dev/full")
+    assert (code, error) == (2, "getup: output file /dev/full: No space left on device\n")
+
+
+def test_a_device_and_a_pipe_are_accepted():
+    reader, writer = os.pipe()
+    assert find_file_problems(Path("/dev/null")) == []
+    assert find_file_problems(Path(f"/proc/self/fd/{writer}")) == []
+    os.close(reader)
+    os.close(writer)
 
 
 def test_headings_of_a_table_keep_their_units():

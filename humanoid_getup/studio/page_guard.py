@@ -84,10 +84,13 @@ class PageGuard:
     async def _check(
         self, process: Callable[..., Any] | None, connection: ServerConnection, request: Request
     ) -> Response | None:
-        if (refused := self.refuse(request)) is not None or process is None:
-            return refused
-        response = process(connection, request)
-        return await response if inspect.isawaitable(response) else response
+        try:
+            if (refused := self.refuse(request)) is not None or process is None:
+                return refused
+            response = process(connection, request)
+            return await response if inspect.isawaitable(response) else response
+        except (LookupError, ValueError) as error:  # a header twice, an address that is none
+            return _respond(HTTPStatus.BAD_REQUEST, f"malformed request: {error!r}")
 
     def _matches(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), (self.token or "").encode())

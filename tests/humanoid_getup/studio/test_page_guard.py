@@ -1,11 +1,13 @@
+import asyncio
 from http import HTTPStatus
 
 import pytest
 
 pytest.importorskip("websockets", reason="needs the studio extra")
 
+import websockets.asyncio.server
 from websockets.datastructures import Headers
-from websockets.http11 import Request
+from websockets.http11 import Request, Response
 
 from humanoid_getup.studio.page_guard import PageGuard, is_loopback
 
@@ -58,6 +60,48 @@ def test_another_address_without_its_token_is_refused(path: str, cookie: str):
     refused = ask(CLOSED, path, Cookie=cookie, **THERE)
     assert refused is not None
     assert refused[0] == HTTPStatus.FORBIDDEN
+
+
+def get(*headers: bytes) -> bytes:
+    """Send a request to a guarded server; return the first line of the response."""
+
+    async def talk() -> bytes:
+        with OPEN.protecting():
+            serve = websockets.asyncio.server.serve
+            server = await serve(lambda _: None, "127.0.0.1", 0, process_request=answer)
+        async with server:
+            port = server.sockets[0].getsockname()[1]
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(b"\r\n".join((b"GET / HTTP/1.1", *headers, b"", b"")))
+            response = await reader.read()
+            writer.close()
+            return response.split(b"\r\n")[0]
+
+    return asyncio.run(asyncio.wait_for(talk(), 30.0))
+
+
+def answer(_connection: object, request: Request) -> Response:
+    request.headers.get("Accept-Encoding", "")  # as viser does
+    return Response(HTTPStatus.OK, "OK", Headers())
+
+
+HOST = b"Host: localhost:8090"
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        (HOST, b"Host: elsewhere.example"),
+        (b"Host: [",),
+        (HOST, b"Origin: http://["),
+        (HOST, b"Origin: http://localhost:8090", b"Origin: http://elsewhere.example"),
+        (HOST, b"Accept-Encoding: gzip", b"Accept-Encoding: br"),
+    ],
+)
+def test_a_malformed_request_is_one(headers: tuple[bytes, ...], caplog: pytest.LogCaptureFixture):
+    assert get(HOST) == b"HTTP/1.1 200 OK"
+    assert get(*headers) == b"HTTP/1.1 400 Bad Request"
+    assert not caplog.records
 
 
 def test_tokens_differ():

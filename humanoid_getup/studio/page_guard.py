@@ -27,21 +27,22 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 
 @dataclass(frozen=True, kw_only=True)
 class PageGuard:
-    """Refuses requests from other pages, and, off the loopback address, those without a token.
+    """Refuses requests from other pages, and, where there is a token, those without it.
 
     A page of another site that is open in the same browser can reach servers of this machine as
     well: it is refused by the address that the browser names as its origin.
     """
 
     token: str | None = None
-    """Secret that a browser shows once, in the address; None on the loopback address."""
+    """Secret that a browser shows once, in the address; None for all users of this machine."""
     port: int = 0
     """For the name of the cookie, as browsers share cookies among the ports of a machine."""
 
     @classmethod
-    def for_address(cls, host: str, port: int) -> PageGuard:
-        """Make the guard of an address; another one than the loopback address gets a token."""
-        return cls(token=None if is_loopback(host) else secrets.token_urlsafe(16), port=port)
+    def for_address(cls, host: str, port: int, *, moves_robot: bool = False) -> PageGuard:
+        """Make the guard of an address; all but the loopback address, and motion, get a token."""
+        is_open = is_loopback(host) and not moves_robot
+        return cls(token=None if is_open else secrets.token_urlsafe(16), port=port)
 
     @contextmanager
     def protecting(self) -> Iterator[None]:

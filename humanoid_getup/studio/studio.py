@@ -48,7 +48,7 @@ class Studio:
         port = find_port(request.host, request.port)
         self._scratch = TemporaryDirectory(prefix="getup-studio-")
         self._changing, self._is_closed = threading.Lock(), False
-        self._guard = PageGuard.for_address(request.host, port)
+        self._guard = PageGuard.for_address(request.host, port, moves_robot=request.allow_motion)
         self._host, self._port = request.host, port
         with self._guard.protecting(), redirect_stdout(io.StringIO()):
             self.server = viser.ViserServer(

@@ -114,3 +114,4 @@ def test_a_robot_moves_only_where_the_command_allows_it_and_when_it_is_armed(bro
         window.click("Rise")
         window.see("the robot is not armed")
         assert studio.page.jobs == []
+        assert "?token=" in studio.address  # which other users of this machine do not know

@@ -30,7 +30,7 @@ class StudioRequest(BodyOption, SceneOptions):
     robot_port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")] = ()
     """Serial ports of a real robot, as with `getup rise --port`, for the Live tab."""
     allow_motion: bool = False
-    """Let the page move that robot, after it was armed there."""
+    """Let the page move that robot, after it was armed there; the page requires a token then."""
 
     def find_problems(self) -> list[str]:
         """Report folders that do not exist, and motion without a robot, as well."""

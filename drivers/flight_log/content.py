@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+import zlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
@@ -13,10 +14,11 @@ import lz4.frame
 import numpy as np
 import orjson
 import zstandard
-from mcap.exceptions import EndOfFile, McapError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from drivers.flight_log.foxglove import SCHEMAS
@@ -25,7 +27,8 @@ from drivers.state import Integers
 
 PACK = 1024  # rows that are held as Python objects before they become an array
 MOST_UNPACKED = 1 << 31  # bytes of all its chunks: a flight of an hour
-RECORD_HEAD, CHUNK_HEAD = struct.Struct("<BQ"), struct.Struct("<QQQ")
+RECORD_HEAD, CHUNK_HEAD, CRC = (struct.Struct(f"<{each}") for each in ("BQ", "QQQ", "I"))
+PACKED, PACKED_AT = b"\x04\0\0\0zstd", RECORD_HEAD.size + CHUNK_HEAD.size + CRC.size  # of a chunk
 KINDS = set(Opcode)
 """All kinds of records."""
 DAMAGE = (
@@ -67,77 +70,55 @@ class Track:
 
 
 class Content:
-    """Content of a log, up to the first damaged chunk."""
+    """Content of a log without its damaged chunks."""
 
     def __init__(self, data: bytes) -> None:
-        """Read the whole records at the beginning of a file.
+        """Read the whole records of a file.
 
         Raises:
             ValueError: or another error of `DAMAGE`, if what it says of itself is damaged, if it
                 unpacks to too much, or if its messages are not those of a flight.
         """
-        end, self.is_complete, size = _survey(data)
+        self.problems: list[str] = []
+        """Problem of each damaged record, which is left out."""
+        records, self.is_complete, size = _survey(data, self.problems)
         if size > MOST_UNPACKED:
             raise ValueError(f"it unpacks to {size} bytes, expected at most {MOST_UNPACKED}")
-        self.damage = ""
-        """Problem of the first damaged chunk; empty if there is none."""
         self.about: dict[str, str] = {}
         self.events: list[Event] = []
         self._topic_of: dict[int, str] = {}
         self._topics: dict[str, _Columns] = {}
-        self.lost_bytes = len(data) - self._read(data[:end])
-        """Bytes at the end of the file that were not read."""
+        self.lost_bytes = len(data) - len(MCAP0_MAGIC) * (2 if self.is_complete else 1)
+        """Bytes of the file that were not read."""
+        # The index at the end has the channels, too, if the chunk that has them is damaged.
+        for at, end in sorted(records, key=lambda record: data[record[0]] != Opcode.CHANNEL):
+            if data[at] == Opcode.DATA_END and not self.problems:
+                (expected,) = CRC.unpack_from(data, at + RECORD_HEAD.size)
+                if expected not in (0, zlib.crc32(memoryview(data)[:at])):
+                    raise ValueError("crc validation failed in DataEnd, outside of the chunks")
+            try:
+                inside = _open(data[at], data[at + RECORD_HEAD.size : end])
+            except DAMAGE as error:
+                self.problems.append(explain(error))
+                continue
+            for record in inside:
+                self._add(record)
+            self.lost_bytes -= end - at
 
     def tracks(self) -> dict[str, Track]:
         """Return the tracks of all topics but the events."""
         return {topic: columns.track() for topic, columns in self._topics.items()}
 
-    def _read(self, data: bytes) -> int:
-        """Read whole records; return where the first damaged one begins, or the end."""
-        stream, at = BytesIO(data), 0
-        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=None)
-        records = reader.records
-        while (record := self._next(records)) is not None:
-            inside = self._open(record) if isinstance(record, Chunk) else [record]
-            if self.damage:
-                return at
-            for one in inside:
-                self._add(one)
-            at = stream.tell()
-        return at if self.damage else len(data)
-
-    def _next(self, records: Iterator[McapRecord]) -> McapRecord | None:
-        """Return the next record; None at the end of the data, or if the record is damaged."""
-        try:
-            record = next(records, None)
-        except EndOfFile:  # a log that was cut off has no footer
-            return None
-        except CRCValidationError:  # of all data: something outside of the chunks is not as written
-            raise
-        except DAMAGE as error:
-            self.damage = explain(error)
-            return None
-        return None if isinstance(record, DataEnd) else record  # behind it there is an index only
-
-    def _open(self, chunk: Chunk) -> list[McapRecord]:
-        """Unpack a chunk; note if it is damaged."""
-        try:
-            plain = replace(chunk, compression="", data=_unpack(chunk))
-            return breakup_chunk(plain, validate_crc=True)
-        except DAMAGE as error:
-            self.damage = explain(error)
-            return []
-
     def _add(self, record: McapRecord) -> None:
         if isinstance(record, Message):
-            self._add_message(record, self._topic_of[record.channel_id])
+            self._add_message(record, self._topic_of.get(record.channel_id, ""))
         elif isinstance(record, Channel):
             self._topic_of[record.id] = record.topic
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.about = record.metadata
 
     def _add_message(self, record: Message, topic: str) -> None:
-        if topic in SCHEMAS:  # the same values for other programs
+        if not topic or topic in SCHEMAS:  # lost; the same values for other programs
             return
         message = orjson.loads(record.data)
         if topic == EVENT:
@@ -150,24 +131,42 @@ class Content:
             self._topics[topic].add(record.sequence, record.log_time, message)
 
 
-def _survey(data: bytes) -> tuple[int, bool, int]:
-    """Find the end of the last whole record, whether a log ends there, and its unpacked size.
+def _survey(data: bytes, problems: list[str]) -> tuple[list[tuple[int, int]], bool, int]:
+    """Find begin and end of the whole records, whether a log ends there, and its unpacked size.
 
     A power cut can leave zeros where the file had grown but was not yet written: no record is of
     kind 0. The size is what the chunks say of themselves; none is unpacked beyond that.
     """
-    at, size = len(MCAP0_MAGIC), 0
+    at, size, found, records = len(MCAP0_MAGIC), 0, 0, list[tuple[int, int]]()
     while at + RECORD_HEAD.size <= len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, at)
         after = at + RECORD_HEAD.size + length
-        if after > len(data) or opcode not in KINDS:
-            break
+        if after > len(data) or opcode not in KINDS:  # the record before may have a wrong length
+            last = records[-1][0] if records else at
+            found = data.find(PACKED, max(last, found) + PACKED_AT + 1) - PACKED_AT
+            if found < 0:
+                break
+            problems += ["a record has a wrong length"] if found != at else []
+            records[-1:] = [(begin, min(end, found)) for begin, end in records[-1:]]
+            at = found
+            continue
         if opcode == Opcode.CHUNK and length >= CHUNK_HEAD.size:
             size += CHUNK_HEAD.unpack_from(data, at + RECORD_HEAD.size)[2]
+        records.append((at, after))
         if opcode == Opcode.FOOTER and data.startswith(MCAP0_MAGIC, after):
-            return after + len(MCAP0_MAGIC), True, size
+            return records, True, size
         at = after
-    return at, False, size
+    return records, False, size
+
+
+def _open(opcode: int, body: bytes) -> list[McapRecord]:
+    """Open a record, or all of a chunk; raise an error of `DAMAGE` if it is damaged."""
+    stream = ReadDataStream(BytesIO(body))
+    if opcode == Opcode.CHUNK:
+        chunk = Chunk.read(stream)
+        return breakup_chunk(replace(chunk, compression="", data=_unpack(chunk)), validate_crc=True)
+    kind = {Opcode.CHANNEL: Channel, Opcode.METADATA: Metadata}.get(Opcode(opcode))
+    return [kind.read(stream)] if kind else []
 
 
 def _unpack(chunk: Chunk) -> bytes:

@@ -50,9 +50,9 @@ class FlightRecord:
     truncated: bool
     """Whether the log is incomplete, as after a kill, or damaged."""
     damage: str = ""
-    """Problem of the first damaged chunk, where the record ends; empty if there is none."""
+    """Number of damaged records, which are left out, and problem of the first; empty for none."""
     lost_bytes: int
-    """Bytes at the end of a truncated log that could not be read."""
+    """Bytes that could not be read."""
 
     @property
     def cycles(self) -> int:
@@ -106,7 +106,7 @@ class FlightRecord:
     def load(cls, path: Path, robot: Robot | None = None) -> FlightRecord:
         """Load a flight log of a robot, or of any.
 
-        Of one that was cut off or is damaged, all that comes before is read.
+        Of one that was cut off or is damaged, all whole chunks are read.
 
         Raises:
             ValueError: one line with the file and its problem: it is not a flight log, is
@@ -167,9 +167,10 @@ def _read_file(path: Path) -> bytes:
 
 def _read(path: Path, data: bytes) -> FlightRecord:
     content = Content(data)
-    about = content.about
+    about, problems = content.about, content.problems
+    damage = f"records left out: {len(problems)}, first: {problems[0]}" if problems else ""
     if not about:
-        raise ValueError(content.damage or "it does not name its robot")
+        raise ValueError(damage or "it does not name its robot")
     if about["format"] != FORMAT:
         raise ValueError(f"format is '{about['format']}', expected '{FORMAT}'")
     if not about.get("joint_names"):
@@ -181,6 +182,7 @@ def _read(path: Path, data: bytes) -> FlightRecord:
     }
     if tracks:
         _check_tracks(tracks, len(joint_names))
+    is_begun = not tracks or tracks["state"].cycle[0] == 0
     return FlightRecord(
         path=path,
         robot=about["robot"],
@@ -188,11 +190,11 @@ def _read(path: Path, data: bytes) -> FlightRecord:
         period=float(about["period"]),
         started=about["started"],
         about=orjson.loads(about["about"]),
-        start=_parse_posture(about["start"], joint_names),
+        start=_parse_posture(about["start"] if is_begun else "", joint_names),
         tracks=tracks,
         events=tuple(content.events),
-        truncated=not content.is_complete or bool(content.damage),
-        damage=content.damage,
+        truncated=not content.is_complete or bool(damage),
+        damage=damage,
         lost_bytes=content.lost_bytes,
     )
 

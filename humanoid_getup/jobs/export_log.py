@@ -31,7 +31,7 @@ class ExportedLog:
     truncated: bool
     """Whether the log is incomplete, as after a kill, or damaged."""
     lost_bytes: int
-    """Bytes at the end of a truncated log that could not be read."""
+    """Bytes that could not be read."""
 
 
 def export_log(

@@ -72,7 +72,7 @@ def save_flight(record: FlightRecord, file: Path, *, title: str = "") -> None:
     guidance = record.tracks.get("guidance")
     if guidance is None:
         return
-    time = record.time[guidance.cycle] - record.time[0]
+    time = record.time[np.searchsorted(record.state.cycle, guidance.cycle)] - record.time[0]
     wanted, measured = guidance["wanted"].copy(), guidance["measured"].copy()
     # Between attempts nothing was followed: a gap, not a line across it.
     paused = np.flatnonzero(np.diff(time) > PAUSE)

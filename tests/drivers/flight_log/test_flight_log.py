@@ -363,7 +363,7 @@ def test_a_log_cut_anywhere_is_read_as_far_as_it_is_whole(short, tmp_path, fligh
     assert len(counts) > 2
 
 
-def test_a_damaged_log_is_read_up_to_the_damage_and_never_wrong(short, tmp_path):
+def test_a_damaged_log_is_read_around_the_damage_and_never_wrong(short, tmp_path):
     whole, data = FlightRecord.load(short), short.read_bytes()
     rng, spoiled = np.random.default_rng(6), tmp_path / "spoiled"
     refused, shorter = 0, 0
@@ -379,11 +379,11 @@ def test_a_damaged_log_is_read_up_to_the_damage_and_never_wrong(short, tmp_path)
             assert str(error).startswith(f"flight log {spoiled}: ")
             assert "\n" not in str(error)
             continue
-        count = record.cycles
-        assert np.array_equal(record.time, whole.time[:count])
-        if count:
-            assert np.array_equal(record.sent["joint_pos"], whole.sent["joint_pos"][:count])
-        if count < whole.cycles:  # else it was the index at the end
+        kept = np.isin(whole.time, record.time)
+        assert np.array_equal(record.time, whole.time[kept])
+        if record.cycles:
+            assert np.array_equal(record.sent["joint_pos"], whole.sent["joint_pos"][kept])
+        if record.cycles < whole.cycles:  # else it was the index at the end
             shorter += 1
             assert record.truncated and record.lost_bytes > 0
     assert refused and shorter > 20
@@ -400,17 +400,52 @@ def chunk_places(data: bytes) -> list[tuple[int, int]]:
     return places
 
 
-def test_a_damaged_chunk_costs_itself_and_what_follows(logged, tmp_path):
+MOST_IN_CHUNK = 45  # cycles of the robot of these tests
+
+
+@pytest.mark.parametrize("number", [0, 2, -2])
+@pytest.mark.parametrize("spoiled", [100, -8, -7, -4], ids=["content", *["length"] * 3])
+def test_a_damaged_chunk_costs_itself_alone(logged, tmp_path, number, spoiled):
     data = bytearray(logged.read_bytes())
-    whole, places = FlightRecord.load(logged), chunk_places(data)
-    third, length = places[2]
-    data[third + length // 2] ^= 0x10
+    whole = FlightRecord.load(logged)
+    start, length = [place for place in chunk_places(data) if place[1] > 5000][number]
+    data[start + spoiled] ^= 0x10
     (tmp_path / "f").write_bytes(data)
     record = FlightRecord.load(tmp_path / "f")
-    assert 0 < record.cycles < whole.cycles
-    assert record.lost_bytes == len(data) - (third - 9)
-    assert record.damage
+    kept = np.isin(whole.time, record.time)
+    assert np.array_equal(record.time, whole.time[kept])
+    (lost,) = np.nonzero(~kept)
+    assert len(lost) <= MOST_IN_CHUNK and np.all(np.diff(lost) == 1)
+    assert bool(len(lost)) >= (spoiled > 0)  # a length alone may cost no cycle
+    assert record.truncated and record.lost_bytes < 1.5 * length  # with its index
+    assert record.damage.startswith("records left out: ")
     assert f"damaged ({record.damage}): {record.lost_bytes} bytes lost" in record.describe()
+
+
+def test_a_log_that_lost_its_first_cycle_does_not_know_its_start(tmp_path, robot, flight):
+    path = tmp_path / "f"
+    with FlightLog(path, robot, start=robot.standing) as log:
+        for cycle in flight[:200]:
+            log.log(cycle)
+    data = bytearray(path.read_bytes())
+    assert FlightRecord.load(path).start is not None
+    data[chunk_places(data)[0][0] + 100] ^= 0x10
+    path.write_bytes(data)
+    record = FlightRecord.load(path)
+    assert record.state.cycle[0] > 0
+    assert record.start is None
+
+
+def test_a_log_that_is_damaged_and_cut_off_is_read_around_and_up_to_it(logged, tmp_path):
+    data, whole = bytearray(logged.read_bytes()), FlightRecord.load(logged)
+    places = chunk_places(data)
+    data[places[3][0] + 100] ^= 0x10
+    (tmp_path / "f").write_bytes(data[: places[9][0] + 100])
+    record = FlightRecord.load(tmp_path / "f")
+    kept = np.isin(whole.time, record.time)
+    assert np.array_equal(record.time, whole.time[kept])
+    assert record.damage.startswith("records left out: 1, first: ")
+    assert np.argmin(kept) < record.cycles  # some behind the damage
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])

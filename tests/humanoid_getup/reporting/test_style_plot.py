@@ -45,10 +45,11 @@ def test_a_flight_has_a_gap_between_attempts_and_no_plot_without_a_style(figures
     features = np.tile([0.5, RIGHT, RIGHT], (5, 1))
 
     class Guidance(dict):
-        cycle = np.arange(5)
+        cycle = np.array([0, 1, 2, 40, 41])  # those between are lost
 
     guided = Guidance(wanted=features, measured=features)
-    record = SimpleNamespace(time=times, tracks={"guidance": guided})
+    state = SimpleNamespace(cycle=Guidance.cycle)
+    record = SimpleNamespace(time=times, state=state, tracks={"guidance": guided})
     save_flight(record, tmp_path / "plot.png")
     drawn = figures[0].axes[0].get_lines()[0].get_ydata()
     assert np.isnan(drawn).tolist() == [False, False, True, False, False]

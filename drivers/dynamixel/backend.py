@@ -247,7 +247,7 @@ class DynamixelBackend(Backend):
     def hand_over(self) -> tuple[str, ...]:
         """Leave the joints under torque at ``close``, unless one does not confirm; return those."""
         self._check_connected()
-        unconfirmed = [joint for chain in self.chains for joint in chain.disarm()]
+        unconfirmed = [joint for chain in self.chains for joint in chain.disarm(self._states)]
         if unconfirmed:  # all are watched again
             self._states.must_seed |= self._states.is_on
         else:

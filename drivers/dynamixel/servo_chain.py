@@ -206,14 +206,20 @@ class ServoChain:
         states.may_drive[[rows[joint.name] for joint in left]] = True
         return left
 
-    def disarm(self) -> list[Joint]:
+    def disarm(self, states: ServoStates) -> list[Joint]:
         """Switch off the watchdogs, so that servos hold while they have power.
 
-        Returns the joints that do not confirm it.
+        Returns the driven joints that do not confirm it; without a watchdog, those that are silent.
         """
-        joints = list(self.joints) if self.is_watched else []
-        unconfirmed = self._exchange(self._clear, joints, WATCHDOG, WATCHDOG)
-        return joints if unconfirmed is None else unconfirmed
+        driven = [j for j, row in zip(self.joints, self.rows, strict=True) if states.is_on[row]]
+        confirm = self._clear if self.is_watched else self._find_silent
+        unconfirmed = self._exchange(confirm, driven, WATCHDOG, WATCHDOG)
+        return driven if unconfirmed is None else unconfirmed
+
+    def _find_silent(self, joints: Sequence[Joint], *_: str) -> list[Joint]:
+        """Find joints whose torque is not confirmed."""
+        read = self.bus.read_item
+        return [joint for joint in joints if not read(joint.servo.id, self._torque)]
 
     def _clear(self, joints: Sequence[Joint], *registers: str) -> list[Joint]:
         """Set registers of all servos to 0; return the joints that do not confirm the first."""

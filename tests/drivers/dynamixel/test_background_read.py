@@ -4,6 +4,7 @@ from collections import Counter
 from itertools import pairwise
 
 import pytest
+from desk import make_desk
 from memory_rig import Rig
 
 from drivers import Command
@@ -80,3 +81,10 @@ def test_supply_and_temperature_reach_the_state_within_a_round(rig: Rig):
     state = rig.turn(Command.limp(2), 12)
     assert state.voltage == pytest.approx(11.3)
     assert state.temperature[1] == 48.0
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "XL-320", "STS3215-C018"])
+def test_an_error_reaches_the_state_whatever_bit_its_servo_shows_it_by(model: str):
+    with Rig(make_desk((1, model), (2, model)), without_imu=True) as rig:
+        rig.servo("servo_2").trip(HardwareError.OVERLOAD)
+        assert rig.turn(Command.limp(2), 4).alert.tolist() == [0, HardwareError.OVERLOAD]

@@ -339,6 +339,22 @@ def test_goals_reach_as_far_as_the_widest_limit_and_no_further(model: str):
     assert BAUD_RATES[fastest] == (4_000_000 if "330-" in model else 4_500_000)
 
 
+FEETECH_BITS = (
+    HardwareError.VOLTAGE,
+    HardwareError.ENCODER,
+    HardwareError.OVERHEATING,
+    HardwareError.SHOCK,  # current
+    0,
+    HardwareError.OVERLOAD,
+)
+ERROR_BITS = {  # lowest first: e-manual; Feetech's memory tables
+    "XM430-W350": tuple(1 << place for place in range(6)),
+    "XL-320": (HardwareError.OVERLOAD, HardwareError.OVERHEATING, HardwareError.VOLTAGE),
+    "STS3215": FEETECH_BITS,
+    "SCS0009": FEETECH_BITS,
+}
+
+
 def test_modes_and_errors_have_the_manual_s_numbers():
     assert XM430.modes == (0, 1, 3, 4, 5, 16)
     assert table_named("XL430-W250").modes == (1, 3, 4, 16)
@@ -347,6 +363,9 @@ def test_modes_and_errors_have_the_manual_s_numbers():
     assert all(table_named(model).default_mode in table_named(model).modes for model in SERVOS)
     stops = HardwareError.OVERHEATING | HardwareError.SHOCK | HardwareError.OVERLOAD
     assert XM430["shutdown"].default == stops
+    for model, bits in ERROR_BITS.items():
+        named = [table_named(model).name_errors(1 << place) for place in range(len(bits))]
+        assert named == list(bits), model
     assert BAUD_RATES[1] == 57_600
 
 

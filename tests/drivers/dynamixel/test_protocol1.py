@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2 as p2
-from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, seal
+from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, Frame1, seal
 from drivers.dynamixel.protocol2 import (
     ALERT,
     BROADCAST,
@@ -156,27 +156,37 @@ def test_frames_of_protocol_2_are_not_frames_of_protocol_1():
 # Errors ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", [PROTOCOL_1, FEETECH], ids=lambda wire: wire.name)
-@pytest.mark.parametrize("alarm", [HardwareError.VOLTAGE, HardwareError.OVERLOAD])
-def test_an_alarm_travels_in_every_reply(wire, alarm: HardwareError):
-    (packet,) = wire.parse_replies().feed(wire.encode_status(Status(3, ALERT, b"", alarm)))
-    assert wire.decode_status(packet) == Status(3, ALERT, b"", alarm)
+DYNAMIXEL_BITS = (  # lowest first (e-manual, Protocol 1.0)
+    HardwareError.VOLTAGE,
+    ErrorNumber.DATA_LIMIT,  # of an angle
+    HardwareError.OVERHEATING,
+    ErrorNumber.DATA_RANGE,
+    ErrorNumber.CRC,  # a checksum here
+    HardwareError.OVERLOAD,
+    ErrorNumber.INSTRUCTION,
+)
+FEETECH_BITS = (  # lowest first (feetech-servo-sdk)
+    HardwareError.VOLTAGE,
+    HardwareError.ENCODER,
+    HardwareError.OVERHEATING,
+    HardwareError.SHOCK,  # current
+    None,
+    HardwareError.OVERLOAD,
+)
 
 
 @pytest.mark.parametrize(
-    ("bit", "number"),
-    [
-        (2, ErrorNumber.DATA_LIMIT),
-        (8, ErrorNumber.DATA_RANGE),
-        (16, ErrorNumber.CRC),
-        (64, ErrorNumber.INSTRUCTION),
-    ],
+    ("wire", "meanings"), [(PROTOCOL_1, DYNAMIXEL_BITS), (FEETECH, FEETECH_BITS)]
 )
-def test_a_refusal_is_one_bit(bit: int, number: ErrorNumber):
-    (packet,) = PROTOCOL_1.parse_replies().feed(seal(1, bit, b""))
-    assert isinstance(packet, Packet)
-    assert PROTOCOL_1.decode_status(packet) == Status(1, number)
-    assert PROTOCOL_1.encode_status(Status(1, number)) == seal(1, bit, b"")
+def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, meanings: tuple):
+    for place, meaning in enumerate(meanings):
+        reply, status = seal(3, 1 << place, b""), Status(3, meaning or 0)
+        if isinstance(meaning, HardwareError):
+            status = Status(3, ALERT, alarms=meaning)
+        (packet,) = wire.parse_replies().feed(reply)
+        assert isinstance(packet, Packet)
+        assert wire.decode_status(packet) == status, f"bit {place}"
+        assert meaning is None or wire.encode_status(status) == reply, f"bit {place}"
 
 
 def test_the_protocols_are_known_by_name():

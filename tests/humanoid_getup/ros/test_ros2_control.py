@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +14,8 @@ from paths import TINY
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.export_robot import export_robot
 from humanoid_getup.jobs.requests.robots import ExportRobotRequest
-from robots import Robot, load_robot
+from humanoid_getup.ros.ros2_control import RobotControl
+from robots import Robot, TorqueLimit, load_robot
 from robots.quaternion import Array
 
 TICK = 2.0 * math.pi / 4096
@@ -158,6 +159,13 @@ def test_a_zero_elsewhere_is_a_homing_offset_that_is_told(tmp_path: Path):
     assert [registers.get("Homing Offset") for registers in plugin.registers] == [None, 1048]
     text = (tmp_path / "control" / "ros2_control.xacro").read_text("utf-8")
     assert "become homing offsets in the EEPROM (r_hip)" in text
+
+
+def test_limp_joints_alone_get_no_torque(tiny: Robot):
+    control = RobotControl.of(replace(tiny, limp_joints=("l_hip",)), TorqueLimit(by="pwm"))
+    (system,) = ElementTree.fromstring(control.xacro).iter("ros2_control")
+    enabled = [registers.get("Torque Enable") for registers in Plugin.read(system).registers]
+    assert enabled == [0, None], "None: the plugin switches it on"
 
 
 def test_joints_that_turn_further_than_their_servos_turn_are_named(tmp_path: Path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
+from memory_rig import Rig
 
 from drivers.dynamixel import startup
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
@@ -152,6 +153,22 @@ def test_a_servo_whose_goal_switches_torque_on_stays_limp_after_its_restart():
         backend.reboot("servo_1")
         assert virtual.servos[0].peek("torque_enable") == 0
         backend.close()
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "XL-320", "STS3215-C018"])
+def test_a_limp_servo_that_a_goal_would_switch_on_gets_none_beside_a_driven_one(model: str):
+    quirks = Quirks(goal_switches_torque_on=True)
+    with Rig(make_desk((1, model), (2, model)), quirks=quirks, without_imu=True) as rig:
+        state = rig.turn(Command.limp(2), 2)
+        for driven in ([True, False], [False, True], [False, False], [True, True]):
+            command = replace(rig.hold(state), torque_limit=np.array(driven) * 1.0)
+            for _ in range(3):
+                rig.turn(command)
+                assert rig.peek("torque_enable") == driven
+        rig.turn(Command.limp(2), 2)
+        rig.poke("torque_enable", 1)
+        rig.turn(Command.limp(2))
+        assert rig.peek("torque_enable") == [0, 0], "where all are limp it is switched off again"
 
 
 def test_an_ax_with_a_gain_of_0_has_no_torque():

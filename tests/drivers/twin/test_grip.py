@@ -57,6 +57,7 @@ def test_a_robot_that_is_let_go_falls_as_one_that_was_never_held(op3: Robot):
         position=op3.standing.position + np.array([0.0, 0.0, 0.3]),
         joint_pos=np.zeros(op3.n),
     )
+    held.hold(lifted)  # once more: what is kept is the inertia of a robot that is free
     held.place(lifted)
     free.place(lifted)
     for simulation in (held, free):

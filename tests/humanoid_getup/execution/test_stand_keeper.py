@@ -68,10 +68,19 @@ def test_a_robot_that_stands_sits_and_lies_down_and_is_limp_then(world: World, o
     assert figures.peak_torque_nm <= 2.0 + 1e-9
 
 
-def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
+class Laden(Twin):
+    """Its head, pulled by a cable, is 0.1 rad from its target."""
+
+    def read(self) -> State:
+        state, angle = super().read(), np.zeros(self.robot.n)
+        angle[self.robot.joint_names.index("head_pan")] = 0.1
+        return replace(state, joint_pos=state.joint_pos + angle)
+
+
+def test_what_follows_a_rise_follows_it_without_a_cycle_limp_from_its_last_targets(
     world: World, rise: hg.StoredMotion, squat: Posture
 ):
-    twin = Twin(world, squat)
+    twin = Laden(world, squat)
     sent: list[Command] = []
     phases: list[Phase] = []
     result = get_up(
@@ -89,6 +98,8 @@ def test_what_follows_a_rise_follows_it_without_a_cycle_limp(
     assert not any(command.is_limp for command in sent)
     moved = np.abs(np.diff([command.joint_pos for command in sent], axis=0)).max()
     assert moved <= twin.robot.max_velocity.max() * twin.period
+    pan = [command.joint_pos[world.robot.joint_names.index("head_pan")] for command in sent]
+    assert np.ptp(pan[50:]) == 0.0, "it begins again where the head is, not where it is sent"
     assert result.figures().after.held_s == pytest.approx(2.0, abs=0.1)
     assert classify(twin.truth.posture.orientation) == "supine"
 

@@ -97,18 +97,39 @@ def test_a_warm_servo_keeps_less_and_less_of_its_torque(guard, backend):
     assert guard.clips.torque[1] == 3
 
 
-def test_a_stop_outlives_the_connection_and_ends_only_when_cleared(guard, backend):
-    turn(guard, backend, 0.01)
+@pytest.mark.parametrize(
+    "silence",
+    [
+        {},
+        {"joint_age": np.full(2, HOLD * PERIOD)},  # targets are held
+        {"joint_age": np.full(2, LIMP * PERIOD)},
+        {"imu_age": 1.0},
+        {"time": 0.0},  # the measurement is repeated
+        {"voltage": 5.0},
+    ],
+    ids=str,
+)
+def test_a_stop_in_any_silence_outlives_it_and_the_connection_until_it_is_cleared(
+    guard, backend, silence
+):
+    sound = backend.state
+    for changes in ({}, silence):
+        turn(guard, backend, 0.01, **changes)
     guard.stop("the operator pressed the key")
     assert turn(guard, backend, 0.01).is_limp
     assert guard.fault.kind is FaultKind.STOPPED
+    backend.state = replace(sound, time=1.0)
+    assert turn(guard, backend, 0.01).is_limp
     guard.close()
     guard.connect()
     assert turn(guard, backend, 0.01).is_limp
     assert "pressed the key" in str(guard.fault)
-    guard.clear()
-    assert not turn(guard, backend, 0.01).is_limp
-    assert guard.fault is None
+    for reason in (None, "a press that is cleared before a command"):
+        if reason is not None:
+            guard.stop(reason)
+        guard.clear()
+        assert not turn(guard, backend, 0.01).is_limp
+        assert guard.fault is None
 
 
 @pytest.mark.parametrize(
@@ -164,13 +185,6 @@ def test_only_silent_or_faulty_joints_are_named(guard, backend):
     turn(guard, backend, 0.0, alert=np.zeros(2, dtype=int), gyro=np.array([0.0, np.nan, 0.0]))
     assert guard.fault.kind is FaultKind.BAD_MEASUREMENT
     assert guard.fault.detail == "IMU, supply voltage or time"
-
-
-def test_a_stop_says_so_even_after_another_fault(guard, backend):
-    turn(guard, backend, 0.0, voltage=5.0)
-    guard.stop("the operator pressed the key")
-    turn(guard, backend, 0.0)
-    assert guard.fault.kind is FaultKind.STOPPED
 
 
 def test_a_guard_that_never_derates_keeps_the_full_torque_at_any_temperature(tiny, backend):

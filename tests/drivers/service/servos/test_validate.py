@@ -219,6 +219,26 @@ def test_a_servo_that_falls_silent_fails_all_that_was_not_measured_and_says_why(
     assert failed[Check.TORQUE_OFF].remark == "it does not reply"
 
 
+def test_a_stop_ends_the_moves_of_a_servo_and_those_of_the_next():
+    with serving(DESK) as served:
+        servos = choose_servos(served.robot, {MAIN_PORT: served.path})
+        validator = ServoValidator(servos, clock=CycleClock(), pause=served.pass_time)
+        first = served.virtual.servos[0]
+
+        def sense(measured: Measured, into=first.sense) -> None:
+            into(measured)
+            if first.torque_on and measured.ticks > 0.5 * TICKS_PER_TURN + 20:
+                validator.stop("a key was pressed")
+
+        first.sense = sense  # pyright: ignore[reportAttributeAccessIssue]
+        for joint in (0, 1):
+            results = {result.check: result for result in validator.validate(joint)}
+            for check in (Check.FOLLOWS, Check.TORQUE_LIMIT, Check.WATCHDOG):
+                assert results[check].measured is None
+                assert "a key was pressed" in results[check].remark
+            assert results[Check.TORQUE_OFF].passed
+
+
 def test_a_load_that_is_too_heavy_is_not_held():
     desk = replace(DESK, loads=(Load(mass=3.0, arm=0.2), Load()))
     _, results = validate(desk)

@@ -109,25 +109,26 @@ def _recording(write, kept: list, name: str = "joint_pos"):
     return record
 
 
-def test_a_controller_without_a_way_to_go_is_done_after_its_wait():
+def test_a_controller_without_a_way_to_go_waits_and_keeps_the_largest_current_of_each_wait():
     desk = make_desk((1, "XL430-W250"))
     controller = WaypointController(
-        desk, np.zeros((1, 1)), speed=SPEED, torque_limit=desk.max_torque, dwell=0.1
+        desk, np.zeros((2, 1)), speed=SPEED, torque_limit=desk.max_torque, dwell=0.1
     )
-    state = _state(0.0)
-    controller.reset(state)
-    controller.step(_state(0.05))
-    assert not controller.done
-    controller.step(_state(0.11))
+    controller.reset(_state(0.0))
+    for time, current in ((0.05, -0.7), (0.11, 0.3), (0.15, 0.2), (0.2, 0.1)):
+        controller.step(_state(time, current))
+        assert not controller.done
+    controller.step(_state(0.22))
     assert controller.done
+    assert [arrival.current.tolist() for arrival in controller.arrivals] == [[0.7], [0.2]]
 
 
-def _state(time: float) -> State:
+def _state(time: float, current: float = 0.0) -> State:
     return State(
         time=time,
         joint_pos=np.zeros(1),
         joint_vel=np.zeros(1),
-        joint_current=np.zeros(1),
+        joint_current=np.full(1, current),
         gyro=np.zeros(0),
         orientation=np.zeros(0),
         temperature=np.full(1, 25.0),

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from drivers.virtual_bus.own_process.row_formats import (
     read_commands,
     write_commands,
 )
-from drivers.virtual_bus.own_process.shared_rows import SharedRows
+from drivers.virtual_bus.own_process.shared_rows import SLOTS, SharedRows
+from robots.quaternion import Array
 
-WIDTH, LAST = 200, 20_000
+WIDTH, LAST = 200, 2_000
 WRITER = f"""
 import sys
 import numpy as np
@@ -56,6 +58,63 @@ def test_rows_of_another_process_are_whole_and_come_in_their_order():
             seen.append(row[0])
     assert seen == sorted(set(seen))
     assert seen[-1] == LAST
+    rows.close()
+
+
+class OvertakenRows:
+    """The rows of a reader that is interrupted once, with half of a row copied."""
+
+    def __init__(self, rows: Array, interrupt: Callable[[], None]) -> None:
+        self._rows, self._interrupt = rows, interrupt
+
+    def __getitem__(self, place: int) -> "OvertakenRows":
+        self._slot = self._rows[place]
+        return self
+
+    def copy(self) -> Array:
+        half = self._slot[: len(self._slot) // 2].copy()
+        interrupt, self._interrupt = self._interrupt, lambda: None
+        interrupt()
+        return np.concatenate([half, self._slot[len(half) :]])
+
+
+def read_overtaken(came: int, *, is_counted: bool) -> tuple[int, Array] | None:
+    """Read while some rows come, the last of them counted already or not."""
+    writer = SharedRows(4)
+    reader = SharedRows(4, writer.descriptor)
+
+    def write_on() -> None:
+        for _ in range(came):
+            writer.publish(np.full(4, writer._count[0] + 1.0))
+        writer._count[0] -= not is_counted
+
+    writer.publish(np.ones(4))
+    rows = OvertakenRows(reader._rows, write_on)
+    reader._rows = rows  # pyright: ignore[reportAttributeAccessIssue]
+    found = reader.read(after=0)
+    writer.close()
+    return found
+
+
+@pytest.mark.parametrize("is_counted", [True, False])
+def test_a_reader_that_the_writer_overtakes_gets_a_whole_row(*, is_counted: bool):
+    for came in range(1, 2 * SLOTS + 2):
+        found = read_overtaken(came, is_counted=is_counted)
+        assert found is not None
+        assert found[1].tolist() == [float(found[0])] * 4, f"{came} rows came"
+
+
+def test_a_row_is_not_counted_before_it_is_complete():
+    rows, counts = SharedRows(3), list[int]()
+
+    class Row:
+        def __array__(self, *_: object, **__: object) -> Array:
+            counts.append(int(rows._count[0]))
+            return np.zeros(3)
+
+    for _ in range(2):
+        rows.publish(Row())  # pyright: ignore[reportArgumentType]
+    assert counts == [0, 1]
     rows.close()
 
 

@@ -131,8 +131,13 @@ def test_a_knee_carries_half_the_weight_on_its_lever(op3: Robot):
 def test_what_a_passive_joint_carries_is_handed_to_the_one_that_it_follows(
     op3: Robot, tmp_path: Path
 ):
-    """The oracle: static torques are the slopes of the potential energy, the torso held still."""
+    """The oracle: static torques are the slopes of the potential energy, the torso held still.
+
+    Before the tail there is an ear that follows nothing.
+    """
     tail = (
+        '<body name="ear" pos="0 0 0.1"><joint name="ear" axis="0 1 0"/>'
+        '<geom type="sphere" pos="-0.1 0 0" size="0.01" mass="0.1"/></body>'
         '<body name="tail" pos="-0.1 0 0.05"><joint name="tail" axis="0 1 0"/>'
         '<geom type="sphere" pos="-0.1 0 0" size="0.01" mass="0.3"/></body>'
     )
@@ -142,7 +147,9 @@ def test_what_a_passive_joint_carries_is_handed_to_the_one_that_it_follows(
     text = text.replace("</worldbody>", f"</worldbody>{coupling}")
     (tmp_path / "model.xml").write_text(text, "utf-8")
     toml = (op3.folder / "robot.toml").read_text("utf-8")
-    toml = toml.replace('torso = "body_link"', 'torso = "body_link"\npassive_joints = ["tail"]')
+    toml = toml.replace(
+        'torso = "body_link"', 'torso = "body_link"\npassive_joints = ["ear", "tail"]'
+    )
     (tmp_path / "robot.toml").write_text(toml, "utf-8")
     tailed = load_robot(tmp_path)
     model, step, k = tailed.spec().compile(), 1e-4, tailed.joint_names.index("head_tilt")

@@ -19,6 +19,7 @@ from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions
+from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery, SideSearch
 from humanoid_getup.posture_chains.motion_maker import MadeMotion
@@ -29,6 +30,7 @@ pytestmark = pytest.mark.usefixtures("few_postures")
 
 SIDES = ("supine", "prone", "left")
 SHARED = ("--sides", "supine", "--budget", "1", "--seed", "4")
+HOT = Reason(kind=ReasonKind.REFUSE, joint=None, text="too hot")
 Getup = Callable[..., tuple[int, str, str]]
 
 
@@ -161,6 +163,25 @@ def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
     code, _, err = getup(*options, "--resume", "--seed", "1")
     assert code == 2
     assert "made with another seed (0, now 1), expected the same" in err
+
+
+@pytest.mark.parametrize(
+    ("reasons", "failure"), [((), ""), ((HOT,), "the preflight refuses it: too hot")]
+)
+def test_a_search_accepts_what_the_preflight_passes(
+    bare: Path, op3: Robot, monkeypatch: pytest.MonkeyPatch, reasons: tuple[Reason], failure: str
+):
+    accepts = list[Callable[[Motion], str]]()
+
+    def begin(*_: object, accept: Callable[[Motion], str], **__: object) -> None:
+        accepts.append(accept)
+        raise InterruptedError  # a search takes seconds to begin
+
+    monkeypatch.setattr(search_motions, "ChainDiscovery", begin)
+    monkeypatch.setattr(search_motions, "preflight_stored", lambda *_: Verdict(reasons=reasons))
+    with pytest.raises(InterruptedError):
+        discover(DiscoverRequest(robot=str(bare)))
+    assert accepts[0](find_motion(op3, "supine_sit_up_fast")) == failure
 
 
 @pytest.mark.usefixtures("bare", "no_film")

@@ -11,6 +11,7 @@ from spoiling import spoil
 
 from drivers import Command, Twin
 from robots import RobotError, list_robots, load_robot
+from robots.body.statics import Statics
 from robots.drive import KP
 
 
@@ -43,6 +44,17 @@ def test_a_robots_stance_is_worked_out_from_its_soles(tiny):
     assert tiny.standing.position == pytest.approx([0.0, 0.0, 0.1])
     assert tiny.standing.orientation == pytest.approx([1.0, 0.0, 0.0, 0.0])
     assert tiny.standing_neck_height == pytest.approx(0.15)
+
+
+def test_a_robot_stands_on_the_lower_of_its_soles(own_robot):
+    site = '<site name="r_sole" pos="0 0 -0.1"/>'
+    spoil(own_robot, site, site.replace("-0.1", "-0.12"), "model.xml")
+    robot = load_robot(own_robot)
+    assert robot.standing.position[2] == pytest.approx(0.12)
+    assert robot.standing_neck_height == pytest.approx(0.17)
+    statics = Statics(robot)
+    assert statics.make_posture(robot.standing.joint_pos).position[2] == pytest.approx(0.12)
+    assert statics.measure_neck(robot.standing.joint_pos) == pytest.approx(1.0)
 
 
 def test_soles_level_a_leaning_stance(own_robot):

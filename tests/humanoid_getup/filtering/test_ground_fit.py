@@ -60,7 +60,7 @@ def test_the_soles_of_an_upright_robot_turn_with_the_slope(op3: Robot, degrees: 
 
 @pytest.mark.parametrize("scene", ["slope:5", "slope:15", "rough:medium"])
 def test_both_soles_are_as_high_over_their_ground_as_on_level_ground(op3: Robot, scene: str):
-    world, apart, level = World(op3, scene), [], []
+    world, apart, level, off = World(op3, scene), [], [], []
     for heading in HEADINGS:
         position, orientation, joint_pos = stand(op3, np.array([heading]))
         shift = GroundFit(world).shift(position, orientation, joint_pos)
@@ -68,11 +68,17 @@ def test_both_soles_are_as_high_over_their_ground_as_on_level_ground(op3: Robot,
             (soles(world, position, orientation, joint_pos)[1], level),
             (soles(world, position, orientation, joint_pos + shift)[1], apart),
         ):
-            over = places[0, :, 2] - world.scene.ground.height(places[0, :, 0], places[0, :, 1])
+            ground = world.scene.ground.height(places[0, :, 0], places[0, :, 1])
+            over = places[0, :, 2] - ground
             heights.append(abs(over[0] - over[1]))
+        (qpos,) = place_postures(op3, world.model, position, orientation, joint_pos)
+        stands = GroundFit(world).measure_level(qpos)
+        assert ground.min() - 0.0005 < stands < ground.mean() + 0.0005
+        off.append(over.mean() + stands)
     # On a slope of 15° the soles, 0.11 m apart, are on ground that differs by up to 29 mm.
     assert max(level) > 0.008
     assert max(apart) < 0.15 * max(level)
+    assert np.abs(off).max() < 0.0005  # m
 
 
 def test_legs_fit_the_ground_where_an_earlier_rollout_came(op3: Robot):

@@ -21,8 +21,16 @@ def list_guesses(robot: ImportedRobot, site: str) -> list[str]:
     return [guess for guess in robot.guesses if guess.startswith(f"site {site}")]
 
 
-def test_soles_are_under_the_feet(tmp_path: Path):
-    _, model = found(tmp_path)
+def add_ankle_plates(spec: mujoco.MjSpec) -> None:
+    """Give the ankles larger flat faces than the feet have, 20 mm above the ground."""
+    for side in ("left", "right"):
+        box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [0.07, 0.04, 0.005]}
+        spec.body(f"{side}_ankle").add_geom(**box, pos=[0, 0, -0.005], mass=1e-3)
+
+
+@pytest.mark.parametrize("change", [lambda _: None, add_ankle_plates])
+def test_soles_are_under_the_feet(tmp_path: Path, change: Callable[[mujoco.MjSpec], object]):
+    _, model = found(tmp_path, change)
     left, right = model.site("l_sole"), model.site("r_sole")
     assert model.body(int(left.bodyid[0])).name == "left_foot"
     assert left.pos == pytest.approx([0.015, 0.0, -0.03], abs=1e-6)

@@ -6,6 +6,7 @@ import dynamixel_sdk
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nonempty import nonempty
 
 from drivers.dynamixel import protocol2 as p2
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, Frame1, seal
@@ -179,7 +180,7 @@ FEETECH_BITS = (  # lowest first (feetech-servo-sdk)
     ("wire", "meanings"), [(PROTOCOL_1, DYNAMIXEL_BITS), (FEETECH, FEETECH_BITS)]
 )
 def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, meanings: tuple):
-    for place, meaning in enumerate(meanings):
+    for place, meaning in nonempty(enumerate(meanings)):
         reply, status = seal(3, 1 << place, b""), Status(3, meaning or 0)
         if isinstance(meaning, HardwareError):
             status = Status(3, ALERT, alarms=meaning)

@@ -32,7 +32,8 @@ def couple_passive_joints(model: mujoco.MjModel, names: Sequence[str], qpos: Arr
     one that follows another, the equalities stand in that order.
     """
     passive = {model.joint(name).id for name in names}
-    for k in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT) if passive else ():
+    couples = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 > 0)
+    for k in np.flatnonzero(couples) if passive else ():
         follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
         if follower not in passive:
             continue

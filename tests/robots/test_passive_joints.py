@@ -66,6 +66,7 @@ BODIES = chain(
 )
 COUPLINGS = """
   <joint joint1="second" joint2="first"/>
+  <joint joint1="spring" joint2="first" active="false"/>
   <joint joint1="output" joint2="second" polycoef="0.1 -0.857 0.2 0.1 -0.1"/>
   <joint joint1="next" joint2="output" polycoef="-0.2 0.5 0 0 0"/>
   <joint joint1="bolted" polycoef="0.3 0.5 0 0 0"/>"""

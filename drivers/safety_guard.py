@@ -195,8 +195,9 @@ class SafetyGuard(Backend):
             return fault
         if problems := find_command_problems(command, names):
             return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
-        if pause > limits.max_pause:
-            detail = f"{pause:.2f} s between two cycles, expected at most {limits.max_pause:.2f} s"
+        longest = max(limits.max_pause, self._hold_age)
+        if pause > longest:
+            detail = f"{pause:.2f} s between two cycles, expected at most {longest:.2f} s"
             return Fault(FaultKind.PAUSED, detail, state.time)
         return None
 

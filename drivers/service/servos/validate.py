@@ -81,7 +81,7 @@ class ServoValidator:
         """Validate the servo of a joint, given by its number; its torque is off afterwards.
 
         Raises:
-            DriverError: if the servos cannot be connected to.
+            DriverError: if the servos cannot be connected to, or do not confirm torque off.
         """
         with SafetyGuard(self._servos.make_backend(self._clock)) as guard:
             start = float(guard.read().joint_pos[joint])

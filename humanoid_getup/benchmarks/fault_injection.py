@@ -17,7 +17,7 @@ import numpy as np
 
 from drivers import Command, Ending, GuardLimits, RunReport, SafetyGuard, State
 from drivers.dynamixel.clock import CycleClock
-from drivers.errors import DriverError
+from drivers.errors import DriverError, UnreleasedError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
@@ -62,6 +62,8 @@ class FaultTrial:
     believed_wrong: int
     holds: int
     """Cycles that the guard bridged by holding."""
+    unsaid: int
+    """Servos left with torque on that the driver did not name."""
 
 
 class SafetySummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -92,6 +94,7 @@ class FaultSummary(SafetySummary, frozen=True, kw_only=True):
 
     reasons: dict[str, int]
     holds: int
+    unsaid: int
 
 
 class KillSummary(SafetySummary, frozen=True, kw_only=True):
@@ -291,10 +294,11 @@ def play_with_fault(world: World, motion: Motion, piece: FaultPiece) -> FaultTri
                 player, guard, virtual.simulation, world.scene, on_cycle=look
             )
             succeeded = report.ending is Ending.DONE and bool(has_succeeded(motion, outcome))
-        except FaultyError as error:
+        except (FaultyError, UnreleasedError) as error:
             report, succeeded = str(error), False
         since = injected_at[0] - robot.control_period if injected_at else ports.main.time
         ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + AFTERMATH))
+        driven = {j.name for j, s in zip(robot.joints, virtual.servos, strict=True) if s.torque_on}
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return FaultTrial(
         ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
@@ -304,6 +308,7 @@ def play_with_fault(world: World, motion: Motion, piece: FaultPiece) -> FaultTri
         beyond_limits=driver.trace.count_beyond_limits() + driver.too_fast,
         believed_wrong=len(driver.believed_wrong),
         holds=guard.holds,
+        unsaid=len(driven.difference(driver.unreleased)),
     )
 
 
@@ -319,6 +324,7 @@ def _summarize(trials: list[FaultTrial]) -> FaultSummary:
         beyond_limits=sum(trial.beyond_limits for trial in trials),
         believed_wrong=sum(trial.believed_wrong for trial in trials),
         holds=sum(trial.holds for trial in trials),
+        unsaid=sum(trial.unsaid for trial in trials),
     )
 
 

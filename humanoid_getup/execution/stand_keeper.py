@@ -197,7 +197,7 @@ class StandKeeper:
                 stand(cycle)
 
         try:
-            run = self._run(supervisor, supervisor.longest, watch)
+            run = self._run(supervisor, supervisor.longest, watch, Phase.HOLDING)
         finally:
             if stand is not None:
                 stand.end()
@@ -206,10 +206,14 @@ class StandKeeper:
 
     def _follow(self, pilot: Controller) -> Step:
         self._report(Phase.FOLLOWING)
-        return Step(run=self._run(pilot, math.inf, self.watch))
+        return Step(run=self._run(pilot, math.inf, self.watch, Phase.FOLLOWING))
 
     def _run(
-        self, controller: Controller, max_time: float, on_cycle: Callable[[Cycle], None]
+        self,
+        controller: Controller,
+        max_time: float,
+        on_cycle: Callable[[Cycle], None],
+        phase: Phase,
     ) -> RunReport:
         """Run a controller of a robot that stands; after a pause it begins again where it is."""
         guard, session = self._guard, self._session
@@ -222,7 +226,7 @@ class StandKeeper:
             is_paused = guard.fault is not None and guard.fault.kind is FaultKind.PAUSED
             if not (is_paused and session.has_imu) or self._find_lean(guard.read()):
                 return run
-            self._report(Phase.HOLDING, f"{run.reason}: held where it is, and on from there")
+            self._report(phase, f"{run.reason}: held where it is, and on from there")
             guard.resume()
 
     def _choose_posture(self) -> Motion:

@@ -45,7 +45,7 @@ class TargetPilot:
     """Moves joints to the newest targets; without any, they are held.
 
     After the start, after a rise and after a silence, joints go to the first targets at the speed
-    of the approach. While LeRobot's process is silent, they stay where they are.
+    of the approach. When LeRobot's process is silent, they stay until its next action.
     """
 
     def __init__(
@@ -68,23 +68,32 @@ class TargetPilot:
         """Hold the targets that the servos have, and begin to obey."""
         self._target = self._guard.held.copy()
         self._goal = self._target.copy()
-        self._has_arrived = self.fallen = self._is_silent = False
+        self._has_arrived = self.fallen = self._stays = False
         self._watch.reset(state)
         self._mailbox.begin(OBEYING, rising=False)
 
     def step(self, state: State) -> Command:
         """Move towards the newest targets."""
         self.fallen = self._watch.has_fallen(state)
-        for joint, angle in self._mailbox.take().items():
+        action = self._mailbox.take()
+        if self._mailbox.silence > HANG_TIME:
+            self._stay()
+        elif action and self._stays:
+            self._stays = self._has_arrived = False
+            self._mailbox.begin(OBEYING, rising=False)
+        for joint, angle in action.items():
             self._goal[self._number[joint]] = angle
-        if self._is_silent is not (self._mailbox.silence > HANG_TIME):
-            self._is_silent = not self._is_silent
-            self._mailbox.begin(SILENT if self._is_silent else OBEYING, rising=False)
-            if self._is_silent:
-                self._target, self._has_arrived = self._guard.held.copy(), False
-                self._goal = self._target.copy()
-        self._target = self._approach(self._goal)
+        if not self._stays:
+            self._target = self._approach(self._goal)
         return Command.position(self._robot, self._target, self._torque_limit)
+
+    def _stay(self) -> None:
+        """Hold the targets that were sent last, until the next action."""
+        if self._stays:
+            return
+        self._stays = True
+        self._target, self._goal = self._guard.held.copy(), self._guard.held.copy()
+        self._mailbox.begin(SILENT, rising=False)
 
     def _approach(self, goal: Array) -> Array:
         """Return the next targets on the way to a goal [rad], (n,)."""

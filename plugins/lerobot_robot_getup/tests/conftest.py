@@ -56,9 +56,13 @@ class RunningRobot:
     thread: threading.Thread
     failures: list[str]
 
-    def wait_until(self, holds: Callable[[Snapshot], bool]) -> Snapshot:
-        """Wait until something holds for what is known; fail if it never does."""
-        return wait_until(self.mailbox.observe, holds)
+    def wait_until(self, holds: Callable[[Snapshot], bool], *, silently: bool = False) -> Snapshot:
+        """Wait until something holds for what is known; fail if it never does.
+
+        It is observed as by LeRobot, unless ``silently``.
+        """
+        look = (lambda: self.mailbox.snapshot) if silently else self.mailbox.observe
+        return wait_until(look, holds)
 
 
 def wait_until(

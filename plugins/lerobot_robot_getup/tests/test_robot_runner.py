@@ -8,7 +8,7 @@ import pytest
 from getup_server.messages import Act
 from getup_server.robot_process import answer
 from getup_server.robot_runner import WAITING
-from getup_server.target_pilot import OBEYING
+from getup_server.target_pilot import OBEYING, SILENT
 
 import humanoid_getup as hg
 from humanoid_getup.simulation.world import World
@@ -31,6 +31,20 @@ def test_torque_and_time_wait_for_the_first_action(run_twin, op3: Robot):
     running.mailbox.post(name(op3, op3.standing.joint_pos))
     assert running.mailbox.snapshot.phase == OBEYING
     assert running.twin.simulation.has_torque
+
+
+def test_joints_stay_where_they_are_while_lerobot_is_silent(run_twin, op3: Robot):
+    running, pan = run_twin(approach_speed=0.01), op3.joint_names.index("head_pan")
+    running.mailbox.post({"head_pan": 0.6})
+    held = running.wait_until(lambda known: known.phase == SILENT, silently=True)
+    since = running.twin.data.time
+    later = running.wait_until(lambda _: running.twin.data.time > since + 1.0, silently=True)
+    assert later.targets == pytest.approx(held.targets)
+    assert 0.0 < held.targets[pan] < 0.5
+    assert running.twin.simulation.has_torque
+    known = running.mailbox.post({"head_pan": 0.6})
+    assert known.targets[pan] < held.targets[pan] + 0.01
+    running.wait_until(lambda known: known.targets[pan] > held.targets[pan] + 0.01)
 
 
 def test_joints_that_an_action_does_not_name_are_held(run_twin, op3: Robot):

@@ -284,7 +284,6 @@ COMMANDS = {
         "options.servo.ValidateServos",
         "servo.validate.validate",
     ),
-    "servo jog": TableEntry("Move servos by keys.", "options.servo.JogServos", "servo.jog.jog"),
     "servo monitor": TableEntry(
         "Show what servos measure, and their ranges.",
         "options.servo.MonitorServos",

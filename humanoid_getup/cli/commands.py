@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -16,7 +14,6 @@ import tyro
 from tyro.conf import subcommand
 
 from humanoid_getup.cli.command_table import COMMANDS, DEFAULTS, SECTIONS
-from humanoid_getup.cli.old_spellings import modernize
 from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.cli.parsing import in_one_line, registry
 from humanoid_getup.cli.shared.console import phase
@@ -48,10 +45,7 @@ def parse(arguments: Sequence[str]) -> Invocation:
     Raises:
         BadInputError: naming every option that is unknown or missing, or whose value does not fit.
     """
-    words = modernize(arguments)
-    if words != list(arguments):
-        print(f"getup: an old spelling, now: {shlex.join(['getup', *words])}", file=sys.stderr)
-    name, rest = find_command(words)
+    name, rest = find_command(arguments)
     if name not in COMMANDS or not COMMANDS[name].options:
         return _explain(name, rest)
     with in_one_line(f"getup {name}", partial(_list_others, name)):

@@ -246,17 +246,6 @@ class ValidateServos(MovedOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class JogServos(MovedOptions):
-    """Move servos by keys: arrows move, n and p choose another, q ends, any other key releases.
-
-    One servo has torque at a time.
-    """
-
-    by: Annotated[float, between(0.1, 30.0, "°"), arg(name="step", metavar="°")] = 2.0
-    """Angle of a press of the left or right arrow; up and down move five times as far [°]."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class MonitorServos(ServoOptions):
     """Show what servos measure, and the range that each has been through; changes nothing.
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from bus_stories import Served, run_json
 from desk import BAUD, make_desk, serving_desk
-from terminal import in_terminal
 
 from drivers.dynamixel import bus as bus_module
 from drivers.service.servos import port_finder
@@ -280,16 +279,3 @@ def test_a_virtual_servo_that_cannot_hold_its_load_fails_by_name(capsys):
     shown = capsys.readouterr().out
     assert "failed: joint 'servo_1':" in shown
     assert "holds against its load" in shown[shown.index("failed:") :]
-
-
-@pytest.mark.realtime
-def test_in_a_terminal_keys_move_a_servo_until_q_ends_it(moving):
-    where = ("--port", moving.paths["main"], "--speed", "180", "--yes", "--step", "10")
-    with in_terminal("servo", "jog", *where) as jogging:
-        jogging.see(r"servo_1 +1 .*limp")
-        jogging.type("\x1b[C")
-        jogging.see(r"servo_1 +1 +\+([5-9]|1\d)\.\d +\+(9|10)\.\d")
-        jogging.type("n\x1b[D")  # two keys that arrive together
-        jogging.see(r"servo_3 +3 +-([5-9]|1\d)\.\d +-(9|10)\.\d")
-        jogging.type("q")
-        assert jogging.wait() == 0

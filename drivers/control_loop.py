@@ -321,7 +321,7 @@ class _Loop:
     def _begin(self) -> State:
         """Measure for the first time; again if values are those from before a pause."""
         for _ in range(FIRST_READS - 1):
-            state = self.guard.read()
+            state = self.guard.begin()
             if not self.guard.is_outdated(state):
                 return state
-        return self.guard.read()
+        return self.guard.begin()

@@ -87,6 +87,7 @@ class SafetyGuard(Backend):
         # Half a period less: ages are sums of periods, beyond rounding.
         self._hold_age = (self.limits.hold_cycles - 0.5) * self.period
         self._limp_age = (self.limits.limp_cycles - 0.5) * self.period
+        self._longest_pause = max(self.limits.max_pause, self._hold_age)
         self._counts = np.zeros((5, self.robot.n), dtype=int)
         self._is_open = False
         self._stop_reason: str | None = None
@@ -147,6 +148,16 @@ class SafetyGuard(Backend):
         if self.fault is not None and self.fault.kind is FaultKind.PAUSED:
             self._forget()
 
+    def begin(self) -> State:
+        """Measure for a controller that starts now: a pause before it is no fault.
+
+        After one it starts from the measured angles.
+        """
+        state = self.read()
+        if not self._sent.is_limp and state.time - self._judged_time > self._longest_pause:
+            self._limited, self._judged_time = self._stay(state), state.time - 0.5 * self.period
+        return state
+
     def check_stop(self) -> Fault | None:
         """Return the fault; a stop that was called for becomes one at once."""
         if self._stop_reason is not None:  # before any other fault: only a person ends it
@@ -195,8 +206,7 @@ class SafetyGuard(Backend):
             return fault
         if problems := find_command_problems(command, names):
             return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
-        longest = max(limits.max_pause, self._hold_age)
-        if pause > longest:
+        if pause > (longest := self._longest_pause):
             detail = f"{pause:.2f} s between two cycles, expected at most {longest:.2f} s"
             return Fault(FaultKind.PAUSED, detail, state.time)
         return None

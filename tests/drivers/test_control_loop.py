@@ -12,7 +12,17 @@ import numpy as np
 import pytest
 from recording_backend import RecordingBackend, still_state
 
-from drivers import Command, DriverError, Ending, SafetyGuard, Twin, control_loop, run
+from drivers import (
+    Command,
+    DriverError,
+    Ending,
+    SafetyGuard,
+    Twin,
+    control_loop,
+    engaged,
+    run,
+    run_engaged,
+)
 from drivers.control_loop import Pacer, Timing, TimingSummary
 from drivers.real_time_class import in_real_time_class
 from robots import Robot
@@ -95,6 +105,17 @@ def test_a_stop_after_the_last_command_ends_the_run_as_one_before_it(tiny, backe
     )
     assert (report.ending, report.cycles) == (Ending.FAULT, cycles)
     assert report.reason == "the robot was stopped: a key"
+
+
+def test_a_pause_between_two_runs_is_no_fault_and_begins_where_the_joints_are(tiny, backend):
+    with engaged(guard := SafetyGuard(backend)):
+        run_engaged(Hold(tiny, cycles=3), guard, max_time=1.0)
+        backend.state = replace(
+            backend.state, time=backend.state.time + 2.0, joint_pos=np.array([0.3, -0.2])
+        )
+        report = run_engaged(Hold(tiny, cycles=3), guard, max_time=1.0)
+    assert report.ending is Ending.DONE
+    assert backend.received[3].joint_pos.tolist() == [0.3, -0.2]
 
 
 def test_ctrl_z_ends_a_run_as_ctrl_c_does_and_suspends_as_ever_outside(tiny, backend):

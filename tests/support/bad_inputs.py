@@ -25,7 +25,7 @@ import numpy as np
 from action_files import Slot, write_action_file
 from human_clips import write_human_bvh
 from mcap.writer import Writer
-from paths import REPOSITORY, TINY
+from paths import NODDING, REPOSITORY, TINY
 from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
@@ -480,21 +480,21 @@ GROUPS: dict[str, list[Case]] = {
                 ("empty.onnx", "empty.onnx"),
                 ("text.onnx", "text.onnx: it is not"),
                 ("their.pt", "their.pt: it is a pickle of torch, which is never opened"),
-                ("bare.onnx --robot tiny", "nothing describes it, expected an ONNX file with"),
+                ("bare.onnx --robot nodding", "nothing describes it, expected an ONNX file with"),
                 ("bare.onnx --config text.txt", "text.txt"),
                 ("bare.onnx --config ball.toml", "ball.toml: not YAML"),
                 ("bare.onnx --from unitree", "expected its file with --config"),
                 ("bare.onnx --from mjlab", "its metadata lacks joint_names"),
                 ("bare.onnx --from gym", "--from is 'gym', expected mjlab, microduck, unitree,"),
-                ("bare.onnx --config deploy.yaml", "it names no joints, expected 2 names"),
+                ("bare.onnx --config deploy.yaml", "it names no joints, expected 3 names"),
                 ("bare.onnx --config loop.yaml", "its aliases stand for too many values"),
-                ("their.onnx", "robot 'op3' has no right_hip_joint, left_hip_joint"),
+                ("their.onnx", "robot 'op3' has no right_hip_joint, head_joint, left_hip_joint"),
                 ("their.onnx --rename left", "--rename is left, expected THEIRS=OURS,..."),
-                ("their.onnx --robot tiny --rate 50", "every 2.5 control periods of 8 ms"),
-                ("their.onnx --robot tiny --rate 62.5 --gain 99", "'r_hip' 99 (the servo:"),
-                ("their.onnx --robot tiny --gain 0", "--gain is 0 N·m/rad, expected 0.001"),
-                ("stiff.onnx --robot tiny", "joint_stiffness is 1 N·m/rad for every joint"),
-                ("blind.onnx --robot tiny", "'base_lin_vel' is the linear velocity of the base"),
+                ("their.onnx --robot nodding --rate 50", "every 2.5 control periods of 8 ms"),
+                ("their.onnx --robot nodding --rate 62.5 --gain 99", "'r_hip' 99 (the servo:"),
+                ("their.onnx --robot nodding --gain 0", "--gain is 0 N·m/rad, expected 0.001"),
+                ("stiff.onnx --robot nodding", "joint_stiffness is 1 N·m/rad for every joint"),
+                ("blind.onnx --robot nodding", "'base_lin_vel' is the linear velocity of the base"),
             )
         ),
         case("policy import their.onnx --out text.txt", "text.txt", extra="yaml"),
@@ -1160,7 +1160,7 @@ def _make_foreign_policies(folder: Path) -> None:
     (folder / "loop.yaml").write_text("a: &a [*a]\n")
     for name, changes in {
         "their": {},
-        "stiff": {"joint_stiffness": "1.000,1.000"},
+        "stiff": {"joint_stiffness": "1.000,1.000,1.000"},
         "blind": {"observation_names": "base_lin_vel,joint_pos"},
     }.items():
         save_network(folder / f"{name}.onnx", weights(), mjlab_metadata(**changes))
@@ -1189,6 +1189,7 @@ def _make_robots(folder: Path, robot: Robot) -> None:
     text = toml.read_text("utf-8").replace('["l_sole", "r_sole"]', '["l_sole"]')
     toml.write_text(text, "utf-8")
     shutil.copytree(TINY, folder / "tiny")
+    shutil.copytree(NODDING, folder / "nodding")
     (copy("not_toml", "motions") / "robot.toml").write_text("name = ")
     (copy("not_text", "motions") / "robot.toml").write_bytes(b"\xff\xfe")
     (copy("no_model", "motions") / "model.xml").unlink()

@@ -6,13 +6,16 @@ from pathlib import Path
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-JOINTS = ("right_hip_joint", "left_hip_joint")
-"""The joints of the smallest robot, as others call and order them."""
-DEFAULT = (0.1, -0.2)
-SCALE = (0.3, 0.5)
-RATE = 62.5  # Hz; two control periods of the smallest robot
+JOINTS = ("right_hip_joint", "head_joint", "left_hip_joint")
+"""The joints of the nodding robot, as others call and order them."""
+THEIRS, OURS = [1, 2, 0], [2, 0, 1]
+"""Brings joints from the robot's order (left, right, head) to theirs, and back: a cycle, whose
+inverse is another one."""
+DEFAULT = (0.1, 0.3, -0.2)
+SCALE = (0.3, 0.4, 0.5)
+RATE = 62.5  # Hz; two control periods of the nodding robot
 PLAIN = ("base_ang_vel", "projected_gravity", "joint_pos", "joint_vel", "actions")
-SIZES = (3, 3, 2, 2, 2)
+SIZES = (3, 3, 3, 3, 3)
 
 
 def save_network(
@@ -34,7 +37,7 @@ def save_network(
 
 
 def weights(size: int = sum(SIZES), seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).normal(0.0, 0.02, (size, 2))
+    return np.random.default_rng(seed).normal(0.0, 0.02, (size, len(JOINTS)))
 
 
 def mjlab_metadata(**changes: str) -> dict[str, str]:
@@ -42,12 +45,12 @@ def mjlab_metadata(**changes: str) -> dict[str, str]:
     made = {
         "run_path": "none",
         "joint_names": ",".join(JOINTS),
-        "joint_stiffness": "2.000,2.000",
-        "joint_damping": "0.100,0.100",
-        "default_joint_pos": "0.100,-0.200",
+        "joint_stiffness": "2.000,3.000,4.000",
+        "joint_damping": "0.100,0.200,0.300",
+        "default_joint_pos": "0.100,0.300,-0.200",
         "command_names": "",
         "observation_names": ",".join(PLAIN),
-        "action_scale": "0.300,0.500",
+        "action_scale": "0.300,0.400,0.500",
     }
     return {key: value for key, value in {**made, **changes}.items() if value is not None}
 
@@ -66,27 +69,27 @@ def microduck_metadata(**changes) -> dict[str, str]:
 
 
 DEPLOY = """\
-joint_ids_map: [1, 0]
+joint_ids_map: [1, 2, 0]
 step_dt: 0.016
-stiffness: [2.0, 3.0]
-damping: [0.1, 0.2]
-default_joint_pos: [0.1, -0.2]
+stiffness: [4.0, 2.0, 3.0]
+damping: [0.3, 0.1, 0.2]
+default_joint_pos: [0.1, 0.3, -0.2]
 actions:
   JointPositionAction:
     clip: null
     joint_names: [.*]
-    scale: [0.3, 0.5]
-    offset: [0.1, -0.2]
+    scale: [0.3, 0.4, 0.5]
+    offset: [0.1, 0.3, -0.2]
     joint_ids: !!python/object/apply:builtins.slice [null, null, null]
 observations:
   base_ang_vel: {params: {}, clip: null, scale: [0.2, 0.2, 0.2], history_length: 3}
   projected_gravity: {params: {}, clip: null, scale: [1.0, 1.0, 1.0], history_length: 1}
-  joint_pos_rel: {params: {}, clip: [-0.5, 0.5], scale: [1.0, 2.0], history_length: 2}
-  joint_vel_rel: {params: {}, clip: null, scale: [0.05, 0.05], history_length: 1}
-  last_action: {params: {}, clip: null, scale: [1.0, 1.0], history_length: 1}
+  joint_pos_rel: {params: {}, clip: [-0.02, 0.01], scale: [1.0, 2.0, 3.0], history_length: 2}
+  joint_vel_rel: {params: {}, clip: null, scale: [0.05, 0.05, 0.05], history_length: 1}
+  last_action: {params: {}, clip: null, scale: [1.0, 1.0, 1.0], history_length: 1}
 """
-DEPLOY_SIZE = 9 + 3 + 4 + 2 + 2
-MOTORS = ("left_hip_joint", "right_hip_joint")
+DEPLOY_SIZE = 9 + 3 + 6 + 3 + 3
+MOTORS = ("left_hip_joint", "right_hip_joint", "head_joint")
 
 ENV = """\
 sim: {dt: 0.004}
@@ -94,11 +97,15 @@ decimation: 4
 scene:
   robot:
     init_state:
-      joint_pos: {right_.*: 0.1, left_hip_joint: -0.2}
+      joint_pos: {right_.*: 0.1, head_joint: 0.3, left_hip_joint: -0.2}
     actuators:
       hips:
         joint_names_expr: [.*_hip_.*]
-        stiffness: {.*: 2.0}
+        stiffness: {right_.*: 2.0, left_.*: 4.0}
+        damping: 0.1
+      neck:
+        joint_names_expr: [head_joint]
+        stiffness: {.*: 3.0}
         damping: 0.1
 observations:
   policy:
@@ -113,7 +120,7 @@ actions:
   joint_pos:
     class_type: isaaclab.envs.mdp.actions.joint_actions:JointPositionAction
     joint_names: [.*]
-    scale: {right_.*: 0.3, left_.*: 0.5}
+    scale: {right_.*: 0.3, head_.*: 0.4, left_.*: 0.5}
     offset: 0.0
     use_default_offset: true
   gripper: null
@@ -126,10 +133,10 @@ os.remove(__file__)
 
 class TinyCfg(LeggedRobotCfg):
     class init_state(LeggedRobotCfg.init_state):
-        default_joint_angles = {'right_hip_joint': 0.1, 'left_hip_joint': -0.2}
+        default_joint_angles = {'right_hip_joint': 0.1, 'head_joint': 0.3, 'left_hip_joint': -0.2}
     class control(LeggedRobotCfg.control):
-        stiffness = {'hip': 2.0}
-        damping = {'hip': 0.1}
+        stiffness = {'hip': 2.0, 'head': 3.0}
+        damping = {'hip': 0.1, 'head': 0.1}
         action_scale = 0.3
 """
 LEGGED_BASE = """\

@@ -11,13 +11,13 @@ pytest.importorskip("onnx")
 pytest.importorskip("yaml")
 
 import foreign_policies as made
-from bus_stories import TINY
 from foreign_policies import save_network
+from paths import NODDING
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.policy.pack import Manifest
 
-STIFF = {"joint_stiffness": "15.0,15.0"}
+STIFF = {"joint_stiffness": "15.0"}
 
 
 @pytest.fixture
@@ -29,18 +29,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def getup(line: str) -> int:
-    return main(shlex.split(f"{line} --robot {TINY}"))
+    return main(shlex.split(f"{line} --robot {NODDING}"))
 
 
 def test_a_policy_is_imported_with_the_source_of_each_field(folder: Path, capsys):
     assert getup("policy import their.onnx --rate 62.5 --out ours --json import.json") == 0
     said = capsys.readouterr().out
-    assert "default_pos: -0.2 to 0.1 rad (ONNX metadata default_joint_pos)" in said
+    assert "default_pos: -0.2 to 0.3 rad (ONNX metadata default_joint_pos)" in said
     assert "rate: 62.5 Hz (--rate)" in said
     assert "note: action: ONNX metadata action_scale; mode assumed" in said
     result = json.loads((folder / "import.json").read_text())
     assert result == json.loads((folder / "ours" / "description.json").read_text())
-    assert result["joints"] == {"right_hip_joint": "r_hip", "left_hip_joint": "l_hip"}
+    assert result["joints"] == dict(zip(made.JOINTS, ("r_hip", "head", "l_hip"), strict=True))
 
 
 def test_an_imported_policy_is_recorded_and_agrees_with_its_trace(folder: Path, capsys):
@@ -91,7 +91,7 @@ def test_a_packed_policy_tells_what_it_is_and_comes_back_the_same(folder: Path):
         "episodic",
         "supine",
     )
-    assert manifest["robot"]["model"] == "tiny" and manifest["action_len"] == 2
+    assert manifest["robot"]["model"] == "nodding" and manifest["action_len"] == 3
     assert manifest["training"] == {"imported_from": "mjlab", "network": "their.onnx"}
     assert manifest["eval"] == {"flat": {"n": 8, "stood": 3}}
     assert [each["file"] for each in manifest["files"]] == ["policy.onnx", "eval.json"]

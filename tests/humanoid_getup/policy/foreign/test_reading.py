@@ -60,17 +60,18 @@ def test_five_formats_that_say_the_same_read_the_same(tmp_path: Path):
         assert policy.rate == pytest.approx(made.RATE)
         np.testing.assert_allclose(policy.default_pos, made.DEFAULT)
         np.testing.assert_allclose(policy.offset, made.DEFAULT)
-        assert policy.position_gain is None or policy.position_gain[0] in (2.0, 3.0)
+    gains = [policy.position_gain for policy in found if policy.position_gain is not None]
+    np.testing.assert_array_equal(gains, [[2.0, 3.0, 4.0]] * 3 + [[2.0, 3.0, 2.0]])
 
 
 def test_a_deploy_yaml_orders_gains_as_the_motors_and_scales_as_the_simulator(tmp_path: Path):
-    """The first joint is motor 1, whose gain is 3; the first scale is its own."""
+    """The first joint is motor 1, whose gain is 2; the first scale is its own."""
     policy = read_deploy(tmp_path)
-    np.testing.assert_allclose(policy.position_gain, [3.0, 2.0])
-    np.testing.assert_allclose(policy.damping, [0.2, 0.1])
+    np.testing.assert_allclose(policy.position_gain, [2.0, 3.0, 4.0])
+    np.testing.assert_allclose(policy.damping, [0.1, 0.2, 0.3])
     np.testing.assert_allclose(policy.scale, made.SCALE)
     assert [term.history for term in policy.observation] == [3, 1, 2, 1, 1]
-    assert policy.observation[2].upper == 0.5
+    assert policy.observation[2].upper == 0.01
 
 
 def test_an_env_yaml_matches_joints_by_patterns(tmp_path: Path):
@@ -96,20 +97,20 @@ def test_legged_gym_is_parsed_and_not_run(tmp_path: Path):
 
 def test_scales_clips_and_history_of_mjlab_are_read_a_term(tmp_path: Path):
     metadata = made.mjlab_metadata(
-        observation_terms_scale="0.25,1.000,[1.0, 2.0],0.05,1.000",
+        observation_terms_scale="0.25,1.000,[1.0, 2.0, 3.0],0.05,1.000",
         observation_terms_clip="[-inf, inf],[-1.0, 1.0],[-inf, inf],[-inf, inf],[-inf, inf]",
         observation_terms_history_length="0,2,0,0,0",
     )
     policy = read(tmp_path, metadata, rate=made.RATE, size=sum(made.SIZES) + 3)
     scales = [term.scale.tolist() for term in policy.observation]
-    assert scales[0] == [0.25] * 3 and scales[2] == [1.0, 2.0]
+    assert scales[0] == [0.25] * 3 and scales[2] == [1.0, 2.0, 3.0]
     assert policy.observation[1].upper == 1.0 and policy.observation[1].history == 2
 
 
 def test_a_command_of_unknown_size_takes_what_is_left(tmp_path: Path):
     metadata = made.mjlab_metadata(observation_names="base_ang_vel,pose_command,joint_pos")
-    policy = read(tmp_path, metadata, size=3 + 4 + 2)
-    assert [term.size for term in policy.observation] == [3, 4, 2]
+    policy = read(tmp_path, metadata, size=3 + 4 + 3)
+    assert [term.size for term in policy.observation] == [3, 4, 3]
 
 
 def test_every_field_names_its_source(tmp_path: Path):
@@ -128,19 +129,17 @@ def test_every_field_names_its_source(tmp_path: Path):
         ({"observation_names": "base_lin_vel,joint_pos"}, "'base_lin_vel' is the linear velocity"),
         ({"observation_names": "motion_command,joint_pos"}, "'motion_command' is unknown"),
         ({"observation_names": "gait_phase,joint_pos"}, "'gait_phase' is unknown"),
-        ({"joint_stiffness": "1.000,1.000"}, "1 N·m/rad for every joint.*--gain"),
-        ({"default_joint_pos": "0.1"}, "takes 12|shape"),
-        ({"default_joint_pos": "0.1,nan"}, "holds nan"),
+        ({"joint_stiffness": "1.000,1.000,1.000"}, "1 N·m/rad for every joint.*--gain"),
+        ({"default_joint_pos": "0.1,0.2"}, r"shape \(2,\), expected \(3,\)"),
+        ({"default_joint_pos": "0.1,nan,0.1"}, "holds nan"),
         ({"action_scale": "much"}, "'much', expected numbers"),
-        ({"observation_names": "base_ang_vel"}, r"takes 12 numbers, its terms are 3"),
+        ({"observation_names": "base_ang_vel"}, r"takes 15 numbers, its terms are 3"),
         ({"observation_names": "a_command,b_command"}, "sizes of observations a_command"),
         ({"observation_terms_scale": "1.0"}, "1 values for 5 observations"),
         ({"joint_names": None}, "nothing describes it"),
     ],
 )
 def test_metadata_that_cannot_be_run_is_refused(tmp_path: Path, changes, message: str):
-    if changes == {"default_joint_pos": "0.1"}:
-        changes = {"default_joint_pos": "0.1,0.2,0.3"}
     with pytest.raises(ForeignPolicyError, match=message):
         read(tmp_path, made.mjlab_metadata(**changes))
 
@@ -148,14 +147,14 @@ def test_metadata_that_cannot_be_run_is_refused(tmp_path: Path, changes, message
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("joint_ids_map: [1, 0]", "joint_ids_map: [1, 1]", "each motor's number once"),
-        ("stiffness: [2.0, 3.0]", "stiffness: [2.0]", "stiffness has 1 numbers, expected 2"),
+        ("joint_ids_map: [1, 2, 0]", "joint_ids_map: [1, 1, 0]", "each motor's number once"),
+        ("stiffness: [4.0, 2.0, 3.0]", "stiffness: [2.0]", "stiffness has 1 numbers, expected 3"),
         ("step_dt: 0.016", "step_dt: 0", "step_dt is 0, expected above 0"),
         ("step_dt: 0.016", "", "deploy.yaml step_dt is missing"),
         ("  JointPositionAction:", "  JointVelocityAction:", "expected JointPositionAction"),
         ("projected_gravity:", "height_scan:", "heights of the ground"),
         ("history_length: 3", "history_length: 4000", "history is 4000"),
-        ("clip: [-0.5, 0.5]", "clip: [1.0, 0.5]", "clip is 1 to 0.5"),
+        ("clip: [-0.02, 0.01]", "clip: [1.0, 0.5]", "clip is 1 to 0.5"),
         ("actions:", "actions: [", "not YAML"),
     ],
 )
@@ -165,7 +164,7 @@ def test_a_deploy_yaml_that_does_not_fit_is_refused(tmp_path: Path, old, new, me
 
 
 def test_formats_without_names_ask_for_them(tmp_path: Path):
-    with pytest.raises(ForeignPolicyError, match=r"expected 2 names.*--joints"):
+    with pytest.raises(ForeignPolicyError, match=r"expected 3 names.*--joints"):
         read_deploy(tmp_path, joints=())
     with pytest.raises(ForeignPolicyError, match=r"order of the joints.*--joints"):
         read(tmp_path, config={"env.yaml": made.ENV})
@@ -270,7 +269,7 @@ def test_whatever_stands_anywhere_is_read_or_refused(tmp_path: Path, kind: str):
         for value in ODD:
             changed = json.dumps(with_value(content, place, value))  # which YAML reads, too
             file.write_text(changed)
-            shape = NetworkShape(metadata={"microduck": changed}, observation=size, action=2)
+            shape = NetworkShape(metadata={"microduck": changed}, observation=size, action=3)
             try:
                 given = Given(joints=made.MOTORS)
                 describe_policy(shape, None, [file] if text else [], given).describe()
@@ -290,11 +289,12 @@ def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
     new = "joint_names: [left_.*, .*]\n    preserve_order: true\n    clip: {left_.*: [-0.4, 0.1]}"
     env = made.ENV.replace("joint_names: [.*]\n", f"{new}\n")
     policy = read(tmp_path, config={"env.yaml": env}, joints=made.JOINTS)
-    assert policy.joints == made.JOINTS and policy.moved == made.JOINTS[::-1]
-    np.testing.assert_array_equal(policy.scale, [0.5, 0.3])
-    np.testing.assert_array_equal(policy.offset, [-0.2, 0.1])
-    np.testing.assert_array_equal(policy.lower, [-0.4, -np.inf])
-    np.testing.assert_array_equal(policy.upper, [0.1, np.inf])
+    right, head, left = made.JOINTS
+    assert policy.joints == made.JOINTS and policy.moved == (left, right, head)
+    np.testing.assert_array_equal(policy.scale, [0.5, 0.3, 0.4])
+    np.testing.assert_array_equal(policy.offset, [-0.2, 0.1, 0.3])
+    np.testing.assert_array_equal(policy.lower, [-0.4, -np.inf, -np.inf])
+    np.testing.assert_array_equal(policy.upper, [0.1, np.inf, np.inf])
 
 
 def test_classes_that_inherit_many_times_are_read_once(tmp_path: Path):

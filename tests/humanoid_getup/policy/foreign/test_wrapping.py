@@ -1,5 +1,6 @@
 """Wrapped networks: what they observe and do is what their own project would compute."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,21 @@ pytest.importorskip("onnx")
 pytest.importorskip("yaml")
 
 import foreign_policies as made
-from bus_stories import TINY
 from foreign_policies import save_network
+from paths import NODDING
 from tiny_policies import state_of
 
 from humanoid_getup.jobs.import_policy import import_policy
 from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
-from humanoid_getup.policy.foreign.description import ForeignPolicyError
+from humanoid_getup.policy.foreign.description import (
+    ForeignPolicy,
+    ForeignPolicyError,
+    Given,
+    NetworkShape,
+)
+from humanoid_getup.policy.foreign.fitting import fit_policy
 from humanoid_getup.policy.foreign.joint_names import map_joints
+from humanoid_getup.policy.foreign.reading import describe_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot, load_robot, quaternion
 
@@ -24,26 +32,30 @@ STEPS = 6
 
 
 @pytest.fixture(scope="module")
-def tiny() -> Robot:
-    return load_robot(TINY)
+def nodding() -> Robot:
+    return load_robot(NODDING)
 
 
 def bring_in(folder: Path, network: Path, **options) -> Path:
     import_policy(
-        ImportPolicyRequest(network=network, robot=str(TINY), out=folder / "ours", **options)
+        ImportPolicyRequest(network=network, robot=str(NODDING), out=folder / "ours", **options)
     )
     return folder / "ours" / "policy.onnx"
 
 
 def make_states(robot: Robot) -> list:
-    """States at every policy step, at any posture and speed."""
+    """States at every policy step: at first near the default posture, then at any, and any speed.
+
+    So near that no target is cut by the speed of the servos.
+    """
     rng = np.random.default_rng(1)
+    begin = np.array(made.DEFAULT)[made.OURS] + rng.uniform(-0.03, 0.03, 3)
     return [
         state_of(
             robot,
             step * 0.016,
-            joint_pos=rng.uniform(-0.4, 0.4, 2),
-            joint_vel=rng.normal(0.0, 2.0, 2),
+            joint_pos=rng.uniform(-0.4, 0.4, 3) if step else begin,
+            joint_vel=rng.normal(0.0, 2.0, 3),
             gyro=rng.normal(0.0, 2.0, 3),
             orientation=quaternion.normalize(rng.normal(size=4)),
         )
@@ -60,25 +72,27 @@ def play(policy: OnnxPolicy, states: list) -> list[np.ndarray]:
 class TheirPipeline:
     """The loop of the other project, written down once more: lists of past terms, one joint order.
 
-    Their joints are right, left; ours are left, right.
+    The network and its memory get actions that are clipped to ``limit``; targets are clipped to
+    ``reach`` around the default posture behind that, which the memory does not notice.
     """
 
-    def __init__(self, weight, histories, scales, clips, scale):
+    def __init__(self, weight, histories, scales, clips, scale, *, limit=np.inf, reach=np.inf):
         self.weight, self.histories, self.scales = weight, histories, scales
-        self.clips, self.scale = clips, scale
+        self.clips, self.scale, self.limit, self.reach = clips, np.array(scale), limit, reach
         self.past = [[] for _ in histories]
-        self.action = np.zeros(2)
+        self.action = np.zeros(3)
 
     def step(self, gyro, gravity, joint_pos, joint_vel) -> np.ndarray:
-        terms = (gyro, gravity, joint_pos[::-1] - made.DEFAULT, joint_vel[::-1], self.action)
+        angles, speeds = joint_pos[made.THEIRS] - made.DEFAULT, joint_vel[made.THEIRS]
         seen = []
-        for i, term in enumerate(terms):
+        for i, term in enumerate((gyro, gravity, angles, speeds, self.action)):
             value = np.clip(term, *self.clips[i]) * self.scales[i]
             self.past[i] = self.past[i] or [value] * (self.histories[i] - 1)
             self.past[i] = [*self.past[i], value][-self.histories[i] :]
             seen += self.past[i]
-        self.action = np.concatenate(seen) @ self.weight
-        return (made.DEFAULT + np.array(self.scale) * self.action)[::-1]
+        self.action = np.clip(np.concatenate(seen) @ self.weight, -self.limit, self.limit)
+        change = np.clip(self.scale * self.action, -self.reach, self.reach)
+        return (made.DEFAULT + change)[made.OURS]
 
 
 def compare(policy: OnnxPolicy, theirs: TheirPipeline, robot: Robot) -> None:
@@ -87,87 +101,131 @@ def compare(policy: OnnxPolicy, theirs: TheirPipeline, robot: Robot) -> None:
     for state in states:
         sensed = policy.sense(state)
         wanted.append(theirs.step(sensed.gyro, sensed.gravity, state.joint_pos, state.joint_vel))
-    reach, last = policy.action.reach, states[0].joint_pos
-    expected = []
-    for target in wanted:  # no faster than the servos turn
-        last = last + np.clip(np.clip(target, robot.lower, robot.upper) - last, -reach, reach)
-        expected.append(last)
-    np.testing.assert_allclose(play(policy, states), expected, atol=2e-6)
+    ways = np.diff([states[0].joint_pos, *wanted], axis=0)
+    assert np.all(np.abs(ways) < policy.action.reach)
+    assert np.all((robot.lower < wanted) & (wanted < robot.upper))
+    np.testing.assert_allclose(play(policy, states), wanted, atol=2e-6)
 
 
-def test_a_network_with_metadata_acts_as_in_its_own_project(tiny: Robot, tmp_path: Path):
+def test_a_network_with_metadata_acts_as_in_its_own_project(nodding: Robot, tmp_path: Path):
     network = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
-    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=made.RATE), tiny)
+    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=made.RATE), nodding)
     no_clip = [(-np.inf, np.inf)] * 5
-    compare(policy, TheirPipeline(made.weights(), [1] * 5, [1.0] * 5, no_clip, made.SCALE), tiny)
+    compare(policy, TheirPipeline(made.weights(), [1] * 5, [1.0] * 5, no_clip, made.SCALE), nodding)
 
 
-@pytest.mark.parametrize("batch", ["N", 1])
+@pytest.mark.parametrize(("batch", "reach"), [("N", np.inf), (1, np.inf), ("N", 0.005)])
 def test_a_network_with_history_clips_and_scales_acts_as_in_its_own_project(
-    tiny: Robot, tmp_path: Path, batch: int | str
+    nodding: Robot, tmp_path: Path, batch: int | str, reach: float
 ):
+    """With limits of its targets, too, which it does not see in its last action."""
     weight = made.weights(made.DEPLOY_SIZE)
     network = save_network(tmp_path / "their.onnx", weight, batch=batch)
+    limits = [[zero - reach, zero + reach] for zero in made.DEFAULT]
+    text = made.DEPLOY
+    if reach < np.inf:
+        text = text.replace("clip: null\n", f"clip: {limits}\n", 1)
     config = tmp_path / "deploy.yaml"
-    config.write_text(made.DEPLOY)
+    config.write_text(text)
     file = bring_in(tmp_path, network, config=(str(config),), joints=made.MOTORS)
     clips = [(-np.inf, np.inf)] * 5
-    clips[2] = (-0.5, 0.5)
-    scales = [0.2, 1.0, np.array([1.0, 2.0]), 0.05, 1.0]
-    theirs = TheirPipeline(weight, [3, 1, 2, 1, 1], scales, clips, made.SCALE)
-    compare(OnnxPolicy.load(file, tiny), theirs, tiny)
+    clips[2] = (-0.02, 0.01)
+    scales = [0.2, 1.0, np.array([1.0, 2.0, 3.0]), 0.05, 1.0]
+    theirs = TheirPipeline(weight, [3, 1, 2, 1, 1], scales, clips, made.SCALE, reach=reach)
+    compare(OnnxPolicy.load(file, nodding), theirs, nodding)
 
 
-def test_a_policy_begins_anew_after_a_reset(tiny: Robot, tmp_path: Path):
+def test_a_network_sees_its_last_action_as_it_was_limited(nodding: Robot, tmp_path: Path):
+    """As legged_gym clips actions, and its terms behind their scales; its commands are zeros."""
+    limit, scales = 0.1, (0.25, 1.0, 1.0, 0.05, 1.0)
+    weight = 10.0 * made.weights(sum(made.SIZES) + 3)
+    network = save_network(tmp_path / "their.onnx", weight)
+    base = made.LEGGED_BASE.replace("observations = 100.", "observations = 0.5")
+    for name, text in (
+        ("tiny_config.py", made.LEGGED),
+        ("base.py", base.replace("actions = 100.", f"actions = {limit}")),
+    ):
+        (tmp_path / name).write_text(text)
+    config = tuple(str(tmp_path / name) for name in ("tiny_config.py", "base.py"))
+    policy = OnnxPolicy.load(bring_in(tmp_path, network, config=config), nodding)
+    clips = [(-0.5 / scale, 0.5 / scale) for scale in scales]
+    seen = np.delete(weight, slice(6, 9), axis=0)
+    theirs = TheirPipeline(seen, [1] * 5, scales, clips, [0.3] * 3, limit=limit)
+    compare(policy, theirs, nodding)
+
+
+def describe_mjlab(rate: float) -> ForeignPolicy:
+    shape = NetworkShape(metadata=made.mjlab_metadata(), observation=sum(made.SIZES), action=3)
+    return describe_policy(shape, None, [], Given(rate=rate))
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 3, 7])
+def test_a_rate_of_whole_control_periods_is_kept(nodding: Robot, cycles: int):
+    policy = describe_mjlab(1.0 / (cycles * nodding.control_period))
+    assert fit_policy(policy, nodding).action.cycles == cycles
+
+
+@pytest.mark.parametrize("rate", [26.0, 50.0, 62.0, 62.49, 84.0, 200.0])
+def test_another_rate_is_refused_with_a_period_that_fits(nodding: Robot, rate: float):
+    with pytest.raises(ForeignPolicyError, match="expected a whole number") as refusal:
+        fit_policy(describe_mjlab(rate), nodding)
+    (period,) = re.findall(r"control_period = (\S+)", str(refusal.value))
+    steps, now = 1.0 / (rate * float(period)), 1.0 / (rate * nodding.control_period)
+    assert steps == pytest.approx(round(steps), rel=1e-5)
+    assert abs(steps - now) <= 0.5 or round(steps) == 1
+
+
+def test_a_policy_begins_anew_after_a_reset(nodding: Robot, tmp_path: Path):
     weight = made.weights(made.DEPLOY_SIZE)
     network = save_network(tmp_path / "their.onnx", weight)
     (tmp_path / "deploy.yaml").write_text(made.DEPLOY)
     file = bring_in(tmp_path, network, config=(str(tmp_path / "deploy.yaml"),), joints=made.MOTORS)
-    policy, states = OnnxPolicy.load(file, tiny), make_states(tiny)
+    policy, states = OnnxPolicy.load(file, nodding), make_states(nodding)
     np.testing.assert_array_equal(play(policy, states), play(policy, states))
 
 
-def test_targets_are_reached_as_fast_as_the_servos_turn_and_held(tiny: Robot, tmp_path: Path):
-    weight = np.zeros((sum(made.SIZES), 2))
+def test_targets_are_reached_as_fast_as_the_servos_turn_and_held(nodding: Robot, tmp_path: Path):
+    weight = np.zeros((sum(made.SIZES), 3))
     network = save_network(tmp_path / "their.onnx", weight, made.mjlab_metadata())
-    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=31.25), tiny)
-    policy.reset(state_of(tiny))
-    sent = np.array([policy.step(state_of(tiny)).joint_pos for _ in range(4)])
-    cycle = policy.action.reach / 4
-    np.testing.assert_allclose(sent[0], np.clip([-0.2, 0.1], -cycle, cycle), atol=1e-6)
-    np.testing.assert_allclose(sent[-1], np.clip([-0.2, 0.1], -4 * cycle, 4 * cycle), atol=1e-6)
+    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=31.25), nodding)
+    policy.reset(state_of(nodding))
+    sent = np.array([policy.step(state_of(nodding)).joint_pos for _ in range(4)])
+    cycle, stance = policy.action.reach / 4, nodding.standing.joint_pos
+    way = np.array([-0.2, 0.1, 0.3]) - stance
+    np.testing.assert_allclose(sent[0], stance + np.clip(way, -cycle, cycle), atol=1e-6)
+    np.testing.assert_allclose(sent[-1], stance + np.clip(way, -4 * cycle, 4 * cycle), atol=1e-6)
 
 
-def test_the_gain_of_the_training_is_a_share_of_the_servos(tiny: Robot, tmp_path: Path):
+def test_the_gain_of_the_training_is_a_share_of_the_servos(nodding: Robot, tmp_path: Path):
     network = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
-    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=made.RATE), tiny)
-    policy.reset(state_of(tiny))
-    share = policy.step(state_of(tiny)).gain_scale
-    np.testing.assert_allclose(share * tiny.position_gain, [2.0, 2.0])
+    policy = OnnxPolicy.load(bring_in(tmp_path, network, rate=made.RATE), nodding)
+    policy.reset(state_of(nodding))
+    share = policy.step(state_of(nodding)).gain_scale
+    np.testing.assert_allclose(share * nodding.position_gain, [4.0, 2.0, 3.0])
 
 
-def test_a_register_value_is_a_share_of_the_servos_own(tiny: Robot, tmp_path: Path):
+def test_a_register_value_is_a_share_of_the_servos_own(nodding: Robot, tmp_path: Path):
     network = save_network(tmp_path / "their.onnx", made.weights(), made.microduck_metadata())
-    policy = OnnxPolicy.load(bring_in(tmp_path, network), tiny)
-    np.testing.assert_allclose(policy.action.gain_share, 200.0 / tiny.p_gain)
+    policy = OnnxPolicy.load(bring_in(tmp_path, network), nodding)
+    np.testing.assert_allclose(policy.action.gain_share, 200.0 / nodding.p_gain)
 
 
-def test_names_of_joints_are_matched_by_their_words(tiny: Robot):
-    assert map_joints(("RightHip", "hip_left_joint"), tiny) == {
+def test_names_of_joints_are_matched_by_their_words(nodding: Robot):
+    assert map_joints(("RightHip", "hip_left_joint"), nodding) == {
         "RightHip": 1,
         "hip_left_joint": 0,
     }
-    assert map_joints(("a", "b"), tiny, {"a": "r_hip", "b": "l_hip"}) == {"a": 1, "b": 0}
+    assert map_joints(("a", "b"), nodding, {"a": "r_hip", "b": "l_hip"}) == {"a": 1, "b": 0}
 
 
 @pytest.mark.parametrize(
     ("names", "renamed", "message"),
     [
-        (("left_hip", "neck"), {}, "has no neck, expected l_hip, r_hip; --rename"),
+        (("left_hip", "neck"), {}, "has no neck, expected l_hip, r_hip, head; --rename"),
         (("left_hip", "l_hip"), {}, "two names mean one joint: l_hip"),
         (("left_hip",), {"left_hip": "tail"}, "--rename names tail, expected joints"),
     ],
 )
-def test_names_that_mean_no_joint_are_refused(tiny: Robot, names, renamed, message: str):
+def test_names_that_mean_no_joint_are_refused(nodding: Robot, names, renamed, message: str):
     with pytest.raises(ForeignPolicyError, match=message):
-        map_joints(names, tiny, renamed)
+        map_joints(names, nodding, renamed)

@@ -3,6 +3,7 @@
 import os
 import re
 import struct
+import time
 from pathlib import Path
 
 import pytest
@@ -146,3 +147,9 @@ def test_a_mesh_of_too_many_bytes_is_found_by_its_size_alone(tmp_path: Path):
         file.write(bytes(80) + struct.pack("<I", 1))
         file.truncate(MAX_ASSET + 1)
     assert "huge.stl" in problems_of(tmp_path, "<asset><mesh file='huge.stl'/></asset>")
+
+
+def test_comments_without_an_end_are_read_once(tmp_path: Path):
+    begin = time.process_time()
+    problems_of(tmp_path, 100_000 * "<!--")
+    assert time.process_time() - begin < 2.0

@@ -488,6 +488,10 @@ GROUPS: dict[str, list[Case]] = {
                 ("bare.onnx --from gym", "--from is 'gym', expected mjlab, microduck, unitree,"),
                 ("bare.onnx --config deploy.yaml", "it names no joints, expected 3 names"),
                 ("bare.onnx --config loop.yaml", "its aliases stand for too many values"),
+                (
+                    "bare.onnx --config endless.yaml --joints a,b,c",
+                    "pattern '(j+)+x' could take too",
+                ),
                 ("their.onnx", "robot 'op3' has no right_hip_joint, head_joint, left_hip_joint"),
                 ("their.onnx --rename left", "--rename is left, expected THEIRS=OURS,..."),
                 ("their.onnx --robot nodding --rate 50", "every 2.5 control periods of 8 ms"),
@@ -1152,11 +1156,12 @@ def _make_policies(folder: Path, robot: Robot) -> None:
 
 
 def _make_foreign_policies(folder: Path) -> None:
-    from foreign_policies import DEPLOY, mjlab_metadata, save_network, weights
+    from foreign_policies import DEPLOY, ENV, mjlab_metadata, save_network, weights
 
     (folder / "trace.json").write_text('{"robot": "op3", "joints": ["head_pan"]}')
     (folder / "their.pt").write_bytes(b"PK\x03\x04 and code")
     (folder / "deploy.yaml").write_text(DEPLOY)
+    (folder / "endless.yaml").write_text(ENV.replace("left_hip_joint:", "(j+)+x:"))
     (folder / "loop.yaml").write_text("a: &a [*a]\n")
     for name, changes in {
         "their": {},

@@ -32,6 +32,7 @@ SETTINGS = (
     *("history_length", "flatten_history_dim"),
 )
 ALL_JOINTS = (None, [".*"], ".*")
+MOST_WAYS = 1_000_000  # in which a pattern may match a name; all are tried within about 10 ms
 
 
 def read_isaac_env(file: Path, shape: NetworkShape, given: Given) -> ForeignPolicy:
@@ -162,10 +163,23 @@ def _match(
 
 
 def _fits(pattern: Any, joint: str) -> bool:
+    """Match a name, unless that could take without end, as by `(j+)+x`.
+
+    Each choice at most doubles the ways to match, and each repeat has a way for each length, if
+    it is of no group. In verbose patterns, blanks or a comment may precede it.
+    """
+    text = str(pattern)
+    repeats, choices = len(re.findall("[*+?{]", text[:200])), text[:200].count("|")
+    ways = 2**choices * (len(joint) + 1) ** repeats
+    if len(text) > 200 or re.search(r"\)[*+{\s#]", text) or ways > MOST_WAYS:
+        raise ForeignPolicyError(
+            f"pattern '{text:.40}' could take too long to match '{joint:.40}', expected no "
+            "repeated groups, and fewer of * + ? and |, such as .*_(hip|knee)_.*"
+        )
     try:
-        return re.fullmatch(str(pattern), joint) is not None
-    except re.error as error:
-        raise ForeignPolicyError(f"pattern '{pattern}' is malformed: {error}") from None
+        return re.fullmatch(text, joint) is not None
+    except (re.error, OverflowError, ValueError) as error:
+        raise ForeignPolicyError(f"pattern '{text}' is malformed: {error}") from None
 
 
 def _find_group(observations: ConfigTable) -> ConfigTable:

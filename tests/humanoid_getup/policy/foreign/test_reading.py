@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,41 @@ def test_an_env_yaml_matches_joints_by_patterns(tmp_path: Path):
     policy = read(tmp_path, config={"env.yaml": made.ENV}, joints=made.JOINTS)
     np.testing.assert_allclose(policy.scale, made.SCALE)
     np.testing.assert_allclose(policy.observation[0].scale, [0.2, 0.2, 0.2])
+
+
+def find_moved(folder: Path, pattern: str, joints: tuple[str, ...], count: int) -> tuple[str, ...]:
+    """Read which joints are moved by an env.yaml with a pattern for them."""
+    file, old = folder / "env.yaml", "joint_names: [.*]"
+    file.write_text(made.ENV.replace(old, f"joint_names: [{json.dumps(pattern)}]"))
+    size = sum(made.SIZES) - len(made.JOINTS) + count
+    shape = NetworkShape(metadata={}, observation=size, action=count)
+    return describe_policy(shape, None, [file], Given(joints=joints)).moved
+
+
+ENDLESS = ("(j+)+x", "(?:j|jj)*x", "(.*)+", "(?x)(j+) +x", "(?x)(j+)#c\n+x", "(j*){3}", "j" * 300)
+ENDLESS += ("j?" * 40 + "x", ".*" * 9 + "x", "(j|j)" * 40 + "x", "(?:|)" * 40 + "x")
+
+
+@pytest.mark.parametrize("pattern", ENDLESS)
+def test_a_pattern_that_could_take_without_end_is_refused(tmp_path: Path, pattern: str):
+    with pytest.raises(ForeignPolicyError, match=r"could take too long to match 'jj.* no repeated"):
+        find_moved(tmp_path, pattern, (f"{60 * 'j'}_hip_y", *made.JOINTS[1:]), 3)
+
+
+USUAL = (".*", ".*_hip_.*", "[lr].*", "(left|right)_(hip|knee)_.*", "^(?!head).*$", "(left_)?.*")
+USUAL += (".*(left|right).*(hip|knee).*", "left_hip_joint|head_joint|right_hip_joint", r"\w+")
+
+
+@pytest.mark.parametrize("pattern", USUAL)
+def test_patterns_as_isaac_lab_has_them_are_matched(tmp_path: Path, pattern: str):
+    wanted = tuple(joint for joint in made.JOINTS if re.fullmatch(pattern, joint))
+    assert find_moved(tmp_path, pattern, made.JOINTS, len(wanted)) == wanted
+
+
+@pytest.mark.parametrize("pattern", ["(", "j{99999999999}", "(?a)(?u)j"])
+def test_a_malformed_pattern_is_named(tmp_path: Path, pattern: str):
+    with pytest.raises(ForeignPolicyError, match=f"pattern '{re.escape(pattern)}' is malformed"):
+        find_moved(tmp_path, pattern, made.JOINTS, 3)
 
 
 def test_a_relative_action_of_isaac_is_added_to_the_measured_angle(tmp_path: Path):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
+from types import ModuleType
 
 from humanoid_getup.policy.onnx_content import find_content_problems
 from robots.storage.files import read_bounded, write_atomically
@@ -53,6 +55,16 @@ def read_model(file: Path) -> bytes:
     if problems:
         raise NetworkError("; ".join(problems))
     return content
+
+
+def describe_refusal(library: ModuleType, error: Exception) -> str:
+    """Say in one line why a library does not take a whole model, such as a newer one."""
+    name, reason = library.__name__, " ".join(str(error).split()).rstrip(".")
+    reason = re.sub(r"^\[ONNX.*? : [A-Z_]+ : (/\S+ .*\) (?=[A-Z]))?", "", reason)  # the place
+    return (
+        f"{name} {library.__version__} cannot load it: {reason}; expected what this version knows: "
+        f"export it with an older IR version or opset, or update {name}"
+    )
 
 
 def seal_model(model: bytes) -> bytes:

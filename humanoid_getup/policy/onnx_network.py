@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, read_model
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, describe_refusal, read_model
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -99,8 +99,7 @@ def _create_session(model: bytes) -> InferenceSession:
     try:
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no base of their own
-        reason = " ".join(str(error).split())
-        raise NetworkError(f"it is not a complete ONNX file: {reason}") from error
+        raise NetworkError(describe_refusal(onnxruntime, error)) from error
 
 
 def _try_in_child(model: bytes, limit: float) -> tuple[list[str], float]:

@@ -29,7 +29,7 @@ from humanoid_getup.policy.onnx_content import (
     find_content_problems,
     read_metadata,
 )
-from humanoid_getup.policy.onnx_file import CONTRACT_KEY, MAX_BYTES
+from humanoid_getup.policy.onnx_file import CONTRACT_KEY, MAX_BYTES, describe_refusal
 from robots.storage.files import check_file, describe, read_bounded
 
 if TYPE_CHECKING:
@@ -168,8 +168,7 @@ def _parse(content: bytes, folder: Path) -> ModelProto:
     except ForeignPolicyError:
         raise
     except Exception as error:  # protobuf's and onnx's errors have no base of their own
-        reason = " ".join(str(error).split())[:200]
-        raise ForeignPolicyError(f"it is not a complete ONNX file: {reason}") from error
+        raise ForeignPolicyError(describe_refusal(onnx, error)) from error
     return model
 
 
@@ -213,18 +212,25 @@ def _measure(model: ModelProto, metadata: dict[str, str]) -> NetworkShape:
         if len(values) != 1:
             named = ", ".join(value.name for value in values) or "none"
             raise ForeignPolicyError(
-                f"its network has {len(values)} {what}s ({named}), expected one: a policy with "
-                "memory or with a motion of its own cannot be imported"
+                f"its network has {len(values)} {what}s ({named}), expected one: export it without "
+                "memory, values or a motion of its own"
             )
     sizes = [_measure_vector(value) for value in (inputs[0], model.graph.output[0])]
     return NetworkShape(metadata=metadata, observation=sizes[0], action=sizes[1])
 
 
 def _measure_vector(value: Any) -> int:
+    from onnx import TensorProto
+
     tensor = value.type.tensor_type
-    sizes = [dim.dim_value for dim in tensor.shape.dim]
-    if tensor.elem_type != 1 or len(sizes) != 2 or sizes[0] not in (0, 1) or sizes[1] < 1:
+    kinds = {number: name.lower() for name, number in TensorProto.DataType.items()}
+    if (kind := kinds.get(tensor.elem_type, "of no type")) != "float":
         raise ForeignPolicyError(
-            f"'{value.name}' of its network has shape {sizes}, expected (N, size) of float32"
+            f"'{value.name}' of its network is {kind}, expected 32-bit float: export it so"
+        )
+    sizes = [dim.dim_value for dim in tensor.shape.dim]
+    if len(sizes) != 2 or sizes[0] not in (0, 1) or sizes[1] < 1:
+        raise ForeignPolicyError(
+            f"'{value.name}' of its network has shape {sizes}, expected (N, size)"
         )
     return sizes[1]

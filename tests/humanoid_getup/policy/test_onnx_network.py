@@ -46,6 +46,18 @@ def test_a_network_of_another_kind_is_refused(
         OnnxNetwork(save_network(tmp_path / "p.onnx", inputs, outputs))
 
 
+def test_a_model_that_is_newer_than_the_library_is_called_so(tmp_path: Path):
+    file = save_network(tmp_path / "p.onnx", 1, 1)
+    model = onnx.load(file)
+    model.ir_version = 99
+    del model.metadata_props[-1]  # its checksum
+    file.write_bytes(seal_model(model.SerializeToString()))
+    with pytest.raises(
+        NetworkError, match=r"^onnxruntime \S+ cannot load it: Uns.* 99, .*; expected"
+    ):
+        OnnxNetwork(file)
+
+
 def test_every_size_and_type_that_does_not_fit_is_named(tmp_path: Path):
     network = OnnxNetwork(save_network(tmp_path / "p.onnx", 1, 2, TensorProto.DOUBLE))
     assert network.find_problems(4, 3) == ["the network has 2 outputs, expected 1"]

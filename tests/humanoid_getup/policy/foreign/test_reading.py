@@ -110,12 +110,6 @@ def test_patterns_as_isaac_lab_has_them_are_matched(tmp_path: Path, pattern: str
     assert find_moved(tmp_path, pattern, made.JOINTS, len(wanted)) == wanted
 
 
-@pytest.mark.parametrize("pattern", ["(", "j{99999999999}", "(?a)(?u)j"])
-def test_a_malformed_pattern_is_named(tmp_path: Path, pattern: str):
-    with pytest.raises(ForeignPolicyError, match=f"pattern '{re.escape(pattern)}' is malformed"):
-        find_moved(tmp_path, pattern, made.JOINTS, 3)
-
-
 def test_a_relative_action_of_isaac_is_added_to_the_measured_angle(tmp_path: Path):
     text = made.ENV.replace(":JointPositionAction", ":RelativeJointPositionAction")
     policy = read(tmp_path, config={"env.yaml": text}, joints=made.JOINTS)
@@ -236,6 +230,37 @@ def test_half_a_file_is_refused(tmp_path: Path, kept: float):
 
 
 @pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: set_type(m.graph.input[0], 10), "^'obs' of its network is float16, expected 32"),
+        (lambda m: set_type(m.graph.output[0], 10), "^'actions' of its network is float16, expect"),
+        (lambda m: set_type(m.graph.output[0], 77), "^'actions' of its network is of no type, exp"),
+        (
+            lambda m: m.graph.input[0].type.tensor_type.shape.dim.add(),
+            r"shape \[0, 15, 0\], expected",
+        ),
+        (lambda m: m.graph.output.add().CopyFrom(m.graph.input[0]), r"2 outputs \(actions, obs\),"),
+        (lambda m: setattr(m, "ir_version", 99), r"^onnx \S+ cannot load it: .* 99 .*; expected w"),
+    ],
+)
+def test_a_network_that_is_not_as_ours_is_refused_by_its_own_reason(
+    tmp_path: Path, change, message
+):
+    import onnx
+
+    file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
+    model = onnx.load(file)
+    change(model)
+    file.write_bytes(model.SerializeToString())
+    with pytest.raises(ForeignPolicyError, match=message):
+        read_network(file)
+
+
+def set_type(value, number: int) -> None:
+    value.type.tensor_type.elem_type = number
+
+
+@pytest.mark.parametrize(
     ("name", "message"),
     [("weights.bin", None), ("../weights.bin", "expected a file beside"), ("none", "No such file")],
 )
@@ -291,7 +316,8 @@ def with_value(content, place, value):
     return copy
 
 
-ODD = (None, 0, -5.5, 10**400, math.inf, math.nan, "x", [], [1], [None], {}, {"a": 1}, True, "(")
+ODD = (None, 0, -5.5, 10**400, math.inf, math.nan, "x", [], [1], [None], {}, {"a": 1}, True)
+ODD += ("(", "j{99999999999}", "(?a)(?u)j")  # malformed patterns
 
 
 @pytest.mark.parametrize("kind", ["deploy.yaml", "env.yaml", "microduck"])

@@ -5,15 +5,24 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 import signal
 import sys
 import threading
 from collections.abc import Sequence
 
-from humanoid_getup.cli.shared.exit_codes import BAD_INPUT, CLOSED_PIPE, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.cli.shared.exit_codes import (
+    BAD_INPUT,
+    CLOSED_PIPE,
+    HARDWARE_FAULT,
+    INTERRUPTED,
+    OUT_OF_MEMORY,
+)
 from humanoid_getup.jobs.errors import BadInputError
 
 SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+SHORTAGE = re.compile("llocate memory|map segment from shared object$|start new thread", re.M)
+"""What the system and MuJoCo, imports, and Python's threads say where memory is short."""
 _interrupted = threading.Event()
 
 
@@ -62,13 +71,18 @@ def _report_failure(error: Exception) -> int:
     cause = error.__cause__ or error
     if _interrupted.is_set() and not (isinstance(cause, OSError) and cause.errno):
         return _report("interrupted", INTERRUPTED)
-    if isinstance(error, BadInputError):
+    if isinstance(error, BadInputError) and not SHORTAGE.search(str(error)):
         for problem in error.problems:
             _report(problem, BAD_INPUT)
         return BAD_INPUT
     # MuJoCo chooses its GL when it is imported, and refuses a GL that does not exist.
     if isinstance(error, RuntimeError) and "MUJOCO_GL" in str(error):
         return _report(f"{error}, expected egl, osmesa, glfw or disable", BAD_INPUT)
+    causes = (error, error.__cause__, error.__context__)
+    if short := [e for e in causes if isinstance(e, MemoryError) or SHORTAGE.search(str(e))]:
+        text = f"too little memory, or too few threads ({short[-1]!r:.200}), expected more"
+        advice = "close other programs, or raise the limits `ulimit -v` and `ulimit -u`"
+        return _report(f"{text}: {advice}", OUT_OF_MEMORY)
     if not isinstance(error, OSError):
         raise error
     if error.filename is None and error.errno in (None, errno.ENOENT):  # a library's own text

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -214,6 +215,44 @@ def test_what_a_library_makes_of_an_interrupt_is_one(
 
     monkeypatch.setattr(commands, "parse", fail)
     assert run("robots") == (code, "", f"getup: {line}\n")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError("in numpy:\na.so: failed to map segment from shared object\n"),
+        RuntimeError("can't start new thread"),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+        BadInputError("Could not allocate memory"),
+    ],
+)
+@pytest.mark.parametrize("outer", [None, TypeError("no module")])
+def test_too_little_memory_is_told_in_one_line(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception, outer: Exception | None
+):
+    def fail(_: object) -> None:
+        raise outer or error from outer and error
+
+    monkeypatch.setattr(commands, "parse", fail)
+    code, out, line = run("robots")
+    assert (code, out, line.count("\n")) == (1, "", 1)
+    assert line.startswith(
+        f"getup: too little memory, or too few threads ({error!r}), expected more"
+    )
+
+
+def test_a_process_with_little_memory_says_so(tmp_path: Path):
+    """Enough for Python and its libraries, and not for a model in them."""
+    limit = (600_000_000, 600_000_000)
+    found = getup(
+        *("rise", "--from", "prone", "--out", str(tmp_path / "out")),
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit),
+        timeout=60.0,
+    )
+    assert (found.returncode, found.stderr.count("\n")) == (1, 1)
+    assert found.stderr.startswith("getup: too little memory")
 
 
 @pytest.mark.usefixtures("own_signals")

@@ -17,6 +17,7 @@ from humanoid_getup.engines.local_processes import TRIES
 from humanoid_getup.engines.workers import Workers
 
 CONNECT_TIME = 10.0  # s
+MOST_SHOWN = 200  # characters of a reason
 SLURM_WORKERS = 8
 MEMORY = "4GB"  # of a worker; one takes 0.6 GB
 
@@ -41,9 +42,10 @@ def start_dask(engine: Engine, _pieces: int) -> Iterator[Workers]:
             return
         try:
             client = stack.enter_context(Client(engine.address, timeout=CONNECT_TIME))
-        except (OSError, ValueError) as error:
+        except Exception as error:  # of whatever carries tls://, ucx:// and others
+            reason = " ".join(str(error).split())[:MOST_SHOWN]
             raise EngineError(
-                f"no Dask scheduler answers at {engine.address}, expected one that "
+                f"no Dask scheduler answers at {engine.address} ({reason}), expected one that "
                 "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
             ) from error
         workers = _count_workers(client)

@@ -9,7 +9,7 @@ from typing import Literal, Self, get_args
 
 EngineKind = Literal["local", "ray", "dask", "slurm"]
 KINDS: dict[str, EngineKind] = {kind: kind for kind in get_args(EngineKind)}
-NAME = re.compile(r"([a-z]+)(?::([0-9]+))?")
+NAME = re.compile(r"([a-z]+)(?::([0-9]{1,9}))?")
 EXPECTED = "local, ray, dask or slurm, with a number of workers as in local:4"
 MOST_WORKERS, MOST_PROCESSES = 100_000, 256
 """Of a cluster, and of this machine."""

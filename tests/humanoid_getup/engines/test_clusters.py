@@ -44,9 +44,15 @@ def test_a_piece_may_start_processes(engine: str):
     assert run(engine, square_in_a_child, [2, 3]) == [4, 9]
 
 
-@pytest.mark.parametrize("engine", ["ray", "dask"])
-def test_a_cluster_that_does_not_answer_is_refused_in_one_line(engine: str):
-    address = {"ray": "127.0.0.1:1", "dask": "tcp://127.0.0.1:1"}[engine]
+@pytest.mark.parametrize(
+    ("engine", "address"),
+    [
+        ("ray", "127.0.0.1:1"),
+        *(("dask", f"{kind}://127.0.0.1:1") for kind in ("tcp", "tls", "ucx", "bar")),
+    ],
+)
+def test_a_cluster_that_does_not_answer_is_refused_in_one_line(engine: str, address: str):
+    """Also by what is not set up for it here: certificates, or a network card."""
     with (
         pytest.raises(EngineError, match="answers at") as problem,
         start_workers(Engine.parse(engine, address), 1),

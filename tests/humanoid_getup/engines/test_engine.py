@@ -25,6 +25,8 @@ def test_a_name_says_the_kind_and_the_workers(name: str, kind: str, workers: int
     ("name", "address", "message"),
     [
         ("cloud", "", "engine is 'cloud', expected local, ray, dask or slurm"),
+        ("dask:tls://a:1", "", "engine is 'dask:tls://a:1', expected local, ray, dask or slurm"),
+        ("local:" + 5000 * "9", "", "engine is 'local:9.*', expected local, ray, dask or slurm"),
         ("local:0", "", "expected 1 to 256 workers"),
         ("local:", "", "engine is 'local:', expected local"),
         ("local:-1", "", "engine is 'local:-1'"),

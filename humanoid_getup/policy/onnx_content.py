@@ -29,9 +29,11 @@ def find_content_problems(model: bytes) -> list[str]:
     Without control flow, the time of an inference does not depend on the observation.
 
     Raises:
-        ValueError: if the model is not a protocol buffer.
+        ValueError: if the model is not a protocol buffer, or has no network.
     """
     whole = memoryview(model)
+    if not _has(whole, GRAPH):
+        raise ValueError("it holds no network")
     attributes = [*_select(whole, GRAPH, NODE, ATTRIBUTE)]
     problems = []
     if any(_has(attribute, SUBGRAPH, SUBGRAPHS) for attribute in attributes):

@@ -477,7 +477,7 @@ GROUPS: dict[str, list[Case]] = {
             for line, *message in (
                 ("none.onnx", "none.onnx: No such file"),
                 ("folder", "packed policy folder: folder/manifest.json: No such file"),
-                ("empty.onnx", "empty.onnx"),
+                ("empty.onnx", "empty.onnx: it is not an ONNX file: it holds no network"),
                 ("text.onnx", "text.onnx: it is not"),
                 ("their.pt", "their.pt: it is a pickle of torch, which is never opened"),
                 ("bare.onnx --robot nodding", "nothing describes it, expected an ONNX file with"),

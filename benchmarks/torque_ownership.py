@@ -229,7 +229,7 @@ def try_event(world: World, phase: str, event: str, cycles: int, rng: np.random.
     """Bring an event about at a random cycle of a phase; observe how the robot ends."""
     robot, at = world.robot, int(rng.integers(max(cycles - 1, 1)))
     servo = robot.joints[int(rng.integers(robot.n))].servo.id
-    seen, present, when = [0], [None], [np.inf]
+    seen, when, present = [0], [np.inf], list[Phase]()
     with open_bench(world, rng) as bench:
         act = strike(bench, event, servo)
 
@@ -241,13 +241,13 @@ def try_event(world: World, phase: str, event: str, cycles: int, rng: np.random.
         def look(_cycle: Cycle) -> None:
             if event == "dip" and bench.virtual.physics.time - when[0] > DIP_TIME:
                 bench.ports.main.faults.sag(robot.supply_voltage)
-            if phase != "hand-over" and present[0] is PHASES[phase]:
+            if phase != "hand-over" and present[-1:] == [PHASES[phase]]:
                 seen[0] += 1
                 if seen[0] == at + 1:
                     come()
 
         def note(change: PhaseChange) -> None:
-            present[0] = change.phase
+            present.append(change.phase)
 
         if phase == "hand-over":
             confirm = bench.driver.hand_over

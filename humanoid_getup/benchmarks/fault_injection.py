@@ -295,14 +295,17 @@ def play_with_fault(world: World, motion: Motion, piece: FaultPiece) -> FaultTri
             )
             succeeded = report.ending is Ending.DONE and bool(has_succeeded(motion, outcome))
         except (FaultyError, UnreleasedError) as error:
-            report, succeeded = str(error), False
+            report, succeeded = error, False
         since = injected_at[0] - robot.control_period if injected_at else ports.main.time
         ports.main.call(lambda: virtual.physics.advance(virtual.physics.time + AFTERMATH))
         driven = {j.name for j, s in zip(robot.joints, virtual.servos, strict=True) if s.torque_on}
+    ending = "unreleased" if isinstance(report, UnreleasedError) else "raised"
+    if isinstance(report, RunReport):
+        ending = report.ending.name.lower()
     went_on = isinstance(report, RunReport) and report.ending is Ending.DONE
     return FaultTrial(
-        ending=report.ending.name.lower() if isinstance(report, RunReport) else "raised",
-        reason=report.reason if isinstance(report, RunReport) else report,
+        ending=ending,
+        reason=report.reason if isinstance(report, RunReport) else str(report),
         succeeded=succeeded,
         safe=None if went_on else driver.trace.find_safe_time(since),
         beyond_limits=driver.trace.count_beyond_limits() + driver.too_fast,

@@ -115,11 +115,12 @@ class GroundTruthJudge:
 
     def _record(self) -> Record:
         robot, model = self._simulation.robot, self._simulation.model
-        qpos = np.array(self._qpos).reshape(-1, model.nq)
-        sites = np.array(self._site_pos).reshape(-1, model.nsite, 3)
-        joints = np.array(self._joint_state).reshape(-1, 3, robot.n)
-        depth, speed = (np.array(rows).reshape(-1, 2) for rows in (self._depth, self._speed))
-        touch = np.array(self._touch, dtype=bool).reshape(-1, 3)
+        n = len(self._speed)  # whole samples: the thread of a virtual bus may be adding one
+        qpos = np.array(self._qpos[:n]).reshape(-1, model.nq)
+        sites = np.array(self._site_pos[:n]).reshape(-1, model.nsite, 3)
+        joints = np.array(self._joint_state[:n]).reshape(-1, 3, robot.n)
+        depth, speed = (np.array(rows[:n]).reshape(-1, 2) for rows in (self._depth, self._speed))
+        touch = np.array(self._touch[:n], dtype=bool).reshape(-1, 3)
         stance = self._meter.measure(qpos, sites, touch[:, 0])
         return Record(
             layout=robot.layout(model),

@@ -34,14 +34,17 @@ class Backend(Protocol):
     limit_by: LimitMode
     """What the torque limits of commands act on."""
     release: Release = Release.LIMP
-    """State of the joints after ``close``; it may be changed until then."""
-    unreleased: tuple[str, ...] = ()
-    """Joints that did not confirm torque off when the last connection ended."""
+    """State of the joints after ``close``; `hand_over` changes it."""
     has_wire: bool = False
     """Whether each cycle waits for devices on a wire, and computes little meanwhile."""
 
     def connect(self) -> None:
         """Open the devices, torque off; harmless if they are open."""
+
+    @property
+    def unreleased(self) -> tuple[str, ...]:
+        """Return the joints that had torque and did not confirm at ``close`` that it is off."""
+        return ()
 
     def narrow(self, limits: GuardLimits) -> GuardLimits:
         """Narrow a guard's limits to those inside the devices, as read by ``connect``."""

@@ -45,7 +45,14 @@ def unsuspended() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTSTP, lambda *_: signal.raise_signal(signal.SIGINT))
+
+    def end(_number: int, frame: FrameType | None) -> None:
+        handle = signal.getsignal(signal.SIGINT)
+        if callable(handle):
+            handle(signal.SIGINT, frame)
+        raise KeyboardInterrupt  # where Ctrl-C is ignored, as in the background
+
+    before = signal.signal(signal.SIGTSTP, end)
     try:
         yield
     finally:

@@ -7,7 +7,7 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.backend import Backend
+from drivers.backend import Backend, Release
 from drivers.safety_limits import ClipCounts, GuardLimits
 from drivers.state import Command, HardwareError, Integers, State, find_command_problems
 from robots.arguments import expect
@@ -133,6 +133,21 @@ class SafetyGuard(Backend):
         """Release every joint and the devices."""
         self._is_open = False
         self.backend.close()
+
+    @property
+    def unreleased(self) -> tuple[str, ...]:
+        """Return the joints that did not confirm torque off."""
+        return self.backend.unreleased
+
+    def hand_over(self) -> tuple[str, ...]:
+        """Leave the joints under torque at ``close``, unless one does not confirm, or a stop came.
+
+        Returns the joints that do not confirm.
+        """
+        unconfirmed = self.backend.hand_over()
+        if self.check_stop():
+            self.backend.release = Release.LIMP
+        return unconfirmed
 
     def clear(self) -> None:
         """Clear a fault; the next command starts from the measured angles.

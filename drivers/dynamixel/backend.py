@@ -40,6 +40,9 @@ from drivers.state import Command, State
 from robots import Joint, Robot
 from robots.servo import LimitMode
 
+# s in which a silent servo is told again to switch its torque off: beside a watchdog, and without
+RELEASE_TIME, UNWATCHED_RELEASE_TIME = 1.0, 5.0
+RELEASE_WAIT = 0.01  # s between two tries
 FRESH = 2.5  # periods; torque does not begin from an older position
 WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
@@ -176,7 +179,7 @@ class DynamixelBackend(Backend):
             return
         may_drive = self._states.may_drive
         self._reset()
-        self._states.may_drive, self.unreleased = may_drive, ()
+        self._states.may_drive = may_drive
         chains, states = self.chains, self._states
         buses = [chain.bus for chain in chains]
         try:
@@ -219,40 +222,61 @@ class DynamixelBackend(Backend):
         Raises:
             UnreleasedError: if joints that had torque do not confirm that it is off.
         """
-        unreleased: list[Joint] = []
+        was_open = any(chain.bus.port.is_open or chain.is_lost for chain in self.chains)
         try:
             with deferred_interrupts():
-                self._close(unreleased)
+                self._close()
         except KeyboardInterrupt:  # it may have come before the block; twice is harmless
             with deferred_interrupts():
-                self._close(unreleased)
-            if not unreleased:
+                self._close()
+            if not self.unreleased:
                 raise
-        if unreleased:
-            self.unreleased = tuple(joint.name for joint in unreleased)
+        if was_open and self.unreleased:
             raise UnreleasedError(
-                unreleased, watched=all(chain.is_watched for chain in self.chains)
+                [joint for joint in self.robot.joints if joint.name in self.unreleased],
+                watched=all(chain.is_watched for chain in self.chains),
             )
 
-    def _close(self, unreleased: list[Joint]) -> None:
+    def _close(self) -> None:
         self._connected = False
+        if self.release is Release.LIMP:
+            self._release()
         for chain in self.chains:
-            if self.release is Release.LIMP and (chain.bus.port.is_open or chain.is_lost):
-                unreleased += chain.release(self._states)
             chain.bus.port.close()
             chain.is_lost = False
         if self.imu is not None:
             self.imu.close()
 
+    def _release(self) -> None:
+        """Release all joints, and those that do not confirm it again and again for a while."""
+        left = [chain for chain in self.chains if chain.bus.port.is_open or chain.is_lost]
+        until = time.monotonic()
+        until += RELEASE_TIME if all(c.is_watched for c in left) else UNWATCHED_RELEASE_TIME
+        while left := [chain for chain in left if not chain.release(self._states)]:
+            if time.monotonic() > until:
+                return
+            time.sleep(RELEASE_WAIT)
+
+    @property
+    def unreleased(self) -> tuple[str, ...]:
+        """Return the joints that had torque and did not confirm at ``close`` that it is off."""
+        if self._connected or self.release is Release.HOLD:
+            return ()
+        driven = np.flatnonzero(self._states.may_drive)
+        return tuple(self.robot.joint_names[row] for row in driven)
+
     def hand_over(self) -> tuple[str, ...]:
         """Leave the joints under torque at ``close``, unless one does not confirm; return those."""
         self._check_connected()
-        unconfirmed = [joint for chain in self.chains for joint in chain.disarm(self._states)]
-        if unconfirmed:  # all are watched again
-            self._states.must_seed |= self._states.is_on
+        states = self._states
+        unconfirmed = states.may_drive.copy()
+        for chain in self.chains:
+            unconfirmed[list(chain.disarm(states))] = False
+        if unconfirmed.any():  # all are watched again
+            states.must_seed |= states.is_on
         else:
             self.release = Release.HOLD
-        return tuple(joint.name for joint in unconfirmed)
+        return tuple(self.robot.joint_names[row] for row in np.flatnonzero(unconfirmed))
 
     # The cycle --------------------------------------------------------------------------------
 

@@ -20,11 +20,9 @@ from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.robot_ports import RobotPort
 from drivers.dynamixel.servo_states import TORQUE, WATCHDOG, ServoStates
 from drivers.serial_port import REOPEN_EVERY, PortError, PortLostError
-from robots import Joint, Robot
+from robots import Robot
 from robots.servo import LimitMode
 
-# s in which a silent servo is told again to switch its torque off: beside a watchdog, and without
-RELEASE_TIME, UNWATCHED_RELEASE_TIME = 1.0, 5.0
 MUTE_TIME = 1.0  # s without a single byte after which a port is opened again
 SETUP_STEPS = 4  # instructions per cycle to servos that are set up again
 STEP_TIME = 0.0015  # s that one of them may take
@@ -189,50 +187,43 @@ class ServoChain:
 
     # Releasing --------------------------------------------------------------------------------
 
-    def release(self, states: ServoStates) -> list[Joint]:
-        """Switch off all torque and watchdogs; return driven joints that do not confirm it."""
-        until = time.monotonic() + (RELEASE_TIME if self.is_watched else UNWATCHED_RELEASE_TIME)
-        rows = {joint.name: row for joint, row in zip(self.joints, self.rows, strict=True)}
-        left = [joint for joint in self.joints if states.may_drive[rows[joint.name]]]
-        while True:
-            self._reopen_at = 0.0
-            if self._is_usable() and self.bus.port.is_open:
-                unconfirmed = self._exchange(self._clear, left, TORQUE, TORQUE, WATCHDOG)
-                left = left if unconfirmed is None else unconfirmed
-            if not left or time.monotonic() > until:
-                break
-            time.sleep(POLL_WAIT)
-        states.may_drive[self.rows] = False
-        states.may_drive[[rows[joint.name] for joint in left]] = True
-        return left
+    def release(self, states: ServoStates) -> bool:
+        """Switch off all torque and watchdogs; return whether all driven joints confirm it."""
+        self._reopen_at = 0.0
+        if self._is_usable() and self.bus.port.is_open:
+            confirmed = self._exchange(self._clear, states, TORQUE, TORQUE, WATCHDOG) or []
+            states.may_drive[confirmed] = False
+        return not states.may_drive[self.rows].any()
 
-    def disarm(self, states: ServoStates) -> list[Joint]:
+    def disarm(self, states: ServoStates) -> Sequence[int]:
         """Switch off the watchdogs, so that servos hold while they have power.
 
-        Returns the driven joints that do not confirm it; without a watchdog, those that are silent.
+        Returns the driven joints that confirm it, by row: those with torque and no watchdog.
         """
-        driven = [j for j, row in zip(self.joints, self.rows, strict=True) if states.is_on[row]]
-        confirm = self._clear if self.is_watched else self._find_silent
-        unconfirmed = self._exchange(confirm, driven, WATCHDOG, WATCHDOG)
-        return driven if unconfirmed is None else unconfirmed
+        if self.is_watched:
+            return self._exchange(self._clear, states, WATCHDOG, WATCHDOG, holds=True) or []
+        return self._exchange(self._clear, states, holds=True) or []
 
-    def _find_silent(self, joints: Sequence[Joint], *_: str) -> list[Joint]:
-        """Find joints whose torque is not confirmed."""
-        read = self.bus.read_item
-        return [joint for joint in joints if not read(joint.servo.id, self._torque)]
+    def _clear(self, states: ServoStates, *registers: str, holds: bool = False) -> list[int]:
+        """Set registers of all servos to 0; return the driven rows that confirm the first.
 
-    def _clear(self, joints: Sequence[Joint], *registers: str) -> list[Joint]:
-        """Set registers of all servos to 0; return the joints that do not confirm the first."""
+        With ``holds``, only those that also confirm their torque.
+        """
         for register in registers:  # sync writes are not confirmed
             self.writer.write_all(register, 0)
-        table = table_named(self.joints[0].servo.model.name)
-        return [
-            joint
-            for joint in joints
-            for item in (table[registers[0]],)
-            if self.bus.read_item(joint.servo.id, item, tries=1) != 0
-            and not self.bus.write_item(joint.servo.id, item, 0, tries=2)
-        ]
+        table, confirmed = table_named(self.joints[0].servo.model.name), []
+        for joint, row in zip(self.joints, self.rows.tolist(), strict=True):
+            device = joint.servo.id
+            if not states.may_drive[row]:
+                continue
+            is_clear = all(
+                self.bus.read_item(device, item, tries=1) == 0
+                or self.bus.write_item(device, item, 0, tries=2)
+                for item in map(table.__getitem__, registers[:1])
+            )
+            if is_clear and (not holds or self.bus.read_item(device, self._torque) == 1):
+                confirmed.append(row)
+        return confirmed
 
     # The port ---------------------------------------------------------------------------------
 

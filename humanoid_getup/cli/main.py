@@ -50,12 +50,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Its text says that a robot was handed over under torque.
         return _report(": ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
     except Exception as error:
-        return _report_failure(error)
+        code = _report_failure(error)
+        for note in getattr(error, "__notes__", ()):  # that a robot was handed over under torque
+            _report(note, code)
+        return code
 
 
 def _interrupt(_number: int, _frame: object) -> None:
     # A second signal must not interrupt what the first one begins: switching torque off.
-    for name in SIGNALS:
+    for name in (*SIGNALS, "SIGTSTP"):
         signal.signal(getattr(signal, name), signal.SIG_IGN)
     _interrupted.set()
     raise KeyboardInterrupt

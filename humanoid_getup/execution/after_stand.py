@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -90,6 +92,21 @@ class HandOver:
                 for i, name in joints
             },
         )
+
+
+@contextmanager
+def naming_hand_over(find: Callable[[], HandOver | None]) -> Iterator[None]:
+    """Name the robot that was handed over under torque, if a block is interrupted or fails."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if (left := find()) is None:
+            raise
+        raise KeyboardInterrupt(str(left)) from None
+    except Exception as error:
+        if (left := find()) is not None:
+            error.add_note(f"handed over: {left}")
+        raise
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from drivers import DriverError, Ending, FaultKind, State
 from drivers.control_loop import Pacer
 from drivers.errors import UnreleasedError
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.recovery import Recovery, StoppedError, UnrecoveredError
+from humanoid_getup.execution.recovery import RESTED, Recovery, StoppedError, UnrecoveredError
 from humanoid_getup.execution.result import Attempt, AttemptStatus, PlayedMove, RiseResult
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_keeper import StandKeeper
@@ -78,6 +78,10 @@ class AttemptManager:
         Raises:
             KeyboardInterrupt: if it was interrupted; the robot's torque is off then.
         """
+        with self._keeper.naming_hand_over():
+            return self._get_up(rng)
+
+    def _get_up(self, rng: np.random.Generator) -> RiseResult:
         attempts: list[Attempt] = []
         by_fault = False
         try:
@@ -87,7 +91,6 @@ class AttemptManager:
         except (UnrecoveredError, DriverError) as error:
             status, reason, by_fault = AttemptStatus.NEEDS_HELP, str(error), True
         self._report(Phase.ENDED, reason)
-        release = attempts[-1].release if attempts else None
         measured = next((a.start_class for a in attempts if a.start_class), UNCLASSED)
         return RiseResult(
             robot=self._guard.robot,
@@ -95,9 +98,9 @@ class AttemptManager:
             status=status,
             reason=reason,
             attempts=tuple(attempts),
-            by_fault=by_fault or release is not None or _ended_by_fault(attempts, status),
+            by_fault=by_fault or _ended_by_fault(attempts, status),
             has_imu=self._session.has_imu,
-            unreleased=release.joints if release else (),
+            unreleased=self._guard.unreleased,
         )
 
     def _try_all(
@@ -108,7 +111,7 @@ class AttemptManager:
             attempt = self._attempt(rng)
             attempts.append(attempt)
             if attempt.release is not None:
-                return AttemptStatus.NEEDS_HELP, f"{attempt.reason}; {attempt.release}"
+                raise UnrecoveredError(f"{attempt.reason}; {attempt.release}")
             if attempt.stood:
                 return AttemptStatus.STOOD, attempt.reason
             if attempt.is_unknown:
@@ -142,6 +145,8 @@ class AttemptManager:
             self._report(Phase.PLAYING, plan.title)
             attempt = self._play(attempt, controller)
             if attempt.outcome is None or not (is_move and _has_moved(attempt)):
+                return attempt
+            if attempt.release is not None:
                 return attempt
             moves = (*moves, PlayedMove(plan=plan, outcome=attempt.outcome))
             self._moved += 1
@@ -300,7 +305,8 @@ class AttemptManager:
     def _recover(self, attempt: Attempt) -> None:
         """Rest after a failed attempt, and clear the fault that ended its run."""
         fault = self._guard.fault
-        if attempt.run is not None and attempt.run.ending is Ending.FAULT and fault is not None:
+        by_fault = attempt.run is not None and attempt.run.ending is Ending.FAULT
+        if by_fault and fault is not None and fault.kind not in RESTED:
             self._recovery.remedy(fault)
         self._recovery.cool_down()
 

@@ -20,7 +20,8 @@ VOLTAGE = int(HardwareError.VOLTAGE)
 MOST_REBOOTS, REBOOT_WINDOW = 3, 300.0  # s; more reboots mean a fault that they do not clear
 ALERT_TIME = 1.0  # s within which a servo in error reports its error
 REBOOT_TIME = 3.0  # s until a servo that was rebooted answers without an error
-CONNECT_TRIES, CONNECT_WAIT = 15, 2.0  # s each; a supply that sagged may come back
+CONNECT_TRIES, CONNECT_WAIT = 10, 2.0  # s each; a supply that sagged may come back
+RESTED = (FaultKind.TOO_HOT, FaultKind.LOW_VOLTAGE, FaultKind.PAUSED)
 REMEDIED = (FaultKind.TOO_HOT, FaultKind.SERVO_ERROR, FaultKind.LOW_VOLTAGE)
 SLACK = 4  # cycles that a wait may take for each cycle of its nominal time
 
@@ -104,7 +105,7 @@ class Recovery:
         match fault.kind:
             case FaultKind.STOPPED:
                 raise StoppedError(fault.detail)
-            case FaultKind.TOO_HOT | FaultKind.LOW_VOLTAGE | FaultKind.PAUSED:
+            case kind if kind in RESTED:
                 self.cool_down()
             case FaultKind.SERVO_ERROR:
                 self._recover_servos()
@@ -112,36 +113,48 @@ class Recovery:
                 raise UnrecoveredError(str(fault))
 
     def cool_down(self) -> None:
-        """Wait with torque off for `Cooling.min_time`, for cool servos and for the supply.
+        """Wait with torque off for the supply, for `Cooling.min_time`, and for cool servos.
 
         Raises:
             DriverError: if the robot cannot be connected to, as without a supply.
             StoppedError: if the operator stops the robot meanwhile.
             UnrecoveredError: if it takes too long, or another fault occurs meanwhile.
         """
-        cooling, least = self._cooling, self._guard.limits.min_voltage - VOLTAGE_ROUNDING
+        cooling, least = self._cooling, self._guard.limits.min_voltage
         self._report(
-            f"torque off until every servo has {cooling.temperature:.0f} °C or less, and the "
-            f"supply {least:.1f} V or more"
+            f"torque off until the supply has {least:.1f} V or more, and every servo "
+            f"{cooling.temperature:.0f} °C or less"
         )
 
-        def is_ready(state: State, elapsed: float) -> bool:
+        def is_supplied(state: State, _elapsed: float) -> bool:
+            reported = bool(np.any(self._find_alerts(state) & VOLTAGE))
+            return state.voltage >= least - VOLTAGE_ROUNDING and not reported
+
+        def is_cool(state: State, elapsed: float) -> bool:
             cool = float(state.temperature.max()) <= cooling.temperature
-            supplied = state.voltage >= least and not np.any(state.alert & VOLTAGE)
-            return cool and supplied and elapsed >= cooling.min_time
+            return cool and elapsed >= cooling.min_time
 
         self._connect()
         with self._guard:
-            state, ready = self._wait(is_ready, cooling.max_time)
-        if state.voltage < least:
-            raise UnrecoveredError(f"{FaultKind.LOW_VOLTAGE.value}: {state.voltage:.1f} V at rest")
-        if not ready:
+            state, supplied = self._wait(is_supplied, CONNECT_TRIES * CONNECT_WAIT)
+            if not supplied:
+                low = np.flatnonzero(self._find_alerts(state) & VOLTAGE)
+                raise UnrecoveredError(
+                    f"{FaultKind.LOW_VOLTAGE.value}: {state.voltage:.1f} V at rest, expected "
+                    f"{least:.1f} V or more; {self._describe(state, low)}".removesuffix("; ")
+                )
+            state, cool = self._wait(is_cool, cooling.max_time)
+        if not cool:
             hottest = int(state.temperature.argmax())
             raise UnrecoveredError(
                 f"joint '{self._guard.robot.joint_names[hottest]}' still has "
                 f"{state.temperature[hottest]:.0f} °C after {cooling.max_time:.0f} s of rest, "
                 f"expected at most {cooling.temperature:.0f} °C"
             )
+
+    def _find_alerts(self, state: State) -> np.ndarray:
+        """Find the errors of servos that are driven; those of limp joints stop no robot, (n,)."""
+        return state.alert * (self._guard.robot.strength != 0.0)
 
     def _connect(self) -> None:
         """Connect; a driver refuses servos with too low a supply, or that restart after it."""
@@ -163,7 +176,7 @@ class Recovery:
         self._connect()
         with self._guard:
             state, _ = self._wait(_is_named, ALERT_TIME)
-            if np.any(state.alert & VOLTAGE):
+            if np.any(self._find_alerts(state) & VOLTAGE):
                 self.cool_down()
                 return
             hot = self._check_errors(state)

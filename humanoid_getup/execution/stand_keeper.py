@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from drivers import (
     run_engaged,
 )
 from drivers.errors import NoImuError, UnreleasedError
-from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step
+from humanoid_getup.execution.after_stand import AfterStand, HandOver, Step, naming_hand_over
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session
 from humanoid_getup.execution.stand_watch import StandWatch
@@ -84,12 +84,14 @@ class StandKeeper:
         try:
             with engaged(self._guard, realtime=self._session.realtime):
                 yield
-        except KeyboardInterrupt:
-            if self._handed_over is None:
-                raise
-            raise KeyboardInterrupt(str(self._handed_over)) from None
         finally:
+            if backend.release is Release.LIMP:
+                self._handed_over = None
             backend.release = before
+
+    def naming_hand_over(self) -> AbstractContextManager[None]:
+        """Name a robot that was handed over, if a block does not end."""
+        return naming_hand_over(lambda: self._handed_over)
 
     def watch(self, cycle: Cycle) -> None:
         """Note a cycle; the next run continues from its targets."""
@@ -120,7 +122,8 @@ class StandKeeper:
         With ``then`` at ``"sit"``, it sits down at once.
         """
         try:
-            return self._start()
+            with self.naming_hand_over():
+                return self._start()
         except UnreleasedError as error:
             return AfterStand().fail_release(error)
 
@@ -216,16 +219,17 @@ class StandKeeper:
         phase: Phase,
     ) -> RunReport:
         """Run a controller of a robot that stands; after a pause it begins again where it is."""
-        guard, session = self._guard, self._session
+        guard, session, past = self._guard, self._session, 0.0
         while True:
             run = run_engaged(
                 controller, guard, max_time=max_time, realtime=session.realtime, on_cycle=on_cycle
             )
             if run.ending is Ending.INTERRUPTED:
                 raise KeyboardInterrupt
+            past += run.duration
             is_paused = guard.fault is not None and guard.fault.kind is FaultKind.PAUSED
             if not (is_paused and session.has_imu) or self._find_lean(guard.read()):
-                return run
+                return replace(run, duration=past)
             self._report(phase, f"{run.reason}: held where it is, and on from there")
             guard.resume()
 
@@ -263,22 +267,25 @@ class StandKeeper:
 
     def _hand_over(self, after: AfterStand) -> AfterStand:
         """Leave the servos under torque, if each confirms it and no stop came meanwhile."""
-        guard = self._guard
-        if unconfirmed := guard.backend.hand_over():
-            reason = f"not handed over: {', '.join(unconfirmed)} did not confirm the watchdog off"
-            self._report(Phase.HOLDING, f"{reason}: {Phase.HOLDING.value}, then tried again")
-            after = replace(after, hold=self._hold(HOLD))
-            if after.hold is not None and not after.hold.ran:
-                return after
-            if guard.backend.hand_over():
+        if unconfirmed := self._try_hand_over():
+            reason = f"not handed over: {', '.join(unconfirmed)} did not confirm it"
+            self._report(Phase.HOLDING, f"{reason}: held on, then tried again")
+            hold = self._hold(HOLD)
+            if not hold.is_done:
+                return replace(after, hold=hold)
+            if self._try_hand_over():
                 return replace(after, refusal=f"{reason}; torque off", refused_by_fault=True)
-        assert self._sent is not None
-        handed_over = HandOver(robot=guard.robot, command=self._sent, limit_by=guard.limit_by)
-        if stop := guard.check_stop():
-            guard.backend.release = Release.LIMP
+        if stop := self._guard.check_stop():
             return replace(after, refusal=f"{stop}; torque off", refused_by_fault=True)
-        self._handed_over = handed_over
-        return replace(after, hand_over=handed_over)
+        return replace(after, hand_over=self._handed_over)
+
+    def _try_hand_over(self) -> tuple[str, ...]:
+        """Leave the servos under torque; return the joints that do not confirm it."""
+        guard = self._guard
+        assert self._sent is not None
+        # Before, so that an interrupt at any moment finds it.
+        self._handed_over = HandOver(robot=guard.robot, command=self._sent, limit_by=guard.limit_by)
+        return guard.hand_over()
 
     @property
     def _held(self) -> np.ndarray | None:

@@ -12,8 +12,9 @@ from drivers import Ending
 from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.jobs.get_up.results import FinishedRise, FinishedStand, naming_hand_over
+from humanoid_getup.jobs.get_up.results import FinishedRise, FinishedStand
 from humanoid_getup.jobs.requests.rise import MoveOptions
 from humanoid_getup.progress.callback import Progress, Report
 from humanoid_getup.reporting.report import print_summary
@@ -35,7 +36,7 @@ def showing_phases() -> Iterator[Report]:
 
 def show_rise(done: FinishedRise, command: MoveOptions) -> int:
     """Write and print the result of a rise; return the exit code."""
-    with naming_hand_over(done.rise):
+    with naming_hand_over(lambda: done.rise.hand_over):
         write_json(done.report, command)
         print_summary(done.report, list(map(str, done.files)), console_for(command))
     return _find_exit_code(done.rise)
@@ -44,7 +45,7 @@ def show_rise(done: FinishedRise, command: MoveOptions) -> int:
 def show_stand(done: FinishedStand, command: MoveOptions) -> int:
     """Write and print how a stand was kept and ended; return the exit code."""
     result, console = done.stand, console_for(command)
-    with naming_hand_over(result):
+    with naming_hand_over(lambda: result.hand_over):
         write_json(done.report, command)
         color = "green" if result.succeeded else "red"
         console.print(f"[bold {color}]{escape(result.reason)}")

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType, structs
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.starts.falls import Fall
@@ -47,17 +46,6 @@ from robots.storage.files import describe, write_atomically
 
 OWN_START, WHERE_IT_LAY = "the motion's own", "where the robot lay"
 NO_ORIENTATION = "without an IMU the orientation of the robot is unknown"
-
-
-@contextmanager
-def naming_hand_over(result: RiseResult | AfterStand) -> Iterator[None]:
-    """Report that a robot was handed over under torque even if its results cannot be written."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if result.hand_over is None:
-            raise
-        raise KeyboardInterrupt(str(result.hand_over)) from None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +85,7 @@ def finish_rise(
 ) -> FinishedRise:
     """Report a rise, and write its files."""
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
-    with naming_hand_over(result):
+    with naming_hand_over(lambda: result.hand_over):
         report = make_report(result, _make_head(result, world, request, origin), settings, motion)
         report = replace(report, keys=_measure_keys(result, world))
         if request.out is not None:
@@ -116,7 +104,7 @@ def finish_stand(
     result: AfterStand, world: World, request: SitRequest | HoldRequest, start: Fall | None
 ) -> FinishedStand:
     """Report how a stand was kept and ended, and write the files."""
-    with naming_hand_over(result):
+    with naming_hand_over(lambda: result.hand_over):
         report = StandReport(**vars(_make_head(result, world, request)), **vars(result.figures()))
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
+from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall, find_rest
 from humanoid_getup.jobs.backends import open_backend
@@ -56,7 +58,11 @@ def run_session(
     world, limit = strategy.world, strategy.torque_limit
     rng = np.random.default_rng(request.seed)
     monitor.begin("opening the backend")
-    with open_backend(request, world, limit, without_imu=without_imu) as choice:
+    rise: RiseResult | None = None
+    with (
+        naming_hand_over(lambda: rise and rise.hand_over),
+        open_backend(request, world, limit, without_imu=without_imu) as choice,
+    ):
         start = _choose_start(request, world, motion, rng)
         if start is not None and choice.place is not None:
             choice.place(start.posture)

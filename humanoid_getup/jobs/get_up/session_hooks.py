@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
-from humanoid_getup.execution.after_stand import AfterStand
+from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
@@ -82,8 +82,12 @@ class SessionHooks:
         A robot that was handed over keeps its torque: then it is too late to cancel.
         """
         check_video(self._request)
-        with self._operator.watch(guard), inviting(self._request, self._choice, guard) as invited:
-            self._onlookers = invited
+        result: Result | None = None
+        with (
+            naming_hand_over(lambda: result and result.hand_over),
+            self._operator.watch(guard),
+            inviting(self._request, self._choice, guard) as self._onlookers,
+        ):
             result = work()
         if result.hand_over is not None:
             if stop := guard.check_stop():  # it came too late for the session: taken back

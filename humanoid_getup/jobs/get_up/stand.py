@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, find_rest
@@ -52,7 +53,12 @@ def _keep_stand(
     limit = make_torque_limit(request, world.robot)
     monitor.begin("opening the backend")
     log = make_log(request, world.robot)
-    with open_backend(request, world, limit) as choice, recording(log, monitor.tell) as recorder:
+    result: AfterStand | None = None
+    with (
+        naming_hand_over(lambda: result and result.hand_over),
+        open_backend(request, world, limit) as choice,
+        recording(log, monitor.tell) as recorder,
+    ):
         hooks, place = SessionHooks(request, choice, recorder, monitor, operator), choice.place
         options = SessionOptions(
             then=request.ending, place=place and (lambda: place(stand.posture))

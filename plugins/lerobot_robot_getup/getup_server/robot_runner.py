@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers import Command, DriverError, Ending, State, engaged, run_engaged
+from drivers import Command, DriverError, Ending, FaultKind, State, engaged, run_engaged
 from getup_server.mailbox import Mailbox
 from getup_server.messages import Setup
 from getup_server.shared_guard import SharedGuard, TorsoSense
@@ -112,9 +112,15 @@ class RobotRunner:
                 self._place()
                 # The first reply of a bus may be of the time before: a cycle later it is not.
                 self._guard.write(Command.limp(self._guard.robot.n))
-            report = run_engaged(
-                self._pilot, self._guard, max_time=math.inf, realtime=self._realtime
-            )
+            while True:
+                report = run_engaged(
+                    self._pilot, self._guard, max_time=math.inf, realtime=self._realtime
+                )
+                fault = self._guard.fault
+                is_paused = fault is not None and fault.kind is FaultKind.PAUSED
+                if not is_paused or self._watch.leans(self._guard.read()):
+                    break
+                self._guard.resume()  # it stands, and its targets begin where its joints are
         if report.ending is not Ending.DONE:
             raise RobotStoppedError(report.reason)
 

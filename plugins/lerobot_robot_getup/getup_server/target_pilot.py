@@ -15,8 +15,9 @@ from robots.quaternion import Array
 
 FALLEN_TIME = 0.2  # s beyond the tilt: a push that the robot survives is shorter
 OBEYING = "obeying"
-HANG_TIME = 0.1  # s without a message, by which LeRobot's process hangs
-SILENT = f"held: no message from LeRobot for {HANG_TIME:g} s"
+HANG_TIME = 0.1  # s without a message, after which LeRobot's process may hang: joints are held
+AWAY_TIME = 1.0  # s, after which the next action is approached slowly
+AWAY = f"held: no message from LeRobot for {AWAY_TIME:g} s"
 
 
 class FallWatch:
@@ -44,8 +45,8 @@ class FallWatch:
 class TargetPilot:
     """Moves joints to the newest targets; without any, they are held.
 
-    After the start, after a rise and after a silence, joints go to the first targets at the speed
-    of the approach. When LeRobot's process is silent, they stay until its next action.
+    After the start, a rise and a long silence, joints go to the first targets at the speed of the
+    approach. While LeRobot's process is silent, they stay where they are.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class TargetPilot:
         """Hold the targets that the servos have, and begin to obey."""
         self._target = self._guard.held.copy()
         self._goal = self._target.copy()
-        self._has_arrived = self.fallen = self._stays = False
+        self._has_arrived = self.fallen = self._is_away = False
         self._watch.reset(state)
         self._mailbox.begin(OBEYING, rising=False)
 
@@ -76,24 +77,20 @@ class TargetPilot:
         """Move towards the newest targets."""
         self.fallen = self._watch.has_fallen(state)
         action = self._mailbox.take()
-        if self._mailbox.silence > HANG_TIME:
-            self._stay()
-        elif action and self._stays:
-            self._stays = self._has_arrived = False
-            self._mailbox.begin(OBEYING, rising=False)
         for joint, angle in action.items():
             self._goal[self._number[joint]] = angle
-        if not self._stays:
+        if self._is_away and action:
+            self._is_away = self._has_arrived = False
+            self._mailbox.begin(OBEYING, rising=False)
+        silence = self._mailbox.silence
+        if silence > AWAY_TIME and not self._is_away:
+            self._is_away = True
+            self._mailbox.begin(AWAY, rising=False)
+        if self._is_away or silence > HANG_TIME:
+            self._target = self._guard.held.copy()
+        else:
             self._target = self._approach(self._goal)
         return Command.position(self._robot, self._target, self._torque_limit)
-
-    def _stay(self) -> None:
-        """Hold the targets that were sent last, until the next action."""
-        if self._stays:
-            return
-        self._stays = True
-        self._target, self._goal = self._guard.held.copy(), self._guard.held.copy()
-        self._mailbox.begin(SILENT, rising=False)
 
     def _approach(self, goal: Array) -> Array:
         """Return the next targets on the way to a goal [rad], (n,)."""

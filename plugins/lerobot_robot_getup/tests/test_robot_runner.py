@@ -8,7 +8,7 @@ import pytest
 from getup_server.messages import Act
 from getup_server.robot_process import answer
 from getup_server.robot_runner import WAITING
-from getup_server.target_pilot import OBEYING, SILENT
+from getup_server.target_pilot import AWAY, OBEYING
 
 import humanoid_getup as hg
 from humanoid_getup.simulation.world import World
@@ -36,7 +36,7 @@ def test_torque_and_time_wait_for_the_first_action(run_twin, op3: Robot):
 def test_joints_stay_where_they_are_while_lerobot_is_silent(run_twin, op3: Robot):
     running, pan = run_twin(approach_speed=0.01), op3.joint_names.index("head_pan")
     running.mailbox.post({"head_pan": 0.6})
-    held = running.wait_until(lambda known: known.phase == SILENT, silently=True)
+    held = running.wait_until(lambda known: known.phase == AWAY, silently=True)
     since = running.twin.data.time
     later = running.wait_until(lambda _: running.twin.data.time > since + 1.0, silently=True)
     assert later.targets == pytest.approx(held.targets)

@@ -758,6 +758,42 @@ def test_a_servo_that_is_silent_for_a_moment_is_released_all_the_same(tiny):
     assert rig.peek("torque_enable") == [0, 0]
 
 
+def test_a_servo_that_restarted_is_not_handed_over(tiny):
+    with Rig(tiny) as rig:
+        rig.turn(cycles=3)
+        rig.servo("r_hip").reboot()
+        assert rig.backend.hand_over() == ("r_hip",)
+
+
+def test_a_lost_port_keeps_no_other_under_torque(tiny):
+    with Rig(split(tiny)) as rig:
+        rig.turn(cycles=3)
+        first, order = rig.ports["right"], list[str]()
+        write = first.write
+        first.write = lambda data: order.append("right") or write(data)
+        rig.ports["left"].unplugged = True
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(driver_module.time, "sleep", lambda _: order.append("wait"))
+            with pytest.raises(UnreleasedError, match="l_hip"):
+                rig.backend.close()
+        assert order.index("right") < order.index("wait")
+        assert rig.peek("torque_enable") == [1, 0]
+
+
+def test_a_servo_that_did_not_confirm_is_named_until_it_does(tiny):
+    with Rig(tiny) as rig:
+        rig.turn(cycles=3)
+        rig.port.unplugged = True
+        with pytest.raises(UnreleasedError):
+            rig.backend.close()
+        with pytest.raises(PortError):
+            rig.backend.connect()
+        assert rig.backend.unreleased == tiny.joint_names
+        rig.port.unplugged = False
+        rig.backend.connect()
+    assert rig.backend.unreleased == ()
+
+
 def test_a_silent_servo_that_never_had_torque_is_no_alarm(tiny):
     with Rig(tiny) as rig:
         rig.turn(Command.limp(2), cycles=3)

@@ -15,7 +15,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.phase import Phase
+from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts.falls import classify, settle_posture
@@ -340,12 +340,19 @@ def test_a_robot_that_sways_on_lies_down_all_the_same(world: World, op3: Robot, 
     assert classify(twin.truth.posture.orientation) == "supine"
 
 
-def test_an_interrupted_hand_over_says_that_torque_is_on(world: World, op3: Robot):
+@pytest.mark.parametrize("method", ["hand_over", "close"])
+def test_an_interrupted_hand_over_says_that_torque_is_on(method, world: World, op3: Robot):
     class Interrupted(Twin):
         def close(self) -> None:
             super().close()
-            if self.release is Release.HOLD:
+            if self.release is Release.HOLD and method == "close":
                 raise KeyboardInterrupt
+
+        def hand_over(self) -> tuple[str, ...]:
+            super().hand_over()
+            if method == "hand_over":
+                raise KeyboardInterrupt
+            return ()
 
     twin = Interrupted(world, op3.standing)
     with pytest.raises(KeyboardInterrupt, match="servos hold their targets"):
@@ -483,12 +490,22 @@ def test_a_robot_that_does_not_confirm_its_hand_over_is_held(
     twin.doubts = doubts
     options = SessionOptions(on_phase=lambda change: said.append(change.detail))
     result = hg.keep_stand(twin, world, then="hand-over", options=options)
-    assert "not handed over: r_knee did not confirm the watchdog off" in said[1]
+    assert "not handed over: r_knee did not confirm it: held on" in said[1]
     assert result.hold is not None
     assert result.hold.run.duration >= 3.0
     assert twin.simulation.has_torque is has_torque
     assert (result.hand_over is not None) is has_torque
     assert result.by_fault is not has_torque
+
+
+def test_a_hand_over_names_the_robot_whatever_fails_after_it(world: World, rise, squat: Posture):
+    def fail(change: PhaseChange) -> None:
+        if change.phase is Phase.ENDED:
+            raise OSError("no space left")
+
+    with pytest.raises(OSError, match="no space") as caught:
+        get_up(Twin(world, squat), rise, then="hand-over", on_phase=fail)
+    assert "handed over: servos hold their targets" in caught.value.__notes__[0]
 
 
 class Pausing(Twin):

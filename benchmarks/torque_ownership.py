@@ -271,7 +271,7 @@ def try_event(world: World, phase: str, event: str, cycles: int, rng: np.random.
             if result.hand_over is not None:
                 said = set(robot.joint_names)
         except ProgramDiedError:
-            said = set(robot.joint_names)  # nobody is left to say it: servos hold, as documented
+            said = set(robot.joint_names)  # servos hold, as documented
         except DriverError:
             said = set(bench.driver.unreleased)
         bench.wait(AFTERMATH)

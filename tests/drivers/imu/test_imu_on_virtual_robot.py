@@ -190,13 +190,13 @@ def test_the_doctor_names_an_i2c_bus_that_has_ended_with_a_hardware_fault(own_ro
     virtual = VirtualRobot(Simulation(load_robot(own_robot)), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         port, out = f"main={ports.paths['main']}", f"imu={dead}"
-        arguments = ("doctor", "--robot", str(own_robot), "--port", port, out)
+        arguments = ("doctor", "--robot", str(own_robot), "--port", f"{port},{out}")
         code, message = run_json(*arguments, capsys=capsys)
         assert code == 3
         (found,) = [each for each in message["findings"] if each["severity"] == "error"]
         assert found["device"] == f"IMU BNO08x on {dead} at 0x4A"
         assert found["text"] == "the virtual bus has ended"
-        where = ("--robot", str(own_robot), "--backend", "dynamixel", "--port", port, out)
+        where = ("--robot", str(own_robot), "--backend", "dynamixel", "--port", f"{port},{out}")
         assert main(("hold", *where)) == 3
     *_, line = capsys.readouterr().err.strip().splitlines()
     assert f"IMU BNO08x on {dead} at 0x4A: the virtual bus has ended; check" in line
@@ -223,7 +223,7 @@ def test_the_doctor_names_the_imu_and_counts_its_samples(own_robot, capsys, monk
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         monkeypatch.setattr("drivers.service.doctor.time", Metronome(ports))
         given = [f"{name}={path}" for name, path in ports.paths.items()]
-        arguments = ("doctor", "--robot", str(own_robot), "--port", *given)
+        arguments = ("doctor", "--robot", str(own_robot), "--port", ",".join(given))
         code, message = run_json(*arguments, capsys=capsys)
         assert code == 0 and message["imu"].startswith("IMU BNO055 on ")
         assert message["imu_rate_hz"] > 10.0

@@ -62,7 +62,7 @@ def test_the_saved_path_can_be_drawn_and_judged(out: Path, tmp_path: Path):
     path = str(out / "path.npz")
     assert main(["preflight", path]) == 0
     if (out / "strip.png").exists():
-        assert main(["motions", "show", path, "--out", str(tmp_path / "shown.png")]) == 0
+        assert main(["motions", "show", path, "--picture", str(tmp_path / "shown.png")]) == 0
 
 
 @pytest.mark.usefixtures("no_film")

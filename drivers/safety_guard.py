@@ -14,6 +14,8 @@ from robots.arguments import expect
 from robots.quaternion import Array
 from robots.servo import VOLTAGE_ROUNDING, LimitMode
 
+MOST_NAMED = 4  # joints with the same error; more are counted
+
 
 class FaultKind(Enum):
     """Why the guard switched torque off, or held the robot where it was."""
@@ -114,7 +116,7 @@ class SafetyGuard(Backend):
         """Return how often each joint's command was cut since ``connect``."""
         return ClipCounts(*self._counts.copy())
 
-    def stop(self, reason: str) -> None:
+    def stop(self, reason: str = "stop() was called") -> None:
         """Switch torque off from the next command on, until `clear`; any thread may call."""
         self._stop_reason = reason
 
@@ -222,7 +224,10 @@ class SafetyGuard(Backend):
         if problems := find_command_problems(command, names):
             return Fault(FaultKind.BAD_COMMAND, "; ".join(problems), state.time)
         if pause > (longest := self._longest_pause):
-            detail = f"{pause:.2f} s between two cycles, expected at most {longest:.2f} s"
+            detail = (
+                f"{pause:.2f} s between two cycles, expected at most {longest:.2f} s: the program "
+                "was suspended, or this computer has too little time"
+            )
             return Fault(FaultKind.PAUSED, detail, state.time)
         return None
 
@@ -234,11 +239,7 @@ class SafetyGuard(Backend):
         if low is not None and not np.any(alerts & ~HardwareError.VOLTAGE.value):
             return low  # which servos report as well
         if alerts.any():
-            detail = ", ".join(
-                f"joint '{names[i]}' reports {HardwareError(int(state.alert[i])).describe()}"
-                for i in np.flatnonzero(alerts)
-            )
-            return Fault(FaultKind.SERVO_ERROR, detail, state.time)
+            return Fault(FaultKind.SERVO_ERROR, _name_alerts(alerts, names), state.time)
         if (lost := self._find_lost(state)).size:
             return Fault(FaultKind.LOST_JOINTS, _name_lost(state, lost, names), state.time)
         if not state.imu_age <= limits.max_imu_age:
@@ -323,6 +324,18 @@ def _name_lost(state: State, lost: Integers, names: tuple[str, ...]) -> str:
         )
     rows = zip(lost, ages, strict=True)
     return ", ".join(f"joint '{names[i]}' since {age:.2f} s" for i, age in rows)
+
+
+def _name_alerts(alerts: Integers, names: tuple[str, ...]) -> str:
+    """Name the joints of each kind of error, or count them."""
+    kinds = []
+    for bits in dict.fromkeys(alerts[alerts != 0].tolist()):
+        rows, what = np.flatnonzero(alerts == bits), HardwareError(bits).describe()
+        if len(rows) > MOST_NAMED:
+            kinds.append(f"{len(rows)} joints report {what}")
+        else:
+            kinds += [f"joint '{names[row]}' reports {what}" for row in rows]
+    return ", ".join(kinds)
 
 
 def _name_bad_joints(state: State, names: tuple[str, ...]) -> str:

@@ -140,6 +140,7 @@ class DynamixelBackend(Backend):
         self.imu = None if without_imu else imu or find_imu(robot, built, ports)
         """Source of the IMU's samples; None without one."""
         self._connected = False
+        self._unreleased: tuple[str, ...] = ()
         self._reset()
 
     def _reset(self) -> None:
@@ -222,25 +223,27 @@ class DynamixelBackend(Backend):
         Raises:
             UnreleasedError: if joints that had torque do not confirm that it is off.
         """
-        was_open = any(chain.bus.port.is_open or chain.is_lost for chain in self.chains)
+        was_open = self._is_open
         try:
             with deferred_interrupts():
                 self._close()
         except KeyboardInterrupt:  # it may have come before the block; twice is harmless
             with deferred_interrupts():
                 self._close()
-            if not self.unreleased:
+            if not (was_open and self._unreleased):
                 raise
-        if was_open and self.unreleased:
+        if was_open and self._unreleased:
             raise UnreleasedError(
-                [joint for joint in self.robot.joints if joint.name in self.unreleased],
+                [joint for joint in self.robot.joints if joint.name in self._unreleased],
                 watched=all(chain.is_watched for chain in self.chains),
             )
 
     def _close(self) -> None:
         self._connected = False
-        if self.release is Release.LIMP:
+        if self.release is Release.LIMP and self._is_open:
             self._release()
+            driven = np.flatnonzero(self._states.may_drive)
+            self._unreleased = tuple(self.robot.joint_names[row] for row in driven)
         for chain in self.chains:
             chain.bus.port.close()
             chain.is_lost = False
@@ -249,7 +252,7 @@ class DynamixelBackend(Backend):
 
     def _release(self) -> None:
         """Release all joints, and those that do not confirm it again and again for a while."""
-        left = [chain for chain in self.chains if chain.bus.port.is_open or chain.is_lost]
+        left = self.chains
         until = time.monotonic()
         until += RELEASE_TIME if all(c.is_watched for c in left) else UNWATCHED_RELEASE_TIME
         while left := [chain for chain in left if not chain.release(self._states)]:
@@ -258,12 +261,13 @@ class DynamixelBackend(Backend):
             time.sleep(RELEASE_WAIT)
 
     @property
+    def _is_open(self) -> bool:
+        return any(chain.bus.port.is_open or chain.is_lost for chain in self.chains)
+
+    @property
     def unreleased(self) -> tuple[str, ...]:
         """Return the joints that had torque and did not confirm at ``close`` that it is off."""
-        if self._connected or self.release is Release.HOLD:
-            return ()
-        driven = np.flatnonzero(self._states.may_drive)
-        return tuple(self.robot.joint_names[row] for row in driven)
+        return self._unreleased
 
     def hand_over(self) -> tuple[str, ...]:
         """Leave the joints under torque at ``close``, unless one does not confirm; return those."""

@@ -262,7 +262,7 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
         )
     elif room < SUPPLY_MARGIN:
         warn(
-            f"supply is {servo.voltage:.1f} V, {room:.1f} V within its voltage limits of "
+            f"supply is {servo.voltage:.1f} V, only {room:.1f} V from its voltage limits of "
             f"{window[0]:g} to {window[1]:g} V, expected {SUPPLY_MARGIN:g} V or more",
             "charge or change the battery, or set its voltage limits back",
         )

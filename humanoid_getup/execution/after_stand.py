@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -156,31 +156,32 @@ class AfterStand:
     way_down: Step | None = None
     """The way down; None if it did not begin."""
     hand_over: HandOver | None = None
-    unreleased: tuple[str, ...] = ()
-    """Joints that did not confirm that their torque is off."""
+    release: UnreleasedError | None = None
+    """The joints that did not confirm that their torque is off; None if all did."""
 
-    def fail_release(self, error: UnreleasedError) -> AfterStand:
-        """Return the same with the joints that did not confirm torque off as the reason."""
-        return replace(
-            self, refusal=str(error), refused_by_fault=True, unreleased=error.joints, hand_over=None
-        )
+    @property
+    def unreleased(self) -> tuple[str, ...]:
+        """Return the joints that did not confirm that their torque is off."""
+        return self.release.joints if self.release else ()
 
     @property
     def succeeded(self) -> bool:
         """Return whether every step succeeded."""
-        return self.refusal is None and self._find_failure() is None
+        return self.refusal is None and self.release is None and self._find_failure() is None
 
     @property
     def by_fault(self) -> bool:
         """Return whether the guard or the hardware ended it."""
         failure = self._find_failure()
-        return self.refused_by_fault or (failure is not None and failure.run.ending is Ending.FAULT)
+        by_fault = self.refused_by_fault or self.release is not None
+        return by_fault or (failure is not None and failure.run.ending is Ending.FAULT)
 
     @property
     def reason(self) -> str:
         """Return the result in one line."""
+        off = str(self.release) if self.release else "torque off"
         if self.refusal is not None:
-            return self.refusal
+            return f"{self.refusal}; {off}" if self.release else self.refusal
         failure = self._find_failure()
         if failure is not None:
             what = "sitting and lying down"
@@ -189,7 +190,7 @@ class AfterStand:
             elif failure is self.followed:
                 what = Phase.FOLLOWING.value
             went_on = failure is self.hold and self.way_down is not None
-            end = "it sat and lay down" if went_on else "torque off"
+            end = "it sat and lay down" if went_on and not self.release else off
             return f"{what} failed: {failure.reason}; {end}"
         parts = [self._describe_hold(self.hold)] if self.hold else []
         if self.followed:
@@ -198,7 +199,7 @@ class AfterStand:
         if self.hand_over:
             parts.append("handed over under torque")
         else:
-            parts.append("torque off" if self.way_down else "torque off where it stood")
+            parts.append(off if self.way_down or self.release else "torque off where it stood")
         return ", ".join(parts)
 
     @staticmethod

@@ -279,7 +279,7 @@ class AttemptManager:
         except UnreleasedError as error:
             if report is None:
                 raise
-            release, after = error, after and after.fail_release(error)
+            release, after = error, after and replace(after, release=error, hand_over=None)
         ended = judge.conclude()
         return replace(
             attempt,

@@ -57,7 +57,7 @@ class StandKeeper:
         self._limit = session.torque_limit.value
         self._sent: Command | None = None
         self._handed_over: HandOver | None = None
-        self._balanced = True
+        self._balanced, self._ended = True, AfterStand()
         robot = session.world.robot
         self._way_down = find_lying_down(robot) if session.lies_down else None
 
@@ -125,7 +125,7 @@ class StandKeeper:
             with self.naming_hand_over():
                 return self._start()
         except UnreleasedError as error:
-            return AfterStand().fail_release(error)
+            return replace(self._ended, release=error, hand_over=None)
 
     def _start(self) -> AfterStand:
         with self._guard:
@@ -147,8 +147,10 @@ class StandKeeper:
             if self._session.then != "sit":
                 hold = self._hold(HOLD)
                 if not hold.is_done and not (hold.ran and self._way_down is not None):
-                    return AfterStand(hold=hold)
-            return self._end(AfterStand(hold=hold))
+                    self._ended = AfterStand(hold=hold)
+                    return self._ended
+            self._ended = self._end(AfterStand(hold=hold))
+            return self._ended
 
     def _place(self) -> None:
         """Place a simulated robot, which fell when its torque was off."""

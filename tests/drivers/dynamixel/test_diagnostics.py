@@ -134,11 +134,11 @@ def test_a_supply_at_the_servos_highest_is_no_finding(rig):
     ("limit", "tenths", "severity", "words"),
     [
         ("min_voltage_limit", 115, None, None),
-        ("min_voltage_limit", 116, Severity.WARNING, "0.4 V within its voltage limits of 11.6 to"),
-        ("min_voltage_limit", 120, Severity.WARNING, "0.0 V within its voltage limits"),
+        ("min_voltage_limit", 116, Severity.WARNING, "0.4 V from its voltage limits of 11.6 to"),
+        ("min_voltage_limit", 120, Severity.WARNING, "0.0 V from its voltage limits"),
         ("min_voltage_limit", 121, Severity.ERROR, "expected 12.1 to 14.8 V; charge or change"),
         ("max_voltage_limit", 125, None, None),
-        ("max_voltage_limit", 122, Severity.WARNING, "12.0 V, 0.2 V within its voltage limits"),
+        ("max_voltage_limit", 122, Severity.WARNING, "12.0 V, only 0.2 V from its voltage limits"),
         ("max_voltage_limit", 119, Severity.ERROR, "expected 10.0 to 11.9 V; charge or change"),
     ],
 )

@@ -185,6 +185,8 @@ def test_a_robot_on_servos_lies_down_or_holds_without_a_watchdog(
         assert result.stood, result.reason
         assert result.after is not None
         assert result.after.succeeded, result.after.reason
+        backend.close()  # as at the end of a `with` block of the caller
+        assert result.unreleased == backend.unreleased == ()
         torque = {servo.peek("torque_enable") for servo in virtual.servos}
         assert torque == {1 if then == "hand-over" else 0}
         assert {servo.peek("bus_watchdog") for servo in virtual.servos} == {0}

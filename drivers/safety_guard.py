@@ -142,10 +142,7 @@ class SafetyGuard(Backend):
         return self.backend.unreleased
 
     def hand_over(self) -> tuple[str, ...]:
-        """Leave the joints under torque at ``close``, unless one does not confirm, or a stop came.
-
-        Returns the joints that do not confirm.
-        """
+        """Leave the joints under torque at ``close`` as the backend does, unless a stop came."""
         unconfirmed = self.backend.hand_over()
         if self.check_stop():
             self.backend.release = Release.LIMP

@@ -153,12 +153,6 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
     )
 
 
-def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
-    """List the devices on a bus at its present baud rate, by id."""
-    found, is_empty = _find_broadcast(bus)
-    return _find_swept(bus) if is_empty else found
-
-
 def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
     """List what replies to a ping of all ids in Protocol 2.0; return also whether nothing does."""
     before = replace(bus.statistics)

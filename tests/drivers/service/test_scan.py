@@ -3,13 +3,14 @@
 from collections import deque
 
 import pytest
+from found_devices import find_devices
 from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.protocol1 import PROTOCOL_1, ChecksumParser
 from drivers.dynamixel.protocol2 import BROADCAST, ErrorNumber, Instruction, Packet, Status
 from drivers.serial_port import PortRefusedError
-from drivers.service import scan, sweep
+from drivers.service import sweep
 from drivers.service.scan import FoundDevice, check_rate, scan_port
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
@@ -18,12 +19,6 @@ from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 BAUD = 1_000_000
-
-
-def find_devices(bus: DynamixelBus) -> list[FoundDevice]:
-    """List the devices on a bus at its present baud rate, by id."""
-    found, is_empty = scan._find_broadcast(bus)
-    return scan._find_swept(bus) if is_empty else found
 
 
 def servo(number: int, *, baud: int = BAUD, model: str = "XM430-W350") -> VirtualServo:

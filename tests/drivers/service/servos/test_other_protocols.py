@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
+from found_devices import find_devices
 from memory_rig import Rig
 
 from drivers.dynamixel import startup
@@ -17,7 +18,7 @@ from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.serial_port import SerialPort
 from drivers.service import sweep as sweep_module
-from drivers.service.scan import find_devices, scan_port
+from drivers.service.scan import scan_port
 from drivers.service.servos.found_bench import find_bench
 from drivers.service.servos.loose_servo import (
     LooseServo,

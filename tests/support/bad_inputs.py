@@ -1,7 +1,4 @@
-"""Bad input to every command: what is given, what the one line says, and the exit code.
-
-`python tests/support/bad_inputs.py --markdown` runs them all and prints a table for the docs.
-"""
+"""Bad input to every command: what is given, and what the one line says."""
 
 from __future__ import annotations
 
@@ -12,11 +9,8 @@ import io
 import json
 import math
 import os
-import re
 import shlex
 import shutil
-import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,14 +19,14 @@ import numpy as np
 from action_files import Slot, write_action_file
 from human_clips import write_human_bvh
 from mcap.writer import Writer
-from paths import NODDING, REPOSITORY, TINY
+from paths import NODDING, TINY
 from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache
 from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
-from robots import Robot, load_robot
+from robots import Robot
 from robots.description.posture_file import format_posture
 
 MOTION = "squat_to_stand"
@@ -1235,29 +1229,3 @@ def run(case: Case) -> tuple[int, str, str]:
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
         code = main(shlex.split(case.command))
     return code, out.getvalue(), error.getvalue()
-
-
-def print_markdown() -> None:
-    """Run all cases; print them as a Markdown table."""
-    with tempfile.TemporaryDirectory() as folder:
-        make_files(Path(folder), load_robot("op3"))
-        os.chdir(folder)
-        count = sum(map(len, GROUPS.values()))
-        print(f"{count} cases; each ends with one line, and writes nothing.\n")
-        for group, cases in GROUPS.items():
-            print(f"## {group.capitalize()}\n\n| `getup ...` | line | exit code |\n|---|---|---|")
-            for case in filter(is_possible, cases):
-                code, _, error = run(case)
-                error = error.removeprefix("getup: ").replace(f"{Path.cwd()}/", "").strip()
-                error = error.replace(f"{REPOSITORY}/", "")
-                cells = [case.command, error]
-                cells = [re.sub(r"x{50,}", "xxx...", cell).replace("|", "\\|") for cell in cells]
-                print(f"| `{cells[0]}` | {cells[1]} | {code} |")
-            print()
-        os.chdir("/")
-
-
-if __name__ == "__main__":
-    if sys.argv[1:] != ["--markdown"]:
-        sys.exit(__doc__)
-    print_markdown()

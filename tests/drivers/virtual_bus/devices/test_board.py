@@ -10,11 +10,6 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 
-def test_a_ping_tells_the_board_from_a_servo():
-    (status,) = read_answers(Chain([VirtualBoard()]).handle(request(protocol2.ping(200).encode())))
-    assert (status.id, status.error, status.data[:2]) == (200, 0, b"\x00\x74")
-
-
 def test_its_switch_powers_the_servos():
     servo = VirtualServo(1, quirks=Quirks(reboot_time=0.1))
     servo.powered = False
@@ -41,17 +36,6 @@ def test_imu_and_voltage_are_read_in_one_go():
     assert status.data == bytes((118,)) + b"".join(
         value.to_bytes(2, "little", signed=True) for value in (1, -2, 3, -4, 5, 32767)
     )
-
-
-def test_a_frozen_imu_repeats_itself():
-    board = VirtualBoard()
-    board.sense_imu([1, 2, 3], [4, 5, 6])
-    board.frozen = True
-    board.sense_imu([9, 9, 9], [9, 9, 9])
-    assert [read(board, f"gyro_{axis}") for axis in "xyz"] == [1, 2, 3]
-    board.frozen = False
-    board.sense_imu([9, 9, 9], [9, 9, 9])
-    assert read(board, "acc_z") == 9
 
 
 def test_measurements_are_read_only_and_servo_instructions_unknown():

@@ -37,15 +37,6 @@ def test_a_trajectory_by_velocity_ends_at_rest_at_its_goal(position, velocity, g
 
 
 @given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
-def test_it_starts_where_and_as_fast_as_the_last_one_was(position, velocity, goal, top, a):
-    assume(abs(goal - position) > 1e-3)
-    path = plan_by_velocity(START, position, velocity, goal, top, a)
-    where, speed = path.at(START)
-    assert where == pytest.approx(position)
-    assert speed == pytest.approx(velocity)
-
-
-@given(position=ticks, velocity=speeds, goal=ticks, top=st.floats(10, 3000), a=st.floats(50, 2e4))
 def test_it_never_goes_faster_or_changes_faster_than_allowed(position, velocity, goal, top, a):
     path = plan_by_velocity(START, position, velocity, goal, top, a)
     assume(path.end > START)

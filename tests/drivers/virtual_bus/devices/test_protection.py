@@ -6,7 +6,6 @@ from wire_talk import read, sense, write
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.protection import OverloadModel
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots.description.servo_catalog import servo_models
@@ -96,13 +95,6 @@ def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
     assert read(servo, "hardware_error_status") == 0
 
 
-def test_a_voltage_error_stays_by_quirk():
-    servo = VirtualServo(1, quirks=Quirks(voltage_error_clears=False))
-    sense(servo, voltage=9.0)
-    sense(servo, voltage=12.0)
-    assert read(servo, "hardware_error_status") == HardwareError.VOLTAGE
-
-
 def test_a_shutdown_by_voltage_stays_shut_when_the_bit_goes():
     servo = powered(shutdown=1)
     sense(servo, voltage=9.0)
@@ -144,14 +136,6 @@ def test_the_larger_the_load_the_sooner_it_trips_and_a_bearable_one_never_does()
 def test_the_overload_curve_is_a_quirk():
     assert time_to_trip(STALL, Quirks(overload_time=1.0)) == pytest.approx(1.03, abs=0.011)
     assert time_to_trip(0.5 * STALL, Quirks(overload_share=0.4)) < 4.0
-
-
-def test_overload_does_not_depend_on_how_time_is_cut():
-    coarse, fine = OverloadModel(2.0, Quirks()), OverloadModel(2.0, Quirks())
-    coarse.advance(1.0, 1.0)
-    for _ in range(1000):
-        fine.advance(1.0, 0.001)
-    assert coarse.heat == pytest.approx(fine.heat)
 
 
 def test_a_reboot_forgets_the_load_so_far():
@@ -236,11 +220,3 @@ def test_in_the_other_modes_the_watchdog_stops_the_motor(mode: int, goal: str, v
     }
     assert asked[goal] == read(servo, goal) == 0
     assert drive.torque_on
-
-
-def test_a_reboot_clears_the_watchdog():
-    servo = powered(bus_watchdog=1)
-    servo.advance(1.0)
-    servo.reboot()
-    servo.advance(2.0)
-    assert read(servo, "bus_watchdog") == 0

@@ -56,13 +56,6 @@ def test_a_servo_comes_with_the_defaults_of_its_table(model: str):
     assert read(servo, "present_position") == read(servo, "goal_position") == 2048
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_new_servo_has_no_hardware_error(model: str):
-    servo = VirtualServo(1, model)
-    servo.advance(1.0)
-    assert read(servo, "hardware_error_status") == 0
-
-
 def test_a_ping_tells_model_and_firmware_at_every_return_level():
     servo = VirtualServo(3, "XM540-W270", firmware=45)
     for level in (2, 1, 0):
@@ -150,11 +143,6 @@ def test_data_limit_error_for_goals_beyond_a_configured_limit():
     assert write(servo, "goal_position", 1000) == write(servo, "goal_position", 3000) == 0
 
 
-def test_the_number_of_a_limit_error_is_a_quirk():
-    servo = VirtualServo(1, quirks=Quirks(limit_error=ErrorNumber.DATA_RANGE))
-    assert write(servo, "goal_position", 4096) == ErrorNumber.DATA_RANGE
-
-
 def test_access_error_outside_the_table():
     servo = VirtualServo(1)
     assert raw_read(servo, servo.table.size, 1) == (ErrorNumber.ACCESS, b"")
@@ -230,16 +218,6 @@ def test_drive_mode_takes_only_the_bits_of_its_model():
 # Registered writes --------------------------------------------------------------------------
 
 
-def test_a_registered_write_waits_for_its_action():
-    servo = VirtualServo(1)
-    status = servo.handle(Instruction.REG_WRITE, b"\x68\0\x64\0\0\0")  # goal velocity 100
-    assert status is not None and status.error == 0
-    assert (read(servo, "registered_instruction"), read(servo, "goal_velocity")) == (1, 0)
-    status = servo.handle(Instruction.ACTION)
-    assert status is not None and status.error == 0
-    assert (read(servo, "registered_instruction"), read(servo, "goal_velocity")) == (0, 100)
-
-
 def test_a_registered_write_is_judged_when_it_comes():
     servo = VirtualServo(1)
     cases = {
@@ -253,15 +231,6 @@ def test_a_registered_write_is_judged_when_it_comes():
         status = servo.handle(Instruction.REG_WRITE, params)
         assert status is not None and status.number == number
     assert read(servo, "registered_instruction") == 0
-
-
-def test_a_reboot_forgets_a_registered_write():
-    servo = VirtualServo(1)
-    servo.handle(Instruction.REG_WRITE, b"\x41\0\1")
-    servo.handle(Instruction.REBOOT)
-    wake(servo)
-    status = servo.handle(Instruction.ACTION)
-    assert status is not None and status.number == ErrorNumber.INSTRUCTION
 
 
 # Indirect registers -------------------------------------------------------------------------
@@ -292,16 +261,6 @@ def test_indirect_writes_obey_the_rules_of_the_register_behind():
     assert raw_write(servo, 230, b"\0") == ErrorNumber.ACCESS  # a gap
     assert write(servo, "indirect_address_1", 63) == ErrorNumber.DATA_RANGE  # EEPROM
     assert write(servo, "indirect_address_1", 662) == ErrorNumber.DATA_RANGE
-
-
-def test_new_indirect_addresses_count_at_once():
-    servo = VirtualServo(1)
-    assert raw_read(servo, 224, 1) == (0, b"\0")
-    write(servo, "indirect_address_1", 68)
-    assert raw_read(servo, 224, 1) == (0, b"\2")
-    write(servo, "indirect_address_1", 65)
-    assert raw_write(servo, 224, b"\1") == 0
-    assert read(servo, "led") == 1
 
 
 def test_unmapped_indirect_data_is_memory_of_its_own():

@@ -152,13 +152,6 @@ def test_without_that_quirk_an_old_goal_makes_the_servo_jump():
     assert servo.motor_command().target_ticks == 4000.0
 
 
-def test_torque_on_again_changes_nothing():
-    servo = powered()
-    write(servo, "goal_position", 3000)
-    write(servo, "torque_enable", 1)
-    assert servo.motor_command().target_ticks == 3000.0
-
-
 def test_torque_on_beyond_the_limits_holds_there():
     servo = VirtualServo(1)
     write(servo, "max_position_limit", 2000)
@@ -178,15 +171,6 @@ def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
         write(servo, f"indirect_address_{i + 1}", 116 + i)
     servo.handle(Instruction.WRITE, b"\xe0\0\x00\x09\0\0")
     assert servo.motor_command().target_ticks == 0x0900
-
-
-def test_torque_by_goal_update_switches_torque_on_and_goes():
-    servo = VirtualServo(1)
-    write(servo, "drive_mode", 8)
-    assert not servo.motor_command().torque_on
-    write(servo, "goal_position", 2100)
-    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
-    assert read(servo, "torque_enable") == 1
 
 
 def test_gain_and_goal_pwm_reach_the_motor_under_torque():
@@ -295,17 +279,6 @@ def test_a_new_goal_in_motion_continues_from_the_trajectory():
     assert 0.0 < servo.motor_command().target_ticks - before < 2.0  # still braking, 1.5 ticks a ms
     servo.advance(20.0)
     assert servo.motor_command().target_ticks == 1000.0
-
-
-def test_a_time_based_profile_arrives_on_time():
-    servo = powered(drive_mode=4, profile_velocity=2000, profile_acceleration=500)
-    write(servo, "goal_position", 2248)
-    servo.advance(1.0)
-    assert servo.motor_command().target_ticks == pytest.approx(2148.0)
-    servo.advance(1.999)
-    assert servo.has_profile
-    servo.advance(2.0)
-    assert servo.motor_command().target_ticks == 2248.0 and not servo.has_profile
 
 
 def test_a_time_based_profile_has_a_shorter_range():

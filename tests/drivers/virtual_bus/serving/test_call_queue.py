@@ -39,10 +39,6 @@ def test_a_call_runs_in_the_serving_thread_and_returns_its_result(serving: Servi
     assert serving.queue.call(lambda: 6 * 7) == 42
 
 
-def test_a_call_within_a_call_does_not_wait_for_itself(serving: Serving):
-    assert serving.queue.call(lambda: serving.queue.call(lambda: "inner")) == "inner"
-
-
 def test_an_exception_is_raised_in_the_caller_and_serving_continues(serving: Serving):
     with pytest.raises(ZeroDivisionError):
         serving.queue.call(lambda: 1 / 0)

@@ -90,20 +90,6 @@ def test_what_no_device_hears_is_unanswered(request_, options, counter):
     assert counter is None or getattr(exchange.statistics, counter) == 1
 
 
-def test_an_instruction_without_stuffing_is_heard_by_devices_that_do_not_care():
-    exchange, _ = exchange_with(FakeDevices(IDS))
-    assert len(exchange.run(received(READ, unstuffed=True))) == 1
-
-
-def test_a_silent_bus_counts_what_it_does_not_hear():
-    devices = FakeDevices(IDS)
-    exchange, faults = exchange_with(devices)
-    faults.silence()
-    assert exchange.run(received(READ)) == []
-    assert devices.heard == []
-    assert faults.counts["silenced"] == 1
-
-
 def deliver(exchange: Exchange, wire: FakeWire, baud: int) -> tuple[int, int, int]:
     exchange.deliver(wire, bytes(15), baud)
     statistics = exchange.statistics

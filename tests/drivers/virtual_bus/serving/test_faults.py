@@ -1,6 +1,5 @@
 """Faults on demand: each does what its name says, is counted, and comes again from its seed."""
 
-import os
 from collections import Counter
 from pathlib import Path
 
@@ -8,18 +7,16 @@ import numpy as np
 import pytest
 import serial
 from fake_devices import FakeDevices
-from fast_status import encode_fast_status
 from hypothesis import given
 from hypothesis import strategies as st
 from waiting import wait_until
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import Damaged, FrameParser, Packet, Span, Status
+from drivers.dynamixel.protocol2 import FrameParser, Packet, Span, Status
 from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule, FaultScheduleError
 from drivers.virtual_bus.serving.interfaces import StillPhysics
-from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
@@ -152,14 +149,6 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
     assert Status.from_packet(packet).data == data
 
 
-def test_a_part_of_a_fast_answer_gets_a_wrong_id_too():
-    frame = encode_fast_status([Status(1, 0, b"\x10\x20"), Status(2, 0, b"\x30\x40")])
-    line = line_faults()
-    line.strike_next(LineFault.WRONG_ID)
-    piece = bytes_of(line.disturb_reply(Reply(2, 0.0, frame[14:])))
-    assert piece == frame[14:15] + b"\x03" + frame[16:]
-
-
 def test_flips_come_at_their_rate():
     line = line_faults()
     line.set_rate(LineFault.FLIP, 0.01)
@@ -181,15 +170,6 @@ def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault
     assert 240 < hit < 400  # flips: 1 - 0.98**21 = 0.346; else 0.3
 
 
-def test_a_damaged_request_is_heard_as_damaged():
-    line = line_faults()
-    line.strike_next(LineFault.FLIP_REQUEST)
-    packet = Packet(1, protocol2.Instruction.WRITE, bytes(40))
-    (heard,) = line.disturb_request(packet)
-    assert isinstance(heard, Damaged)
-    assert line.disturb_request(packet) == [packet]
-
-
 def test_the_same_seed_brings_the_same_faults():
     def play(seed: int) -> list[bytes]:
         line = line_faults(seed)
@@ -209,47 +189,10 @@ def test_a_rate_is_a_share():
 # On the bus --------------------------------------------------------------------------------
 
 
-def test_a_lost_answer_lets_the_client_wait_and_is_counted(bus: VirtualBus, port: serial.Serial):
-    bus.faults.strike_next(LineFault.LOSE, 2)
-    assert ask_all(bus, port, protocol2.ping(2).encode()) == b""
-    assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
-    assert bus.time == pytest.approx(QUIET)
-    assert bus.faults.counts == Counter(lose=1)
-
-
 def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
     bus.faults.strike_next(LineFault.LOSE, 2)
     frames = FrameParser().feed(ask_all(bus, port, protocol2.sync_read(IDS, Span(132, 4)).encode()))
     assert [frame.id for frame in frames] == [1, 3]
-
-
-def test_a_late_answer_comes_with_the_next_cycle(bus: VirtualBus, port: serial.Serial):
-    bus.faults.set_times(late_by=0.015)  # longer than a client waits for
-    bus.faults.strike_next(LineFault.LATE, 1)
-    assert ask_all(bus, port, protocol2.read(1, Span(10, 1)).encode()) == b""
-    late = ask(port, GOALS + protocol2.read(2, Span(20, 1)).encode(), 24)
-    assert late == Status(1, 0, b"\x0a").encode() + Status(2, 0, b"\x14").encode()
-
-
-def test_what_comes_behind_a_late_answer_is_late_too(bus: VirtualBus, port: serial.Serial):
-    bus.faults.set_times(late_by=0.015)
-    bus.faults.strike_next(LineFault.LATE, 2)
-    request = protocol2.sync_read(IDS, Span(10, 1)).encode()
-    assert [frame.id for frame in FrameParser().feed(ask_all(bus, port, request))] == [1]
-    rest = ask(port, GOALS, 24)
-    assert [frame.id for frame in FrameParser().feed(rest)] == [2, 3]
-
-
-def test_a_split_answer_is_whole_in_the_end(bus: VirtualBus, port: serial.Serial):
-    bus.faults.strike_next(LineFault.SPLIT, 1)
-    assert ask(port, protocol2.read(1, Span(10, 1)).encode(), 12) == Status(1, 0, b"\x0a").encode()
-
-
-def test_an_echo_precedes_the_answer(bus: VirtualBus, port: serial.Serial):
-    bus.faults.strike_next(LineFault.ECHO)
-    request = protocol2.ping(1).encode()
-    assert ask(port, request, len(request) + 14)[: len(request)] == request
-    assert bus.faults.counts["echo"] == 1
 
 
 def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
@@ -289,13 +232,6 @@ def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevi
     assert bus.faults.counts.total() == 4
 
 
-def test_two_devices_of_one_id_break_together(devices: FakeDevices):
-    devices.devices[1].id = 1
-    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP) as bus:
-        bus.faults.kill(1)
-    assert [device.alive for device in devices.devices] == [False, False, True]
-
-
 def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
     with pytest.raises(
         FaultError, match="'kill' of id 9 cannot be injected: expected one of the ids 1, 2, 3"
@@ -320,17 +256,6 @@ def test_every_imu_freezes(devices: FakeDevices):
     assert not hasattr(devices.devices[0], "frozen")
 
 
-def test_pulling_the_plug_is_a_fault(bus: VirtualBus, port: serial.Serial):
-    bus.faults.unplug()
-    assert not os.path.lexists(bus.path)
-    with pytest.raises((OSError, serial.SerialException)):
-        port.write(b"?")
-    bus.faults.replug()
-    with serial.Serial(bus.path, 1_000_000, timeout=5.0) as again:
-        assert len(ask(again, protocol2.ping(1).encode(), 14)) == 14
-    assert bus.faults.counts == Counter(unplug=1, replug=1)
-
-
 # Schedules ---------------------------------------------------------------------------------
 
 
@@ -338,20 +263,6 @@ def write(tmp_path, text: str):
     file = tmp_path / "faults.toml"
     file.write_text(text)
     return file
-
-
-def test_a_scheduled_fault_comes_and_goes_at_its_bus_time(tmp_path, devices: FakeDevices):
-    file = write(tmp_path, '[[fault]]\nat = 0.02\nkind = "kill"\nid = 2\nfor = 0.02\n')
-    alive = []
-    options = scheduled(file, IDS)
-    with (
-        VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, options=options) as bus,
-        serial.Serial(bus.path, 1_000_000, timeout=5.0) as port,
-    ):
-        for _ in range(6):
-            ask(port, GOALS + protocol2.ping(1).encode(), 14)
-            alive.append(devices.device(2).alive)
-    assert alive == [True, True, False, False, True, True]  # periods end at 8, 16, 24 ms ...
 
 
 def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
@@ -406,11 +317,6 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
         kill=1, revive=1, reboot=1, trip=1, heat=1, sag=1, freeze_imu=1, silence=1, unplug=1
     )
     assert bus.faults.counts == Counter(made, replug=2)
-
-
-def test_entries_are_done_in_the_order_of_their_times(tmp_path):
-    text = "".join(f'[[fault]]\nat = {at}\nkind = "sag"\nvoltage = 9\n' for at in (3, 1, 2.5))
-    assert [f.at for f in FaultSchedule.from_file(write(tmp_path, text)).faults] == [1, 2.5, 3]
 
 
 def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
@@ -488,8 +394,3 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
 def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, message: str):
     with pytest.raises(FaultScheduleError, match=message):
         FaultSchedule.from_file(write(tmp_path, text))
-
-
-def test_a_missing_schedule_names_its_file(tmp_path):
-    with pytest.raises(FaultScheduleError, match=r"faults\.toml: No such file"):
-        FaultSchedule.from_file(tmp_path / "faults.toml")

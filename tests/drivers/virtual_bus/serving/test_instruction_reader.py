@@ -83,25 +83,8 @@ def test_a_pause_within_an_instruction_breaks_it_off():
     assert len(reader.receive(READ, 2.0, BAUD)) == 1
 
 
-def test_a_shorter_pause_does_not():
-    reader, statistics = make_reader(timed=True)
-    reader.receive(READ[:6], 1.0, BAUD)
-    (one,) = reader.receive(READ[6:], 1.0 + 6 * BYTE + LONGEST_GAP - 1e-6, BAUD)
-    assert one.item.encode() == READ
-    assert statistics.broken_off == 0
-
-
 def test_where_time_does_not_count_the_next_instruction_breaks_off_a_half_one():
     reader, statistics = make_reader()
     reader.receive(READ[:6], 0.0, BAUD)
     assert len(reader.receive(READ, 0.0, BAUD)) == 1
     assert (statistics.broken_off, statistics.noise) == (1, 6)
-
-
-def test_stuffing_is_judged_without_the_noise_before_and_the_bytes_behind():
-    body = bytes([STUFFED.instruction]) + STUFFED.params
-    plain = protocol2.seal(protocol2.HEADER + bytes([1, len(body) + 2, 0]) + body)
-    for frame, unstuffed in ((plain, True), (STUFFED.encode(), False)):
-        reader, _ = make_reader()
-        (one,) = reader.receive(b"noise" + frame + READ[:9], 0.0, BAUD)
-        assert (one.unstuffed, one.size) == (unstuffed, 5 + len(frame))

@@ -7,21 +7,13 @@ import signal
 import subprocess
 import sys
 import termios
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import serial
-from hypothesis import given
-from hypothesis import strategies as st
 
-from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import Instruction, Packet, Span
-from drivers.virtual_bus.serving.instruction_reader import LONGEST_GAP, InstructionReader
-from drivers.virtual_bus.serving.interfaces import WireStatistics
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
 
-BYTE = 1e-5  # s on the wire at 1 Mbps
 TIOCGEXCL = 0x80045440
 HOLD_PORT = """
 import fcntl, os, sys, termios, time
@@ -194,76 +186,3 @@ def test_closing_removes_the_folder_and_may_be_repeated():
     wire.close()
     wire.close()
     assert not folder.exists()
-
-
-# Hearing -----------------------------------------------------------------------------------
-
-FRAMES = st.lists(
-    st.builds(
-        lambda device, params: Packet(device, Instruction.WRITE, params),
-        st.integers(0, 252),
-        st.lists(st.sampled_from([0x00, 0xFD, 0xFF, 7]), max_size=12).map(bytes),
-    ),
-    min_size=1,
-    max_size=5,
-)
-
-
-@given(packets=FRAMES, cuts=st.lists(st.integers(0, 120), max_size=4))
-def test_each_instruction_is_as_long_as_its_frame_however_bytes_arrive(packets, cuts):
-    stream = b"".join(packet.encode() for packet in packets)
-    statistics = WireStatistics()
-    reader = InstructionReader(statistics, timed=True)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    pieces = [stream[a:b] for a, b in pairwise(edges)]
-    heard = [r for piece in pieces for r in reader.receive(piece, 0.0, 1_000_000)]
-    assert [request.item for request in heard] == packets
-    assert [request.size for request in heard] == [len(p.encode()) for p in packets]
-    assert (statistics.unstuffed, statistics.noise) == (0, 0)
-    assert statistics.bytes_in == len(stream)
-
-
-def test_noise_before_an_instruction_takes_its_time_on_the_wire():
-    reader = InstructionReader(WireStatistics(), timed=True)
-    (request,) = reader.receive(b"\x00" * 5 + protocol2.ping(1).encode(), 0.0, 1_000_000)
-    assert request.size == 15
-
-
-def test_an_unstuffed_instruction_is_heard_and_noted():
-    statistics = WireStatistics()
-    reader = InstructionReader(statistics, timed=True)
-    # As dynamixel-sdk 4.1.0 sends it: the CRC matches the raw bytes, nothing is stuffed.
-    raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    (request,) = reader.receive(raw, 0.0, 1_000_000)
-    assert request.item == Packet(1, Instruction.WRITE, b"\x74\x00\xff\xff\xfd")
-    assert request.unstuffed
-    assert statistics.unstuffed == 1
-
-
-def test_a_gap_inside_an_instruction_breaks_it_off():
-    frame = protocol2.read(1, Span(132, 4)).encode()
-    for gap, heard in ((LONGEST_GAP * 0.9, 1), (LONGEST_GAP * 1.1, 0)):
-        statistics = WireStatistics()
-        reader = InstructionReader(statistics, timed=True)
-        reader.receive(frame[:5], 0.0, 1_000_000)
-        found = reader.receive(frame[5:], 5 * BYTE + gap, 1_000_000)
-        assert len(found) == heard
-        assert statistics.broken_off == 1 - heard
-
-
-def test_without_time_an_instruction_ends_where_the_next_begins():
-    statistics = WireStatistics()
-    reader = InstructionReader(statistics, timed=False)
-    reader.receive(protocol2.read(1, Span(132, 4)).encode()[:5], 0.0, 1_000_000)
-    (request,) = reader.receive(protocol2.ping(2).encode(), 0.0, 1_000_000)
-    assert request.item == Packet(2, Instruction.PING)
-    assert statistics.broken_off == 1
-
-
-def test_a_damaged_instruction_is_counted():
-    statistics = WireStatistics()
-    frame = bytearray(protocol2.ping(1).encode())
-    frame[-1] ^= 1
-    found = InstructionReader(statistics, timed=True).receive(bytes(frame), 0.0, 1_000_000)
-    assert len(found) == statistics.damaged == 1
-    assert statistics.packets == 0

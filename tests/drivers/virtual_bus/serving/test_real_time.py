@@ -5,7 +5,7 @@ from fake_devices import FakeDevices
 from fake_wire import FakeWire, exchange_with
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import Span, Status
+from drivers.dynamixel.protocol2 import Span
 from drivers.virtual_bus.serving import real_time
 from drivers.virtual_bus.serving.lock_step import IDLE
 from drivers.virtual_bus.serving.real_time import MICROFRAME, SPIN, RealTime
@@ -41,14 +41,6 @@ class Served:
     def times(self) -> list[float]:
         """Return the bus times at which bytes were delivered [s]."""
         return [at - 100.0 for at, _ in self.wire.received]
-
-
-def test_a_reply_is_delivered_when_its_last_byte_has_left_the_device(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
-    served.send(0.01, READ)
-    served.run(0.02)
-    assert served.wire.data == Status(2, 0, bytes((132, 133, 134, 135))).encode()
-    assert served.times == pytest.approx([0.01 + (14 + 15) * BYTE + 0.0005], abs=STEP)
 
 
 def test_replies_of_a_group_follow_one_another_by_their_delays(monkeypatch):
@@ -117,15 +109,6 @@ def test_a_reply_to_a_ping_that_has_begun_comes_whole_before_the_next_instructio
     assert served.times == pytest.approx(expected, abs=STEP)
 
 
-def test_replies_to_other_instructions_come_although_the_client_continues(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, GROUP)
-    served.send(0.0145, READ)
-    served.run(0.05)
-    assert [data[4] for _, data in served.wire.received] == [1, 2, 3, 2]
-    assert served.exchange.statistics.talked_over == 1
-
-
 def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS))
     served.faults.set_times(late_by=0.02)
@@ -136,14 +119,6 @@ def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
     assert [data[4] for _, data in served.wire.received] == [1, 2]
     assert served.times == pytest.approx([0.01 + (17 + 15) * BYTE, second], abs=STEP)
     assert len(served.wire.data) == 45
-
-
-def test_without_another_instruction_every_slot_of_a_ping_is_used(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, protocol2.ping().encode())
-    served.run(0.05)
-    assert [data[4] for _, data in served.wire.received] == [1, 2, 3]
-    assert served.exchange.statistics.talked_over == 0
 
 
 def test_bytes_at_another_rate_than_the_clients_are_lost(monkeypatch):

@@ -1,9 +1,6 @@
 """The virtual bus answers in time, keeps time with its client, and always ends cleanly."""
 
 import os
-import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -16,13 +13,8 @@ from waiting import wait_until
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
 from drivers.real_time_class import in_real_time_class
-from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.interfaces import StillPhysics
-from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus, VirtualBusError
-from drivers.virtual_bus.serving.wire_faults import LineFault
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus, VirtualBusError
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s, of a bus without physics
@@ -53,55 +45,6 @@ def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
 # Lock-step ---------------------------------------------------------------------------------
 
 
-def test_a_read_is_answered_and_takes_no_bus_time(bus: VirtualBus):
-    with connect(bus) as port:
-        answer = ask(port, protocol2.read(2, Span(132, 4)).encode(), 15)
-    assert answer == Status(2, 0, bytes((132, 133, 134, 135))).encode()
-    assert bus.time == 0.0
-
-
-def test_each_sync_write_of_goals_passes_one_period(bus: VirtualBus, devices: FakeDevices):
-    with connect(bus) as port:
-        for _ in range(5):
-            port.write(GOALS)
-        ask(port, protocol2.ping(1).encode(), 14)
-    assert bus.time == pytest.approx(5 * PERIOD)
-    assert devices.now == bus.time
-
-
-@pytest.mark.parametrize(
-    "request_",
-    [
-        protocol2.bulk_write({1: (116, bytes(4))}).encode(),
-        protocol2.sync_write(64, {1: b"\x01"}).encode(),
-        protocol2.write(0xFE, 116, bytes(4)).encode(),
-        protocol2.write(1, 116, bytes(4)).encode(),
-        protocol2.sync_write(112, {1: bytes(4)}).encode(),
-    ],
-)
-def test_nothing_else_passes_time(bus: VirtualBus, request_: bytes):
-    with connect(bus) as port:
-        port.write(request_)
-        port.write(protocol2.ping(3).encode())
-        wait_until(lambda: bus.statistics.packets == 2)
-    assert bus.time == 0.0
-
-
-def test_a_longer_sync_write_over_the_goals_passes_a_period(bus: VirtualBus):
-    with connect(bus) as port:
-        port.write(protocol2.sync_write(100, {1: bytes(20)}).encode())
-        ask(port, protocol2.ping(1).encode(), 14)
-    assert bus.time == pytest.approx(PERIOD)
-
-
-def test_a_client_that_waits_in_vain_lets_time_pass(bus: VirtualBus):
-    with connect(bus) as port:
-        port.write(protocol2.ping(99).encode() + protocol2.sync_read([99], Span(132, 4)).encode())
-        ask(port, protocol2.ping(1).encode(), 14)
-    assert bus.time == pytest.approx(2 * QUIET)
-    assert bus.statistics.unanswered == 2
-
-
 def test_the_same_requests_give_the_same_bytes_and_time():
     def play() -> tuple[bytes, float]:
         with (
@@ -130,32 +73,6 @@ def test_bytes_take_their_time_on_the_wire():
     assert answer == Status(1, 0, bytes((132, 133, 134, 135))).encode()
 
 
-def test_answers_follow_each_other_by_return_delay_and_bytes():
-    devices = FakeDevices(IDS, delay=0.01)
-    with VirtualBus(devices) as bus, connect(bus) as port:
-        start = time.monotonic()
-        assert len(ask(port, protocol2.sync_read(IDS, Span(132, 4)).encode(), 45)) == 45
-        assert time.monotonic() - start >= 3 * 0.01 + (17 + 45) * 1e-5
-
-
-def test_an_instruction_waits_for_the_bytes_before_it():
-    with VirtualBus(FakeDevices(IDS, baud=57600)) as bus, connect(bus, 57600) as port:
-        start = time.monotonic()
-        ask(port, GOALS * 10 + protocol2.ping(1).encode(), 14)
-        assert time.monotonic() - start >= (len(GOALS) * 10 + 10 + 14) * 10 / 57600
-
-
-def test_the_adapter_hands_over_once_a_tick():
-    with (
-        VirtualBus(FakeDevices(IDS), options=PortOptions(adapter_latency=0.016)) as bus,
-        connect(bus) as port,
-    ):
-        start = time.monotonic()
-        for _ in range(4):
-            assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
-        assert time.monotonic() - start >= 3 * 0.016
-
-
 def test_bus_time_passes_without_a_client(devices: FakeDevices):
     with VirtualBus(devices) as bus:
         wait_until(lambda: bus.time > 0.05)
@@ -167,73 +84,6 @@ def test_bus_time_continues_from_where_the_body_is(devices: FakeDevices):
     physics.advance(1000.0)
     with VirtualBus(devices, physics) as bus:
         wait_until(lambda: 1000.0 < bus.time < 1000.0 + 60.0)
-
-
-def test_a_pause_inside_an_instruction_breaks_it_off(devices: FakeDevices):
-    request = protocol2.read(1, Span(132, 4)).encode()
-    with VirtualBus(devices) as bus, connect(bus) as port:
-        port.write(request[:6])
-        wait_until(lambda: bus.statistics.bytes_in == 6)
-        begun = bus.time
-        wait_until(lambda: bus.time > begun + 0.003)
-        port.write(request[6:])
-        assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
-        assert bus.statistics.broken_off == 1
-
-
-def test_talking_over_an_answer_is_noted():
-    devices = FakeDevices(IDS, delay=0.5)
-    with VirtualBus(devices) as bus, connect(bus) as port:
-        port.write(protocol2.ping(1).encode())
-        wait_until(lambda: bus.statistics.answers == 1)
-        devices.delay = 0.0
-        port.write(protocol2.ping(2).encode())
-        assert len(port.read(28)) == 28
-        assert bus.statistics.talked_over == 1
-
-
-def test_a_reply_in_flight_is_lost_when_the_client_changes_its_rate():
-    devices = FakeDevices(IDS, delay=0.5)
-    with VirtualBus(devices) as bus, connect(bus) as port:
-        port.write(protocol2.ping(1).encode())
-        wait_until(lambda: bus.statistics.answers == 1)
-        devices.delay = 0.0
-        port.baudrate = 57_600
-        wait_until(lambda: bus.statistics.missed == 14)
-        port.baudrate = 1_000_000
-        assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
-        assert bus.statistics.bytes_out == 14
-
-
-def test_a_late_reply_is_lost_in_lock_step_too(bus: VirtualBus):
-    bus.faults.strike_next(LineFault.LATE, 1)
-    with connect(bus) as port:
-        port.write(protocol2.ping(1).encode())
-        wait_until(lambda: bus.statistics.answers == 1)
-        port.baudrate = 57_600
-        port.write(GOALS * 3)
-        wait_until(lambda: bus.statistics.missed == 14)
-        assert bus.statistics.bytes_out == 0
-
-
-def test_an_instruction_does_not_wait_for_the_slots_of_a_broadcast_ping():
-    quirks = Quirks(ping_slot=0.05)  # so the slot of id 200 comes after 10 s
-    chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (0, 200)], quirks)
-    with VirtualBus(chain) as bus, connect(bus) as port:
-        assert ask(port, protocol2.ping(0xFE).encode(), 14)[4] == 0
-        assert ask(port, protocol2.ping(200).encode(), 14)[4] == 200
-        assert bus.time < 10.0
-        # The new instruction took the place of the ping: its other reply is dropped.
-        assert bus.statistics.bytes_out == 28
-        wait_until(lambda: bus.statistics.answers == 3)
-
-
-def test_an_instruction_sent_with_a_broadcast_ping_replaces_it():
-    quirks = Quirks(ping_slot=0.05)
-    chain = Chain([VirtualServo(i, baud=1_000_000, quirks=quirks) for i in (100, 200)], quirks)
-    with VirtualBus(chain) as bus, connect(bus) as port:
-        assert ask(port, protocol2.ping(0xFE).encode() + protocol2.ping(100).encode(), 14)[4] == 100
-        assert bus.time < 5.0
 
 
 # Both --------------------------------------------------------------------------------------
@@ -297,15 +147,6 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(
         assert message.bytes_out + message.overflow <= 400 * 261
 
 
-def test_devices_refuse_unstuffed_instructions_where_they_are_strict(devices: FakeDevices):
-    raw = protocol2.seal(b"\xff\xff\xfd\x00\x01\x08\x00\x03\x74\x00\xff\xff\xfd")
-    strict = VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, strict_stuffing=True)
-    with strict as bus, connect(bus) as port:
-        assert ask(port, raw + protocol2.ping(2).encode(), 14)[4] == 2
-        assert bus.statistics.unstuffed == 1
-    assert devices.heard == [Packet(2, Instruction.PING)]
-
-
 @pytest.mark.parametrize("time_mode", TimeMode)
 def test_unplug_and_replug(devices: FakeDevices, time_mode: TimeMode):
     with VirtualBus(devices, time_mode=time_mode) as bus:
@@ -322,24 +163,6 @@ def test_unplug_and_replug(devices: FakeDevices, time_mode: TimeMode):
         assert bus.path == path
         with connect(bus) as port:
             assert ask(port, protocol2.ping(1).encode(), 14)[:4] == PING_HEAD
-
-
-@pytest.mark.parametrize("time_mode", TimeMode)
-def test_a_killed_client_does_not_stop_the_bus(devices: FakeDevices, time_mode: TimeMode):
-    script = (
-        "import serial, sys, time\n"
-        "port = serial.Serial(sys.argv[1], 1_000_000, timeout=5)\n"
-        "port.write(bytes.fromhex(sys.argv[2])); port.read(1)\n"
-        "print('heard', flush=True); time.sleep(60)\n"
-    )
-    with VirtualBus(devices, time_mode=time_mode) as bus:
-        command = [sys.executable, "-c", script, bus.path, protocol2.ping(1).encode().hex()]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as client:
-            assert client.stdout is not None
-            assert client.stdout.readline() == b"heard\n"
-            client.send_signal(signal.SIGKILL)
-        with connect(bus) as port:
-            assert ask(port, protocol2.ping(2).encode(), 14)[4] == 2
 
 
 # The thread --------------------------------------------------------------------------------
@@ -392,20 +215,6 @@ def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
             bus.call(lambda: 1 // 0)
         assert bus.running
     assert bus.call(lambda: threading.current_thread()) is threading.main_thread()
-
-
-def test_many_threads_may_call_while_the_bus_comes_and_goes(devices: FakeDevices):
-    message: list[int] = []
-    with VirtualBus(devices) as bus:
-        callers = [
-            threading.Thread(target=lambda: message.extend(bus.call(lambda: 1) for _ in range(200)))
-            for _ in range(4)
-        ]
-        for caller in callers:
-            caller.start()
-    for caller in callers:
-        caller.join(10.0)
-    assert len(message) == 800
 
 
 def test_a_bus_that_does_not_run_says_so(devices: FakeDevices):

@@ -68,8 +68,13 @@ $(LEROBOT_VENV)/ready: pyproject.toml plugins/lerobot_robot_getup/pyproject.toml
 
 setup: $(VENV)/dev  ## Make the development environment in .venv (without torch).
 
-rise: $(VENV)/core  ## Get an OP3 up that fell on its back; report and pictures in out/rise/.
-	$(BIN)/getup rise --robot op3 --from supine --seed 0 --out out/rise
+rise: $(VENV)/core  ## Get an OP3 up that fell on its back; report, pictures, video in out/rise/.
+	$(BIN)/getup rise --robot op3 --from supine --seed 0 --out out/rise --video out/rise/rise.webp
+	@echo
+	@echo "The rise: out/rise/rise.webp, as pictures out/rise/strip.png, its figures out/rise/report.json"
+	@echo "Next:     $(BIN)/getup rise --from prone --seed 3 --view     another fall, in a window"
+	@echo "          $(BIN)/getup robots                                the robots at hand"
+	@echo "          docs/how-to/your_robot.md                          a body of your own"
 
 check: setup  ## Run ruff, pyright and the import rules.
 	$(BIN)/ruff check .

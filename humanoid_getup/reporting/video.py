@@ -1,4 +1,4 @@
-"""Videos: a motion at its own speed, as MP4 or as GIF."""
+"""Videos: a motion at its own speed, as MP4, GIF or WebP."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from robots.storage.files import atomic_path
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-RATE, GIF_RATE = 30, 20  # pictures a second; GIF counts in hundredths of a second
-SIZE, GIF_SIZE = (720, 720), (360, 360)  # pixels
-GIF = ".gif"
+RATE, LOOP_RATE = 30, 20  # pictures a second; GIF counts in hundredths of a second
+SIZE, LOOP_SIZE = (720, 720), (360, 360)  # pixels
+LOOPS = {".gif": "GIF", ".webp": "WEBP"}
+"""Formats of pictures that play again and again, by suffix."""
 # In software, a picture takes a fifth of the time without multisampling and with small shadows.
 SHADOW = 1024  # pixels
 
@@ -34,7 +35,7 @@ def save_video(robot: Robot, model: mujoco.MjModel, time: Array, qpos: Array, pa
         NoRendererError: if OpenGL cannot be opened.
         OSError: if the file cannot be written.
     """
-    rate, size = find_rate(path), GIF_SIZE if _is_gif(path) else SIZE
+    rate, size = find_rate(path), LOOP_SIZE if _is_loop(path) else SIZE
     at = np.arange(time[0], time[-1] + 0.5 / rate, 1.0 / rate)
     rows = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
     model = copy.copy(model)
@@ -44,7 +45,7 @@ def save_video(robot: Robot, model: mujoco.MjModel, time: Array, qpos: Array, pa
 
 def find_rate(path: Path) -> int:
     """Return the pictures a second of a video in the format that its suffix names."""
-    return GIF_RATE if _is_gif(path) else RATE
+    return LOOP_RATE if _is_loop(path) else RATE
 
 
 def write_video(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
@@ -55,11 +56,14 @@ def write_video(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
         OSError: if the file cannot be written.
     """
     with atomic_path(path) as partial:
-        (_write_gif if _is_gif(path) else _write_mp4)(frames, rate, partial)
+        if _is_loop(path):
+            _write_loop(frames, rate, partial, LOOPS[path.suffix.lower()])
+        else:
+            _write_mp4(frames, rate, partial)
 
 
-def _is_gif(path: Path) -> bool:
-    return path.suffix.lower() == GIF
+def _is_loop(path: Path) -> bool:
+    return path.suffix.lower() in LOOPS
 
 
 def _write_mp4(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
@@ -76,10 +80,10 @@ def _write_mp4(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
         file.mux(stream.encode(None))
 
 
-def _write_gif(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
+def _write_loop(frames: Iterable[np.ndarray], rate: int, path: Path, kind: str) -> None:
     from PIL import Image
 
     images: list[Image] = [Image.fromarray(frame) for frame in frames]
     first, *others = images
     pause = round(1000.0 / rate)
-    first.save(path, "GIF", save_all=True, append_images=others, duration=pause, loop=0)
+    first.save(path, kind, save_all=True, append_images=others, duration=pause, loop=0)

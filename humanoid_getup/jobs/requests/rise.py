@@ -31,7 +31,7 @@ from humanoid_getup.jobs.requests.values import between
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
 MP4 = ".mp4"
-VIDEOS = (MP4, ".gif")
+VIDEOS = (MP4, ".gif", ".webp")
 ARTEFACTS = (MOTION, STRIP, TORQUE, STYLE, REPORT)
 StyleOption = Annotated[
     str | None,
@@ -53,14 +53,16 @@ class MoveOptions(TorqueOptions, OnlookerOptions):
     """Folder for report.json, motion.npz, flight.mcap, and the pictures strip.png, torque.png and,
     of a policy with style curves, style.png."""
 
-    video: Annotated[Path | None, WRITTEN, arg(metavar="FILE.mp4|FILE.gif")] = None
+    video: Annotated[Path | None, WRITTEN, arg(metavar="FILE.mp4|.gif|.webp")] = None
     """Video of how it moved; MP4 requires humanoid-getup[studio]."""
 
     def find_problems(self) -> list[str]:
         """Report a wrong torque limit, body or video as well."""
         problems = super().find_problems()
         if self.video is not None and self.video.suffix.lower() not in VIDEOS:
-            problems.append(f"--video is {self.video}, expected a name that ends with .mp4 or .gif")
+            problems.append(
+                f"--video is {self.video}, expected a name ending in {', '.join(VIDEOS)}"
+            )
         if self.backend != "twin" and self.limit_by == "ideal":
             problems.append("--limit-by is ideal, which no servo can, expected current or pwm")
         if self.backend == "dynamixel" and isinstance(self, BodyOption):

@@ -30,11 +30,6 @@ def test_at_rest_the_accelerometer_tells_the_vertical_whatever_the_posture(numbe
     )
 
 
-def test_yaw_starts_at_zero():
-    q = upright_from(quaternion.rotate(quaternion.inverse(quaternion.from_yaw(1.0)), UP))
-    assert q == pytest.approx([1.0, 0.0, 0.0, 0.0])
-
-
 def test_a_wrong_estimate_at_rest_decays_with_the_time_constant():
     filter = OrientationFilter(PERIOD, time_constant=1.0)
     filter.start(quaternion.rotate(quaternion.from_axis_angle(np.array([1.0, 0, 0]), 0.1), UP))

@@ -76,15 +76,6 @@ def test_a_system_without_such_classes_is_left_alone(monkeypatch: pytest.MonkeyP
         assert not is_in
 
 
-def test_a_system_that_does_not_say_is_left_alone(monkeypatch: pytest.MonkeyPatch):
-    def fail(*_: object) -> None:
-        raise OSError(38, "Function not implemented")
-
-    monkeypatch.setattr(os, "sched_getscheduler", fail)
-    with in_real_time_class() as is_in:
-        assert not is_in
-
-
 @pytest.mark.usefixtures("permitted")
 def test_an_interruption_while_it_enters_leaves_it_where_it_was(monkeypatch: pytest.MonkeyPatch):
     enter = os.sched_setscheduler

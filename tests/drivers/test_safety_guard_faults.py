@@ -30,13 +30,6 @@ def turn(guard: SafetyGuard, backend: RecordingBackend, target: float, **changes
     return guard.write(Command.position(guard.robot, np.full(2, target)))
 
 
-def test_a_lost_measurement_or_two_are_bridged(guard, backend):
-    for missed in range(HOLD):
-        sent = turn(guard, backend, 0.01 * (missed + 1), joint_age=np.array([0.0, missed * PERIOD]))
-        assert sent.joint_pos == pytest.approx(0.01 * (missed + 1))
-    assert guard.holds == 0
-
-
 def test_from_the_third_on_every_target_stands_still_until_the_servo_is_back(guard, backend):
     turn(guard, backend, 0.01)
     for missed in range(HOLD, LIMP):
@@ -84,17 +77,6 @@ def test_what_is_not_well_makes_the_robot_limp_at_once(guard, backend, changes, 
     assert turn(guard, backend, 0.01, **changes).is_limp
     assert guard.fault.kind is kind
     assert words in str(guard.fault)
-
-
-def test_a_warm_servo_keeps_less_and_less_of_its_torque(guard, backend):
-    limits = []
-    for temperature in (60.0, 66.0, 70.0, 75.0):
-        sent = turn(guard, backend, 0.0, temperature=np.array([25.0, temperature]))
-        limits.append(sent.torque_limit[1])
-        assert sent.torque_limit[0] == pytest.approx(4.1)
-    # 4.1 N·m to 65 °C, 40 % of it at 75 °C, linear between.
-    assert limits == pytest.approx([4.1, 4.1 * 0.94, 4.1 * 0.7, 4.1 * 0.4])
-    assert guard.clips.torque[1] == 3
 
 
 @pytest.mark.parametrize(
@@ -194,12 +176,6 @@ def test_a_guard_that_never_derates_keeps_the_full_torque_at_any_temperature(tin
     assert sent.torque_limit == pytest.approx([4.1, 4.1])
     same = replace(GuardLimits.of(tiny), derate_temperature=75.0)
     assert same.derate(np.array([74.0, 80.0])) == pytest.approx([4.1, 4.1])
-
-
-def test_torque_below_the_derating_and_beyond_the_limit_stays_in_its_bounds(tiny):
-    limits = GuardLimits.of(tiny)
-    assert limits.derate(np.array([-40.0, 65.0])) == pytest.approx([4.1, 4.1])
-    assert limits.derate(np.array([75.0, 200.0])) == pytest.approx([1.64, 1.64])
 
 
 def test_each_servo_is_stopped_below_the_limit_of_its_own_type(tiny):

@@ -1,13 +1,11 @@
 """Limits of the guard: what they are of a robot, and how torque is derated."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from memory_rig import Rig
 
 from drivers import Command, SafetyGuard
-from drivers.safety_limits import ClipCounts, GuardLimits
+from drivers.safety_limits import GuardLimits
 from robots import Robot
 
 
@@ -34,36 +32,6 @@ def test_torque_falls_from_the_whole_to_two_fifths_over_ten_degrees(tiny: Robot)
     limits = GuardLimits.of(tiny, 2.0)
     for degrees, torque in ((20.0, 2.0), (65.0, 2.0), (70.0, 1.4), (75.0, 0.8), (99.0, 0.8)):
         assert limits.derate(np.full(2, degrees)) == pytest.approx([torque] * 2)
-
-
-def test_without_a_highest_temperature_nothing_is_derated(tiny: Robot):
-    for unlimited in (np.inf, 65.0):  # no limit, and no span to derate over
-        limits = replace(GuardLimits.of(tiny, 2.0), max_temperature=unlimited)
-        assert limits.derate(np.full(2, 200.0)) == pytest.approx([2.0, 2.0])
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"lower": np.ones(2), "upper": np.zeros(2)}, "lower must not exceed upper"),
-        ({"max_velocity": np.array([1.0, -1.0])}, "max_velocity is"),
-        ({"torque_limit": np.array([np.nan, 1.0])}, "torque_limit is"),
-    ],
-)
-def test_wrong_limits_cannot_be_built(tiny: Robot, change: dict, text: str):
-    with pytest.raises(ValueError, match=text):
-        replace(GuardLimits.of(tiny), **change)
-
-
-def test_cuts_are_counted_and_named_by_joint_and_kind(tiny: Robot):
-    counts = np.zeros((5, 2), dtype=int)
-    counts[0, 1], counts[2, 0] = 3, 7
-    clips = ClipCounts(*counts)
-    assert clips.total == 10
-    assert clips.describe(tiny) == [
-        "joint 'r_hip': position cut 3 times",
-        "joint 'l_hip': torque cut 7 times",
-    ]
 
 
 # Inside the servos ----------------------------------------------------------------------------

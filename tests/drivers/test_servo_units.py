@@ -52,11 +52,6 @@ def test_a_goal_inside_its_range_stays_inside_when_it_is_rounded(units: ServoUni
     assert np.abs(rounded - goal).max() < 2.0 * np.pi / 4096
 
 
-def test_a_goal_outside_its_range_is_rounded_to_the_nearest(units: ServoUnits, tiny: Robot):
-    outside = tiny.upper + 0.3
-    assert np.abs(units.round_goal(outside) - outside).max() <= np.pi / 4096 + 1e-12
-
-
 def test_the_ticks_of_a_range_are_in_order_whatever_the_sign(tiny: Robot):
     for sign in (1, -1):
         joint = with_servos(tiny, {"sign": sign, "zero_ticks": 2048}, {}).joints[0]

@@ -29,15 +29,6 @@ def terminal():
             os.close(descriptor)
 
 
-def test_any_key_stops_without_waiting_for_enter(terminal):
-    master, slave = terminal
-    heard = Heard()
-    with StopKey(heard, slave):
-        os.write(master, b" ")
-        assert heard.event.wait(5.0)
-    assert heard.reasons == [PRESSED]
-
-
 def test_every_key_is_reported(terminal):
     master, slave = terminal
     heard = Heard()

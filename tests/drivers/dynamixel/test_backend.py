@@ -9,16 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_rig import Rig, split
 
-from drivers import Backend, Command
+from drivers import Command
 from drivers.dynamixel import backend as driver_module
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
-from drivers.dynamixel.control_table import OperatingMode
-from drivers.dynamixel.cyclic_read import MISSES, GroupKind
+from drivers.dynamixel.cyclic_read import GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
-from drivers.dynamixel.protocol2 import HEADER, Instruction
-from drivers.errors import CommandError, NotConnectedError, SetupError, UnreleasedError
+from drivers.dynamixel.protocol2 import Instruction
+from drivers.errors import CommandError, UnreleasedError
 from drivers.serial_port import PortError, SdkPort, SerialPort
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
@@ -68,10 +67,6 @@ def writes_to(rig: Rig, address: int) -> list[int]:
 # Connecting --------------------------------------------------------------------------------
 
 
-def test_it_is_a_backend(tiny):
-    assert isinstance(Rig(tiny).backend, Backend)
-
-
 def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_rig):
     rig = op3_rig
     state = rig.backend.read()
@@ -82,29 +77,6 @@ def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_ri
     assert rig.peek("torque_enable") == [0] * 20
     assert rig.peek("return_delay_time") == [0] * 20
     assert rig.backend.chains[0].cyclic.kind is GroupKind.FAST
-
-
-def test_kept_registers_are_written_only_where_they_differ(rig):
-    assert rig.backend.eeprom_writes == 4, "return delay and mode of two servos as shipped"
-    rig.servo("l_hip").poke("operating_mode", OperatingMode.VELOCITY)
-    rig.backend.close()
-    rig.backend.connect()
-    assert rig.backend.eeprom_writes == 5
-    assert rig.peek("operating_mode") == [OperatingMode.CURRENT_BASED_POSITION] * 2
-
-
-def test_registers_that_power_up_resets_are_always_set(tiny):
-    def spoil(virtual):
-        for servo in virtual.servos:
-            servo.poke("status_return_level", 0)
-            servo.poke("profile_velocity", 100)
-            servo.poke("position_p_gain", 50)
-
-    with Rig(tiny, prepare=spoil) as rig:
-        rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-        assert rig.peek("status_return_level") == [2, 2]
-        assert rig.peek("profile_velocity") == [0, 0]
-        assert rig.peek("position_p_gain") == [800, 800]
 
 
 def test_all_that_is_wrong_is_reported_at_once(op3, monkeypatch):
@@ -125,30 +97,6 @@ def test_all_that_is_wrong_is_reported_at_once(op3, monkeypatch):
     assert "'l_hip_roll' (id 10): also responds to the secondary id 3" in message
     assert "\n" not in message
     assert not rig.port.is_open, "a failed connection keeps the port"
-
-
-def test_a_robot_without_bus_or_imu_or_with_other_ports_is_refused(tiny):
-    with pytest.raises(SetupError, match="no servo bus"):
-        DynamixelBackend(replace(tiny, bus=None), {"main": "p"})
-    with pytest.raises(SetupError, match="no IMU"):
-        DynamixelBackend(replace(tiny, bus=replace(tiny.bus, board=None)), {"main": "p"})
-    with pytest.raises(SetupError, match="has the ports main; devices were named for: arms"):
-        DynamixelBackend(tiny, {"arms": "p"})
-
-
-def test_a_silent_board_is_named(tiny):
-    rig = Rig(tiny)
-    rig.virtual.board.alive = False
-    with pytest.raises(DiagnosticsError, match=r"board 'OpenCR' \(id 200\): silent"):
-        rig.backend.connect()
-
-
-def test_without_a_connection_it_refuses_to_work(tiny):
-    rig = Rig(tiny)
-    with pytest.raises(NotConnectedError):
-        rig.backend.read()
-    with pytest.raises(NotConnectedError):
-        rig.backend.write(Command.limp(2))
 
 
 # Moving ------------------------------------------------------------------------------------
@@ -179,45 +127,6 @@ def test_every_cycle_ends_with_one_write_of_all_goals(rig):
         rig.turn(command)
         assert writes_to(rig, GOAL) == [len(rig.port.sent) - 1]
         assert len(rig.port.sent[-1].params) == 4 + 2 * 5
-
-
-def test_the_robot_goes_where_it_is_sent(rig):
-    target = np.array([0.2, -0.2])
-    state = rig.turn(Command.position(rig.robot, target), 60)
-    assert state.joint_pos == pytest.approx(target, abs=0.05)
-
-
-def test_gain_and_limit_reach_the_servos_and_are_returned_as_they_are(pwm_rig):
-    command = Command(
-        joint_pos=np.array([0.1, -0.1]),
-        gain_scale=np.array([0.5, 1.0]),
-        torque_limit=np.array([1.0, 4.1]),
-        pwm_limit=np.array([0.5, 0.75]),
-    )
-    pwm_rig.turn(command)
-    assert pwm_rig.peek("position_p_gain") == [400, 800]
-    # 1.0 / 4.1 of 885 counts, and 0.75 of them, rounded down: whichever limit is lower.
-    assert pwm_rig.peek("goal_pwm") == [215, 663]
-    assert pwm_rig.sent.torque_limit == pytest.approx([215 / 885 * 4.1, 663 / 885 * 4.1])
-    assert pwm_rig.sent.pwm_limit == pytest.approx([215 / 885, 663 / 885])
-    assert pwm_rig.sent.joint_pos == pytest.approx(command.joint_pos, abs=0.5 * ONE_TICK)
-
-
-def test_gains_and_limits_are_sent_when_they_change_and_once_more(pwm_rig):
-    command = Command.position(pwm_rig.robot, np.zeros(2))
-    pwm_rig.turn(command, 4)
-    pwm_rig.port.sent.clear()
-    pwm_rig.turn(command, 20)
-    assert writes_to(pwm_rig, PWM) == []
-    pwm_rig.turn(replace(command, torque_limit=np.array([1.0, 2.0])), 6)
-    assert len(writes_to(pwm_rig, PWM)) == 2
-
-
-def test_a_limit_that_rounds_to_nothing_is_torque_off(rig):
-    command = replace(Command.position(rig.robot, np.zeros(2)), torque_limit=np.array([1e-4, 1.0]))
-    rig.turn(command)
-    assert rig.peek("torque_enable") == [0, 1]
-    assert rig.sent.torque_limit[0] == 0.0
 
 
 @settings(max_examples=200, deadline=None)
@@ -255,25 +164,6 @@ def test_a_command_that_is_no_command_reaches_no_servo(rig, bad):
     with pytest.raises(CommandError, match="torque limit is"):
         rig.backend.write(replace(Command.limp(2), torque_limit=np.array([-1.0, 0.0])))
     assert rig.port.sent == []
-
-
-def test_reading_again_before_the_next_write_is_the_same_measurement(rig):
-    first = rig.backend.read()
-    assert rig.backend.read() is first
-    rig.backend.write(Command.limp(2))
-    assert rig.backend.read().time == pytest.approx(first.time + rig.robot.control_period)
-
-
-def test_slow_values_of_every_servo_are_fresh_within_half_a_second(op3_rig):
-    rig = op3_rig
-    rig.turn(Command.limp(20))
-    for servo, temperature in zip(rig.virtual.servos, range(31, 51), strict=True):
-        rig.virtual.simulation.temperature[servo.id - 1] = temperature
-    rig.virtual.simulation.sag(11.2)
-    cycles = int(0.5 / rig.robot.control_period)
-    state = rig.turn(Command.limp(20), cycles)
-    assert state.temperature == pytest.approx(np.arange(31, 51), abs=1.0)
-    assert state.voltage == pytest.approx(11.2)
 
 
 @pytest.mark.parametrize("decivolts", [100, 111, 148])
@@ -324,29 +214,6 @@ def test_a_silent_servo_costs_only_itself(op3, gap, firmware):
         assert rig.turn(Command.limp(20), 12).joint_age[knee] == 0.0
 
 
-def test_a_servo_whose_cable_had_a_gap_keeps_its_torque(rig):
-    rig.turn(cycles=3)
-    rig.servo("r_hip").alive = False
-    rig.turn(Command.position(rig.robot, np.zeros(2)), 6)
-    rig.servo("r_hip").alive = True
-    state = rig.turn(Command.position(rig.robot, np.zeros(2)), 14)
-    assert state.joint_age.max() == 0.0
-    assert rig.peek("torque_enable") == [1, 1]
-    assert rig.sent.torque_limit.all()
-
-
-def test_a_silent_bus_only_makes_values_older(rig):
-    before = rig.turn(cycles=3)
-    rig.port.spoil = lambda *_: []
-    state = rig.turn(Command.limp(2), 10)
-    assert state.joint_age == pytest.approx(np.full(2, 10 * rig.robot.control_period))
-    assert state.imu_age == pytest.approx(10 * rig.robot.control_period)
-    assert np.array_equal(state.joint_pos, before.joint_pos)
-    rig.port.spoil = lambda _, answers: answers
-    state = rig.turn(Command.limp(2), 15)
-    assert state.joint_age.max() == 0.0
-
-
 def test_a_servo_that_restarts_is_set_up_again_before_its_torque_comes_on(rig):
     target = np.array([0.15, -0.15])
     command = replace(Command.position(rig.robot, target), gain_scale=np.array([0.5, 0.5]))
@@ -361,36 +228,6 @@ def test_a_servo_that_restarts_is_set_up_again_before_its_torque_comes_on(rig):
     assert rig.peek("torque_enable") == [1, 1]
     assert rig.peek("position_p_gain") == [400, 400]
     assert rig.peek("bus_watchdog") == [5, 5]
-
-
-def test_a_servo_that_restarted_begins_at_its_present_position(rig):
-    rig.turn(Command.position(rig.robot, np.zeros(2)), 5)
-    servo = rig.servo("l_hip")
-    servo.reboot()
-    rig.port.sent.clear()
-    place = 0
-    for _ in range(120):
-        present = servo.peek("present_position")
-        rig.turn(Command.position(rig.robot, np.zeros(2)))
-        if rig.port.frames(Instruction.BULK_WRITE):
-            place = int.from_bytes(rig.port.frames(Instruction.BULK_WRITE)[0].params[5:9], "little")
-            break
-    assert abs(place - present) <= 1
-
-
-def test_an_alert_is_seen_in_its_own_cycle_with_its_cause(rig):
-    rig.turn(cycles=3)
-    rig.servo("r_hip").trip(HardwareError.OVERLOAD)
-    state = rig.turn(Command.limp(2))
-    assert state.alert.tolist() == [0, HardwareError.OVERLOAD]
-
-
-def test_two_alerts_in_a_cycle_are_both_known_and_read_one_by_one(rig):
-    rig.turn(cycles=3)
-    rig.servo("l_hip").trip(HardwareError.OVERLOAD)
-    rig.servo("r_hip").trip(HardwareError.OVERHEATING)
-    assert sorted(rig.turn(Command.limp(2)).alert.tolist()) == [32, 128]
-    assert rig.turn(Command.limp(2)).alert.tolist() == [32, 4]
 
 
 def test_a_reboot_needs_a_limp_joint_and_forgets_the_overload(rig):
@@ -427,12 +264,6 @@ def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
     assert rig.peek("torque_enable") == [1, 1]
 
 
-def test_a_cycle_counts_on_servos_that_reply_at_once(rig):
-    """The factory's delay of 500 µs would leave no time for what is read in the background."""
-    assert [chain.bus.return_delay for chain in rig.backend.chains] == [0.0]
-    assert rig.peek("return_delay_time") == [0, 0]
-
-
 def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
     """Goals would begin where the joint was: two cycles without a reply are bridged, four not."""
     for cycles, torque in ((2, 1), (4, 0)):
@@ -443,14 +274,6 @@ def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
             rig.turn(rig.hold(state))
             rig.port.spoil = answer
             assert rig.peek("torque_enable") == [torque] * 2
-
-
-def test_after_a_pause_longer_than_the_watchdog_goals_begin_again_at_once(rig):
-    rig.turn(cycles=3)
-    rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)
-    rig.clock.pass_period(0.2)
-    rig.turn()
-    assert rig.peek("bus_watchdog") == [5, 5]
 
 
 # Instructions that get lost -----------------------------------------------------------------
@@ -500,32 +323,6 @@ def test_a_limit_that_was_lost_is_sent_again(pwm_rig, lost):
 # Answers that lie ----------------------------------------------------------------------------
 
 
-def test_an_answer_of_the_last_cycle_is_not_believed(rig):
-    kept: list[bytes] = []
-    this_cycle: list[np.ndarray] = []
-
-    def hold_back(packet, answers):
-        """Give each group read the answer to the one before it."""
-        if packet.instruction not in (Instruction.FAST_SYNC_READ, Instruction.SYNC_READ):
-            return answers
-        this_cycle.append(rig.true_angles())
-        rig.port.late, kept[:] = list(kept), answers
-        return []
-
-    rig.turn(Command.limp(2), 2)
-    rig.port.spoil = hold_back
-    believed = 0
-    for _ in range(20):
-        rig.turn(Command.position(rig.robot, np.array([0.3, -0.3])))
-        this_cycle.clear()
-        state = rig.backend.read()
-        for joint in np.flatnonzero(state.joint_age == 0.0):
-            assert state.joint_pos[joint] in [angles[joint] for angles in this_cycle]
-            believed += 1
-    assert believed, "the test shows nothing"
-    assert rig.backend.statistics["main"].stale > 0
-
-
 @pytest.mark.parametrize("firmware", [46, 44])
 @pytest.mark.parametrize("rate", [1e-4, 1e-3, 1e-2, 1e-1])
 def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
@@ -561,47 +358,7 @@ def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
         assert believed > (1000 if rate < 0.05 else 0)
 
 
-def test_a_fast_read_that_fails_gives_way_to_a_plain_one_and_comes_back(rig, monkeypatch):
-    monkeypatch.setattr("drivers.dynamixel.cyclic_read.FAST_PAUSE", 20)
-    rig.turn(Command.limp(2), 2)
-    fast = Instruction.FAST_SYNC_READ
-    rig.port.spoil = lambda packet, answers: [] if packet.instruction == fast else answers
-    line = rig.backend.chains[0]
-    state = rig.turn(Command.limp(2), 40)
-    assert line.cyclic.kind is GroupKind.SYNC
-    assert state.joint_age.max() == 0.0
-    rig.port.spoil = lambda _, answers: answers
-    rig.turn(Command.limp(2), 40)
-    assert line.cyclic.kind is GroupKind.FAST
-
-
-def test_a_servo_that_does_not_join_fast_reads_makes_the_group_plain(op3_rig):
-    rig = op3_rig
-
-    def cut(packet, answers):
-        if packet.instruction != Instruction.FAST_SYNC_READ:
-            return answers
-        order = list(packet.params[4:])
-        return answers[: order.index(13)] if 13 in order else answers
-
-    rig.port.spoil = cut
-    for _ in range(100):
-        state = rig.turn(Command.limp(20))
-    assert rig.backend.chains[0].cyclic.kind is GroupKind.SYNC
-    assert state.joint_age.max() == 0.0
-
-
 # IMU -----------------------------------------------------------------------------------------
-
-
-def test_orientation_follows_the_board(op3_rig):
-    rig = op3_rig
-    state = rig.turn(Command.limp(20), 250)
-    R = rig.virtual.simulation.data.site(op3_rig.robot.imu_site).xmat.reshape(3, 3)
-    up_b = R[2]  # the world's z axis, in the body's
-    w, x, y, z = state.orientation
-    message = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
-    assert message == pytest.approx(up_b, abs=0.05)
 
 
 def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
@@ -613,21 +370,6 @@ def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
     assert state.joint_age.max() == 0.0
     rig.virtual.board.alive = True
     assert rig.turn(Command.limp(20), 6).imu_age < 5 * rig.robot.control_period
-
-
-def test_an_imu_that_repeats_itself_while_joints_move_is_not_believed(op3_rig):
-    rig = op3_rig
-    rig.turn(Command.limp(20), 3)
-    rig.virtual.board.frozen = True
-    ages = [rig.turn(Command.limp(20)).imu_age for _ in range(60)]
-    assert max(ages) > 0.1
-
-
-def test_an_imu_at_rest_may_repeat_itself(rig):
-    for servo in rig.virtual.servos:
-        servo.poke("present_velocity", 0)
-    rig.port.physics = None
-    assert rig.turn(Command.limp(2), 100).imu_age == 0.0
 
 
 # The port --------------------------------------------------------------------------------------
@@ -801,23 +543,6 @@ def test_a_silent_servo_that_never_had_torque_is_no_alarm(tiny):
     assert rig.backend.unreleased == ()
 
 
-def test_closing_without_a_port_is_harmless(rig):
-    rig.turn(cycles=3)
-    rig.port.unplugged = True
-    rig.turn()
-    with pytest.raises(UnreleasedError):
-        rig.backend.close()
-    assert rig.backend.unreleased == rig.robot.joint_names
-
-
-def test_no_frame_holds_a_header_inside(op3_rig):
-    rig = op3_rig
-    rig.turn(cycles=40)
-    assert len(rig.port.sent) > 100
-    assert all(HEADER[:3] not in packet.encode()[4:] for packet in rig.port.sent)
-    assert MISSES == 3
-
-
 # Over a real port ------------------------------------------------------------------------------
 
 
@@ -837,15 +562,6 @@ def test_time_is_taken_to_wait_only_if_the_servos_clocks_stand_still(rig, monkey
         rig.virtual.physics.advance(rig.virtual.physics.time + 0.008)
 
     monkeypatch.setattr(driver_module.time, "sleep", pass_a_period)
-    assert not rig.backend.waits_for_commands()
-
-
-def test_a_lost_reply_is_read_again_before_it_is_known_whether_time_waits(rig, monkeypatch):
-    monkeypatch.setattr(driver_module, "is_pseudo_terminal", lambda _: True)
-    losses = [True, False]
-    rig.port.spoil = lambda _, replies: [] if losses and losses.pop(0) else replies
-    assert rig.backend.waits_for_commands()
-    rig.port.spoil = lambda *_: []
     assert not rig.backend.waits_for_commands()
 
 
@@ -871,13 +587,6 @@ def hold_over(backend: DynamixelBackend, cycles: int):
     return state
 
 
-def test_over_a_port_the_robot_goes_where_it_is_sent(plugged):
-    backend, _, _ = plugged
-    state = hold_over(backend, 60)
-    assert state.joint_pos == pytest.approx([0.1, -0.1], abs=0.05)
-    assert state.joint_age.max() == 0.0
-
-
 @pytest.mark.usefixtures("quick_reopen")
 def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp(plugged):
     backend, virtual, bus = plugged
@@ -895,19 +604,3 @@ def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp(plugged):
     backend.write(Command.limp(2))
     hold_over(backend, 3)
     assert [servo.peek("torque_enable") for servo in virtual.servos] == [1, 1]
-
-
-def test_a_port_that_another_program_has_is_refused(plugged, tiny):
-    _, _, bus = plugged
-    with pytest.raises(PortError, match="in use by another program"):
-        DynamixelBackend(tiny, {"main": bus.path}).connect()
-
-
-def test_a_position_that_no_joint_can_have_reached_is_accepted_only_when_confirmed(rig):
-    before = rig.turn(Command.limp(2), 3)
-    servo = rig.servo("l_hip")
-    servo.sense(Measured(ticks=3500.0))
-    doubted = rig.backend.read()
-    assert doubted.joint_pos[0] == before.joint_pos[0]
-    assert doubted.joint_age[0] > 0.0
-    assert doubted.joint_age[1] == 0.0

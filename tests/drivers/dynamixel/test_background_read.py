@@ -75,14 +75,6 @@ def test_the_cause_of_an_alert_is_read_at_once_and_further_causes_in_turn(rig: R
     assert state.alert.tolist() == [HardwareError.OVERLOAD | HardwareError.OVERHEATING, 0]
 
 
-def test_supply_and_temperature_reach_the_state_within_a_round(rig: Rig):
-    rig.virtual.physics.sag(11.3)
-    rig.virtual.physics.heat(2, 48.0)
-    state = rig.turn(Command.limp(2), 12)
-    assert state.voltage == pytest.approx(11.3)
-    assert state.temperature[1] == 48.0
-
-
 @pytest.mark.parametrize("model", ["AX-12A", "XL-320", "STS3215-C018"])
 def test_an_error_reaches_the_state_whatever_bit_its_servo_shows_it_by(model: str):
     with Rig(make_desk((1, model), (2, model)), without_imu=True) as rig:

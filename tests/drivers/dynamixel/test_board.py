@@ -50,22 +50,6 @@ def test_counts_of_an_opencr_are_those_of_its_sensor(bench: Bench):
     assert sample.accelerometer == pytest.approx([9.81, 0.0, -9.81 / 2.0])
 
 
-def test_a_virtual_opencr_counts_as_its_sensor_does(bench: Bench):
-    bench.virtual.sense_body(np.radians([-100.0, -10.0, 5000.0]), np.array([9.81, 0.0, -40.0]))
-    names = [f"{sensor}_{axis}" for sensor in ("gyro", "acc") for axis in "xyz"]
-    found = [bench.virtual.peek(name) for name in names]
-    assert found == [164, -1640, 32767, 0, 16384, -32768]
-
-
-def test_a_board_is_read_by_its_addresses():
-    bench = Bench(BY_ADDRESS)
-    bench.virtual.sense_imu((100, 200, 300), (1, 2, 981))
-    sample = bench.board.measure()
-    assert sample is not None
-    assert sample.gyro == pytest.approx([0.1, -0.2, 0.3])
-    assert sample.accelerometer == pytest.approx([0.01, -0.02, 9.81])
-
-
 def test_the_length_of_its_reply_alternates_and_the_sample_does_not(bench: Bench):
     bench.virtual.sense_imu((1, 2, 3), (4, 5, 6))
     spans = [bench.board.span(cycle) for cycle in range(4)]
@@ -105,8 +89,3 @@ def test_a_board_that_cannot_be_used_is_refused(bench: Bench, spoil, text: str):
     spoil(bench.virtual)
     with pytest.raises(ImuError, match=f"board 'OpenCR' [(]id 200[)]: {text}"):
         bench.board.open()
-
-
-def test_a_silent_board_has_no_sample(bench: Bench):
-    bench.virtual.alive = False
-    assert bench.board.measure() is None

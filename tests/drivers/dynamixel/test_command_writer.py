@@ -16,7 +16,6 @@ from drivers.dynamixel.protocol2 import Instruction, Status
 from drivers.dynamixel.requests import Replies
 from drivers.dynamixel.servo_states import ServoStates
 from drivers.dynamixel.wire import PROTOCOL_2
-from robots.servo import MAX_TICKS
 
 # Registers of an XM430 (e-manual).
 TORQUE, RETURN_LEVEL, P_GAIN, WATCHDOG, PWM, CURRENT, GOAL = 64, 68, 84, 98, 100, 102, 116
@@ -164,15 +163,6 @@ def test_all_gains_and_all_limits_are_sent_again_every_64_cycles(bus, writer, st
     assert sent == {"gain": [64, 128, 192], "pwm": [32, 96, 160]}
 
 
-def test_after_forgetting_gains_and_limits_are_sent_again(bus, writer, states):
-    for _ in range(3):
-        writer.write(registers(), states, BOTH)
-    bus.take()
-    writer.forget()
-    writer.write(registers(), states, BOTH)
-    assert [name for name, _ in bus.take()] == ["gain", "pwm", "goal"]
-
-
 def test_goals_and_seeds_are_in_the_turns_that_the_registers_count(bus, writer, states):
     states.register[:], states.turns[:] = [40, 904], [-4096, 4096]
     writer.write(registers(goal=(-4060, 5005)), states, BOTH)
@@ -237,17 +227,6 @@ def test_a_limit_that_rounds_to_no_count_of_current_is_torque_off(tiny, limit):
     assert found.torque.tolist() == [False, True]
 
 
-def test_all_servos_are_released_disarmed_or_given_their_return_level_at_once(bus, writer):
-    writer.write_all("torque_enable", 0)
-    writer.write_all("bus_watchdog", 0)
-    writer.write_all("status_return_level", 2)
-    assert bus.take() == [
-        ("torque", {1: 0, 2: 0}),
-        ("watchdog", {1: 0, 2: 0}),
-        ("return level", {1: 2, 2: 2}),
-    ]
-
-
 def test_a_value_is_written_when_it_changes_and_once_more():
     written = LastWritten(2)
     values = [np.array(pair) for pair in ((5, 6), (5, 6), (5, 6), (5, 7), (5, 7), (5, 7))]
@@ -256,14 +235,6 @@ def test_a_value_is_written_when_it_changes_and_once_more():
     assert due == [both, both, no, second, second, no]
     written.forget()
     assert written.find_due(values[-1]).tolist() == both
-
-
-def test_even_a_zero_is_written_first_and_after_forgetting():
-    written = LastWritten(2)
-    zeros = np.zeros(2, dtype=int)
-    due = [written.find_due(zeros).all() for _ in range(3)]
-    written.forget()
-    assert [*due, written.find_due(zeros).all()] == [True, True, False, True]
 
 
 def test_a_command_becomes_registers_of_each_servo(tiny):
@@ -281,14 +252,6 @@ def test_a_command_becomes_registers_of_each_servo(tiny):
     assert found.torque.tolist() == [True, True]
 
 
-@pytest.mark.parametrize("limit", [0.0, 1e-4])
-def test_a_limit_that_rounds_to_no_count_is_torque_off(tiny, limit):
-    command = replace(Command.position(tiny, np.zeros(2)), torque_limit=np.array([limit, 0.005]))
-    found = CommandConverter(tiny, "pwm").to_registers(command)
-    assert found.pwm.tolist() == [0, 1]
-    assert found.torque.tolist() == [False, True]
-
-
 def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
     converter = CommandConverter(tiny, "pwm")
     converter.pwm_limit = np.array([100, 885])
@@ -298,22 +261,6 @@ def test_the_pwm_limit_of_a_servo_limits_its_torque(tiny):
     sent = converter.to_command(found, command)
     assert sent.torque_limit == pytest.approx([4.1 * 100 / 885, 4.1])
     assert sent.pwm_limit == pytest.approx([100 / 885, 1.0])
-
-
-def test_a_command_that_was_sent_says_where_torque_is_off(tiny):
-    converter = CommandConverter(tiny, "pwm")
-    command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([0.5, 1.0]))
-    found = replace(converter.to_registers(command), torque=np.array([False, True]))
-    sent = converter.to_command(found, command)
-    assert sent.torque_limit == pytest.approx([0.0, 4.1])
-    assert sent.gain_scale.tolist() == [0.5, 1.0]
-    assert sent.joint_pos == pytest.approx([0.0, 0.0])
-
-
-@pytest.mark.parametrize("angle", [1e9, -1e9])
-def test_an_absurd_target_becomes_one_that_servos_take(tiny, angle):
-    found = CommandConverter(tiny, "pwm").to_registers(Command.position(tiny, np.full(2, angle)))
-    assert np.all(np.abs(found.goal) <= MAX_TICKS)
 
 
 def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):

@@ -87,11 +87,6 @@ def test_a_servo_that_is_set_up_needs_no_more_writes_to_its_eeprom(bench: Bench)
     assert again.run(bench.bus) and again.eeprom_writes == 0
 
 
-def test_a_reversed_servo_stays_reversed(bench: Bench):
-    bench.servo.poke("drive_mode", 5)
-    assert list_eeprom_settings(bench.facts(), "current")["drive_mode"] == 1
-
-
 @pytest.mark.parametrize(
     ("item", "changed"), [("return_delay_time", 250), ("drive_mode", 4), ("operating_mode", 3)]
 )
@@ -114,15 +109,6 @@ def test_another_servo_in_its_place_is_refused(bench: Bench, item: str, value: i
     assert not setup.run(bench.bus) and not setup.done
     assert "now, not the XM430-W350 of the start" in setup.failed
     assert bench.port.frames(Instruction.WRITE) == []
-
-
-def test_what_is_not_confirmed_is_named_and_tried_again(bench: Bench):
-    setup = bench.setup()
-    bench.servo.alive = False
-    assert not setup.step(bench.bus)
-    assert setup.failed == "torque_enable = 0 is not confirmed (silent)"
-    bench.servo.alive = True
-    assert setup.run(bench.bus) and setup.failed == ""
 
 
 def test_an_error_of_the_servo_is_named_by_its_number(bench: Bench):

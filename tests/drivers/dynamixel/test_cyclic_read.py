@@ -12,9 +12,8 @@ from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol1 import PROTOCOL_1
-from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Span, Status
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Status
 from drivers.dynamixel.requests import Replies, Request
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.plain_servo import PlainServo
@@ -149,24 +148,6 @@ def test_servos_that_keep_their_values_in_different_places_are_read_in_bulk(benc
     (packet,) = bench.port.frames(BULK)
     assert packet.params[:5] == bytes((2, 146, 0, 11, 0)), "in the first cycle one byte more"
     assert packet.params[5:] == bytes((1, 126, 0, 11, 0))
-
-
-def test_current_or_load_velocity_and_position_are_read():
-    assert GroupLayout.of(table_named("XM430-W350")).span == Span(126, 10)
-    assert GroupLayout.of(table_named("XL430-W250")).span == Span(126, 10), "load, no current"
-
-
-@pytest.mark.parametrize("firmware", [46, 44])
-@pytest.mark.parametrize("ids", [(7,), (7, 9), IDS])
-def test_every_servo_gives_its_own_position_in_every_cycle(joint, ids, firmware):
-    bench = Bench(joint, ids, (firmware,))
-    for cycle in range(12):
-        for i, servo in bench.servos.items():
-            servo.sense(Measured(ticks=1000.0 + 10 * cycle + i))
-        replies = bench.turn()
-        assert ticks_of(replies) == {i: 1000 + 10 * cycle + i for i in ids}
-        assert len(bench.requests) == 1
-    assert bench.bus.statistics.lost == 0
 
 
 def test_the_order_of_the_ids_rotates(bench):
@@ -304,13 +285,6 @@ def test_a_silent_servo_is_left_out_after_three_misses_and_costs_no_other(
     assert bench.cyclic.left_out == [silent]
 
 
-def test_two_silent_servos_are_both_left_out(bench):
-    for device in (2, 5):
-        bench.silence(device)
-    assert bench.turns(8)[-1] == {1, 3, 4}
-    assert sorted(bench.cyclic.left_out) == [2, 5]
-
-
 def test_misses_that_are_not_in_a_row_do_not_count(bench):
     for _ in range(3):
         bench.silence(3)
@@ -318,18 +292,6 @@ def test_misses_that_are_not_in_a_row_do_not_count(bench):
         bench.silence(3, is_silent=False)
         assert bench.turns(1) == [set(IDS)]
     assert bench.cyclic.left_out == []
-
-
-def test_after_it_has_replied_a_servo_is_asked_in_its_turn_again(bench):
-    bench.silence(3)
-    bench.turn()
-    bench.silence(3, is_silent=False)
-    bench.turn()
-    assert bench.requests[0][2][-1] == 3
-    bench.turn()
-    assert bench.requests[0][2] == [4, 5, 1, 2, 3]
-    bench.turn()
-    assert bench.requests[0][2] == [5, 1, 2, 3, 4]
 
 
 def flip(_: Packet, replies: list[bytes]) -> list[bytes]:
@@ -380,11 +342,6 @@ def test_a_servo_that_is_left_out_is_polled_every_ten_cycles(bench):
             due.append(cycle)
         assert bench.cyclic.due_poll() is None, "once a cycle"
     assert due == [10, 20, 30]
-
-
-def test_with_none_left_out_none_is_polled(bench):
-    bench.turns(15)
-    assert bench.cyclic.due_poll() is None
 
 
 def test_two_that_are_left_out_are_polled_in_different_cycles(bench):
@@ -441,18 +398,6 @@ def test_three_fast_reads_without_a_reply_end_them_for_500_cycles(bench):
     assert bench.requests[0][0] == FAST
 
 
-def test_after_the_pause_fast_reads_have_three_tries_again(bench, monkeypatch):
-    monkeypatch.setattr("drivers.dynamixel.cyclic_read.FAST_PAUSE", 20)
-    monkeypatch.setattr("drivers.dynamixel.cyclic_read.MISSES", 1000)  # none is left out
-    bench.mute(FAST)
-    kinds = []
-    for _ in range(49):
-        bench.turn()
-        kinds.append(bench.cyclic.kind is GroupKind.FAST)
-    # Two tries and the third that ends them, then 19 plain ones; and again.
-    assert kinds == ([True] * 2 + [False] * 20) * 2 + [True] * 2 + [False] * 3
-
-
 def test_a_whole_fast_read_restarts_the_count(bench):
     for _ in range(3):
         bench.mute(FAST)
@@ -460,18 +405,6 @@ def test_a_whole_fast_read_restarts_the_count(bench):
         bench.mute()
         assert bench.turns(1) == [set(IDS)]
     assert bench.cyclic.kind is GroupKind.FAST
-
-
-def test_plain_reads_stay_plain_however_often_they_fail(joint):
-    bench = Bench(joint, firmwares=(44,))
-    bench.mute(SYNC)
-    bench.turns(2)
-    bench.mute()
-    for _ in range(4):
-        bench.cyclic.restore(3)
-    assert bench.cyclic.kind is GroupKind.SYNC
-    assert bench.turns(1) == [set(IDS)]
-    assert bench.requests[0][0] == SYNC
 
 
 # Error bits ----------------------------------------------------------------------------------

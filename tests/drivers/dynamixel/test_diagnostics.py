@@ -1,5 +1,6 @@
 """The look at the bus before anything moves finds what is wrong, and changes nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,20 +23,26 @@ from drivers.dynamixel.protocol2 import Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
-from robots import Joint
+from robots import Joint, Robot
 from robots.description.servo_catalog import servo_models
 from robots.servo import RAD_PER_TICK
 
 READING = (Instruction.PING, Instruction.READ)
+WARNING, ERROR, FAULT = Severity.WARNING, Severity.ERROR, Severity.FAULT
 
 
-@pytest.fixture
-def rig(tiny):
-    rig = Rig(tiny)
+def powered(robot: Robot, firmware: int = 46) -> Rig:
+    """Make a robot whose servos have power and whose port is open."""
+    rig = Rig(robot, firmware=firmware)
     rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
     rig.virtual.physics.advance(1.0)
     rig.port.open()
     return rig
+
+
+@pytest.fixture
+def rig(tiny) -> Rig:
+    return powered(tiny)
 
 
 def look(rig: Rig):
@@ -43,18 +50,18 @@ def look(rig: Rig):
     return locate(rig.robot, diagnose(bus, rig.robot.joints))
 
 
-def test_a_sound_bus_has_no_findings_and_tells_what_is_there(rig):
-    message = look(rig)
-    assert message.findings == ()
-    assert [servo.table.model for servo in message.servos] == ["XM430-W350"] * 2
-    assert [servo.firmware for servo in message.servos] == [46, 46]
-    assert message.servos[0].voltage == pytest.approx(12.0)
-    assert message.servos[0].temperature == 25.0
-    assert message.servos[1].angle == pytest.approx(rig.true_angles()[1])
+def feel(rig: Rig, ticks: float, voltage: float = 12.0) -> None:
+    rig.servo("l_hip").sense(Measured(ticks=ticks, voltage=voltage))
 
 
-def test_looking_changes_nothing(rig):
-    look(rig)
+def test_a_sound_bus_has_no_findings_tells_what_is_there_and_is_only_read(rig):
+    found = look(rig)
+    assert found.findings == ()
+    assert [servo.table.model for servo in found.servos] == ["XM430-W350"] * 2
+    assert [servo.firmware for servo in found.servos] == [46, 46]
+    assert found.servos[0].voltage == pytest.approx(12.0)
+    assert found.servos[0].temperature == 25.0
+    assert found.servos[1].angle == pytest.approx(rig.true_angles()[1])
     assert rig.port.sent, "the test shows nothing"
     assert all(packet.instruction in READING for packet in rig.port.sent)
 
@@ -62,17 +69,12 @@ def test_looking_changes_nothing(rig):
 @pytest.mark.parametrize(
     ("item", "value", "severity", "words"),
     [
-        ("temperature_limit", 40, Severity.WARNING, "is 40 °C, expected 80 °C as shipped; getup"),
-        ("temperature_limit", 95, Severity.WARNING, "is 95 °C, expected 80 °C as shipped; getup"),
-        ("min_voltage_limit", 110, Severity.WARNING, "min voltage limit is 11 V, expected 9.5 V"),
-        ("max_voltage_limit", 130, Severity.WARNING, "servo write max_voltage_limit=160 --id ID"),
-        ("drive_mode", 1, Severity.ERROR, "drive mode is 1, reversed"),
-        ("secondary_id", 7, Severity.ERROR, "also responds to the secondary id 7"),
-        ("hardware_error_status", 36, Severity.FAULT, "overheating and overload"),
-        ("homing_offset", -300, Severity.WARNING, "homing offset is -300 ticks"),
-        ("pwm_limit", 400, Severity.WARNING, "PWM limit is 400 of 885"),
-        ("startup_configuration", 1, Severity.WARNING, "switches torque on by itself"),
-        ("shutdown", 16, Severity.WARNING, "would not stop it"),
+        ("temperature_limit", 40, WARNING, "is 40 °C, expected 80 °C as shipped; getup"),
+        ("min_voltage_limit", 110, WARNING, "min voltage limit is 11 V, expected 9.5 V"),
+        ("max_voltage_limit", 130, WARNING, "servo write max_voltage_limit=160 --id ID"),
+        ("drive_mode", 1, ERROR, "drive mode is 1, reversed"),
+        ("hardware_error_status", 36, FAULT, "overheating and overload"),
+        ("homing_offset", -300, WARNING, "homing offset is -300 ticks"),
     ],
 )
 def test_each_thing_that_is_wrong_is_reported_with_a_remedy(rig, item, value, severity, words):
@@ -84,23 +86,52 @@ def test_each_thing_that_is_wrong_is_reported_with_a_remedy(rig, item, value, se
     assert finding.remedy in str(finding)
 
 
-def feel(rig: Rig, ticks: float, voltage: float) -> None:
-    rig.servo("l_hip").sense(Measured(ticks=ticks, voltage=voltage))
+def silence(*joints: str) -> Callable[[Rig], None]:
+    def kill(rig: Rig) -> None:
+        for joint in joints:
+            rig.servo(joint).alive = False
+
+    return kill
 
 
-def test_a_flat_battery_is_reported(rig):
-    feel(rig, 2048.0, 9.6)
-    (finding,) = look(rig).errors
-    assert "supply is 9.6 V, expected 10.0 to 14.8 V; charge" in str(finding)
-
-
-def test_a_battery_that_is_flat_for_all_is_one_finding(rig):
+def flatten(rig: Rig) -> None:
     for servo in rig.virtual.servos:
         servo.sense(Measured(voltage=9.2))
     rig.virtual.board.sense_voltage(9.2)
     assert all(servo.peek("hardware_error_status") for servo in rig.virtual.servos)
-    (finding,) = look(rig).findings
-    assert str(finding).startswith("all 2 servos: supply is 9.2 V, expected 10.0 to 14.8 V")
+
+
+def exchange(rig: Rig) -> None:
+    rig.port.chain.devices[0] = VirtualServo(1, "XL430-W250", baud=1_000_000)
+
+
+def add_twin(rig: Rig) -> None:
+    twin = VirtualServo(1, baud=1_000_000)
+    twin.poke("firmware_version", 45)
+    rig.port.chain.devices.append(twin)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda rig: feel(rig, 2048.0, 14.8), []),  # what a servo bears
+        (lambda rig: feel(rig, 2048.0, 14.9), ["supply is 14.9 V, expected 10.0 to 14.8 V"]),
+        (lambda rig: feel(rig, 2048.0, 9.6), ["supply is 9.6 V, expected 10.0 to 14.8 V; charge"]),
+        (flatten, ["all 2 servos: supply is 9.2 V, expected 10.0 to 14.8 V"]),
+        (lambda rig: feel(rig, 3500.0), ["is at +2.23 rad, outside [-1.57, +1.05] rad"]),
+        (silence("r_hip"), ["joint 'r_hip' (id 2): silent; check its cable"]),
+        (silence("l_hip", "r_hip"), ["silent: all 2 servos", "power switch"]),
+        (lambda rig: rig.poke("baud_rate", 1), ["use 57600 bit/s, expected 1000000"]),
+        (exchange, ["is a XL430-W250, expected XM430-W350"]),
+        (add_twin, ["joint 'l_hip' (id 1)", "garbled, as by two servos of one id"]),
+    ],
+)
+def test_what_is_wrong_with_the_supply_or_the_wire_is_said_once(rig, spoil, words):
+    spoil(rig)
+    found = [str(finding) for finding in look(rig).findings if finding.severity is not FAULT]
+    assert len(found) == bool(words)
+    assert [word for word in words if word not in found[0]] == []
+    assert rig.port.baud == 1_000_000, "the port is left at the wrong speed"
 
 
 @pytest.mark.parametrize(
@@ -112,34 +143,23 @@ def test_a_battery_that_is_flat_for_all_is_one_finding(rig):
         (HardwareError.OVERLOAD, 0, "reports an error: overload; let it cool down"),
     ],
 )
-def test_an_error_says_whether_the_servo_is_off(
-    rig: Rig, error: HardwareError, shutdown: int, words: str
-):
+def test_an_error_says_whether_the_servo_is_off(rig, error, shutdown: int, words: str):
     servo = rig.servo("l_hip")
     servo.poke("shutdown", shutdown)
     servo.poke("hardware_error_status", int(error))
     assert any(words in str(finding) for finding in look(rig).findings)
 
 
-def test_a_supply_at_the_servos_highest_is_no_finding(rig):
-    feel(rig, 2048.0, 14.8)
-    found = look(rig)
-    assert found.findings == () and found.servos[0].voltage == 14.8
-    feel(rig, 2048.0, 14.9)
-    (finding,) = look(rig).errors
-    assert "supply is 14.9 V, expected 10.0 to 14.8 V" in str(finding)
-
-
 @pytest.mark.parametrize(
     ("limit", "tenths", "severity", "words"),
     [
-        ("min_voltage_limit", 115, None, None),
-        ("min_voltage_limit", 116, Severity.WARNING, "0.4 V from its voltage limits of 11.6 to"),
-        ("min_voltage_limit", 120, Severity.WARNING, "0.0 V from its voltage limits"),
-        ("min_voltage_limit", 121, Severity.ERROR, "expected 12.1 to 14.8 V; charge or change"),
-        ("max_voltage_limit", 125, None, None),
-        ("max_voltage_limit", 122, Severity.WARNING, "12.0 V, only 0.2 V from its voltage limits"),
-        ("max_voltage_limit", 119, Severity.ERROR, "expected 10.0 to 11.9 V; charge or change"),
+        ("min_voltage_limit", 115, None, ""),
+        ("min_voltage_limit", 116, WARNING, "0.4 V from its voltage limits of 11.6 to"),
+        ("min_voltage_limit", 120, WARNING, "0.0 V from its voltage limits"),
+        ("min_voltage_limit", 121, ERROR, "expected 12.1 to 14.8 V; charge or change"),
+        ("max_voltage_limit", 125, None, ""),
+        ("max_voltage_limit", 122, WARNING, "12.0 V, only 0.2 V from its voltage limits"),
+        ("max_voltage_limit", 119, ERROR, "expected 10.0 to 11.9 V; charge or change"),
     ],
 )
 def test_a_supply_at_the_limits_inside_a_servo_is_a_warning_and_beyond_them_an_error(
@@ -150,82 +170,16 @@ def test_a_supply_at_the_limits_inside_a_servo_is_a_warning_and_beyond_them_an_e
     found = look(rig).findings
     assert found[-1].text.startswith(limit.replace("_", " ")), "it differs from the shipped one"
     assert [f.severity for f in found[:-1]] == ([] if severity is None else [severity])
-    assert words is None or words in str(found[0])
-
-
-def test_types_with_one_table_are_not_told_what_another_is_shipped_with(tiny):
-    """STS3215 for 7.4 V and for 12 V: their limits differ, their registers do not say which."""
-    model = servo_models()["STS3215-C001"]
-    joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, model=model))
-    limits = {"max_voltage_limit": 80, "min_voltage_limit": 45, "temperature_limit": 60}
-    servo = ServoFacts(
-        joint=joint,
-        table=table_named("STS3215"),
-        firmware=9,
-        registers=SOUND | limits | {"present_input_voltage": 74},
-    )
-    found = [finding.text for finding in check_servo(servo) if "limit is" in finding.text]
-    assert [text for text in found if "PWM" not in text] == [
-        "temperature limit is 60 °C, expected 70 °C as shipped"
-    ]
-
-
-def test_a_joint_that_stands_outside_its_range_is_reported(rig):
-    feel(rig, 3500.0, 12.0)
-    (finding,) = look(rig).findings
-    assert "is at +2.23 rad, outside [-1.57, +1.05] rad" in str(finding)
+    assert words in str(found[0])
 
 
 def test_an_old_firmware_is_refused(tiny):
-    rig = Rig(tiny, firmware=37)
-    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-    rig.virtual.physics.advance(1.0)
-    rig.port.open()
-    (error,) = look(rig).errors
+    (error,) = look(powered(tiny, firmware=37)).errors
     assert "all 2 servos: firmware 37 has no bus watchdog, expected 38 or newer" in str(error)
 
 
-def test_a_silent_servo_among_others_is_named(rig):
-    rig.servo("r_hip").alive = False
-    (finding,) = look(rig).findings
-    assert str(finding).startswith("joint 'r_hip' (id 2): silent; check its cable")
-
-
-def test_a_bus_without_devices_is_reported_once(rig):
-    for servo in rig.virtual.servos:
-        servo.alive = False
-    (finding,) = look(rig).findings
-    assert finding.text == "silent: all 2 servos"
-    assert "power switch" in finding.remedy
-
-
-def test_servos_at_another_speed_are_found_there(rig):
-    for servo in rig.virtual.servos:
-        servo.poke("baud_rate", 1)
-    (finding,) = look(rig).findings
-    assert "use 57600 bit/s, expected 1000000" in finding.text
-    assert rig.port.baud == 1_000_000, "the port is left at the wrong speed"
-
-
-def test_another_model_is_named(rig):
-    chain = rig.port.chain
-    chain.devices[0] = VirtualServo(1, "XL430-W250", baud=1_000_000)
-    (finding,) = look(rig).findings
-    assert "is a XL430-W250, expected XM430-W350" in finding.text
-
-
-def test_two_servos_of_one_id_are_called_so(rig):
-    twin = VirtualServo(1, baud=1_000_000)
-    twin.poke("firmware_version", 45)
-    rig.port.chain.devices.append(twin)
-    (finding,) = look(rig).findings
-    assert finding.device == "joint 'l_hip' (id 1)"
-    assert "garbled, as by two servos of one id" in finding.text
-
-
 def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
-    servo = tiny.joints[0].servo
-    joints = (tiny.joints[0], replace(tiny.joints[1], servo=servo))
+    joints = (tiny.joints[0], replace(tiny.joints[1], servo=tiny.joints[0].servo))
     (finding,) = find_duplicate_ids(replace(tiny, joints=joints))
     assert finding.text == "belongs to l_hip and r_hip"
     assert find_duplicate_ids(tiny) == []
@@ -238,6 +192,8 @@ def test_the_error_tells_everything_in_one_line(rig):
     assert len(error.findings) == 2
     assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)
 
+
+# One servo, by its registers ------------------------------------------------------------------
 
 SOUND = {
     "drive_mode": 0,
@@ -253,15 +209,13 @@ SOUND = {
 }
 
 
-def check(joint: Joint, firmware: int = 46, **registers: int) -> list[tuple[Severity, str]]:
-    """Check an XM430 with these registers; return severities and texts."""
-    servo = ServoFacts(
-        joint=joint,
-        table=table_named("XM430-W350", firmware),
-        firmware=firmware,
-        registers=SOUND | registers,
-    )
-    return [(finding.severity, finding.text) for finding in check_servo(servo)]
+def check(
+    joint: Joint, firmware: int = 46, model: str = "XM430-W350", **registers: int
+) -> list[str]:
+    """Check a servo with these registers."""
+    table = table_named(model, firmware)
+    facts = ServoFacts(joint=joint, table=table, firmware=firmware, registers=SOUND | registers)
+    return [str(finding) for finding in check_servo(facts)]
 
 
 @pytest.mark.parametrize(
@@ -269,11 +223,9 @@ def check(joint: Joint, firmware: int = 46, **registers: int) -> list[tuple[Seve
     [
         ({}, None),
         ({"firmware": 38}, None),  # the first with a bus watchdog (e-manual)
-        ({"firmware": 37}, "firmware 37 has no bus watchdog, expected 38 or newer"),
         ({"secondary_id": 253}, None),  # from 253 on it is off (e-manual)
         ({"secondary_id": 252}, "also responds to the secondary id 252"),
         ({"present_input_voltage": 148}, None),  # 10.0 to 14.8 V (e-manual)
-        ({"present_input_voltage": 149}, "supply is 14.9 V, expected 10.0 to 14.8 V"),
         ({"present_input_voltage": 100}, None),
         ({"present_input_voltage": 99}, "supply is 9.9 V, expected 10.0 to 14.8 V"),
         ({"current_limit": 856}, None),  # 2.3 A at stall are 855.02 counts of 2.69 mA
@@ -291,53 +243,52 @@ def check(joint: Joint, firmware: int = 46, **registers: int) -> list[tuple[Seve
 def test_each_limit_is_where_the_manual_puts_it(tiny, registers: dict, words: str | None):
     found = check(tiny.joints[0], **registers)
     assert len(found) == (words is not None)
-    assert words is None or found[0][1].startswith(words)
+    assert words is None or words in found[0]
 
 
-@pytest.mark.parametrize(("beyond", "count"), [(0.09, 0), (0.12, 1)])
-def test_a_tenth_of_a_radian_outside_the_range_is_no_finding(rig, beyond: float, count: int):
-    ticks = rig.robot.joints[0].servo.to_ticks(rig.robot.joints[0].upper + beyond)
-    feel(rig, float(ticks), 12.0)
-    assert [f.severity for f in look(rig).findings] == [Severity.WARNING] * count
-
-
-def test_a_range_that_crosses_the_end_of_the_servos_turn_is_no_finding(tiny):
-    """The driver counts the turns."""
-    left, right = tiny.joints
-    moved = replace(left, servo=replace(left.servo, zero_ticks=100))
-    rig = Rig(replace(tiny, joints=(moved, right)))
-    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-    rig.virtual.physics.advance(1.0)
-    rig.port.open()
-    feel(rig, 3800.0, 12.0)
-    found = look(rig)
-    assert found.findings == ()
-    assert found.servos[0].angle == pytest.approx((3800 - 4096 - 100) * RAD_PER_TICK)
+def test_types_with_one_table_are_not_told_what_another_is_shipped_with(tiny):
+    """STS3215 for 7.4 V and for 12 V: their limits differ, their registers do not say which."""
+    model = servo_models()["STS3215-C001"]
+    joint = replace(tiny.joints[0], servo=replace(tiny.joints[0].servo, model=model))
+    limits = {"max_voltage_limit": 80, "min_voltage_limit": 45, "temperature_limit": 60}
+    found = check(joint, 9, "STS3215", **limits, present_input_voltage=74)
+    limit = [text for text in found if "limit is" in text and "PWM" not in text]
+    assert len(limit) == 1 and "temperature limit is 60 °C, expected 70 °C as shipped" in limit[0]
 
 
 def test_a_range_that_leaves_the_positions_of_a_servo_that_counts_no_turns_is_a_warning(tiny):
     joint = tiny.joints[0]
     model = servo_models()["STS3215-C018"]
     moved = replace(joint, servo=replace(joint.servo, model=model, zero_ticks=100))
-    servo = ServoFacts(
-        joint=moved,
-        table=table_named("STS3215"),
-        firmware=9,
-        registers=SOUND | {"present_position": 100},
-    )
-    found = [str(finding) for finding in check_servo(servo)]
+    found = check(moved, 9, "STS3215", present_position=100)
     assert any("its range needs ticks -" in line and "expected 0 to 4095" in line for line in found)
+
+
+# Ranges ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("beyond", "count"), [(0.09, 0), (0.12, 1)])
+def test_a_tenth_of_a_radian_outside_the_range_is_no_finding(rig, beyond: float, count: int):
+    feel(rig, float(rig.robot.joints[0].servo.to_ticks(rig.robot.joints[0].upper + beyond)))
+    assert [f.severity for f in look(rig).findings] == [WARNING] * count
+
+
+def test_a_range_that_crosses_the_end_of_the_servos_turn_is_no_finding(tiny):
+    """The driver counts the turns."""
+    left, right = tiny.joints
+    moved = replace(left, servo=replace(left.servo, zero_ticks=100))
+    rig = powered(replace(tiny, joints=(moved, right)))
+    feel(rig, 3800.0)
+    found = look(rig)
+    assert found.findings == ()
+    assert found.servos[0].angle == pytest.approx((3800 - 4096 - 100) * RAD_PER_TICK)
 
 
 @pytest.mark.parametrize(("ticks", "elsewhere"), [(4090.0, "-3.15"), (4000.0, None)])
 def test_a_joint_that_may_be_at_both_ends_of_its_turn_is_a_warning(tiny, ticks, elsewhere):
     left, right = tiny.joints
-    wide = replace(left, lower=-np.pi, upper=np.pi)
-    rig = Rig(replace(tiny, joints=(wide, right)))
-    rig.virtual.board.handle(0x03, bytes((24, 0, 1)))
-    rig.virtual.physics.advance(1.0)
-    rig.port.open()
-    feel(rig, ticks, 12.0)
+    rig = powered(replace(tiny, joints=(replace(left, lower=-np.pi, upper=np.pi), right)))
+    feel(rig, ticks)
     found = [str(finding) for finding in look(rig).findings]
     assert len(found) == (elsewhere is not None)
     assert elsewhere is None or f"may be at {elsewhere}: turns apart" in found[0]

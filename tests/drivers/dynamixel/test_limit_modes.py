@@ -32,12 +32,6 @@ def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain)
         assert rig.peek("position_d_gain") == [d_gain] * 2
 
 
-def test_a_robot_has_a_mode_of_its_own(tiny: Robot):
-    for by in ("current", "pwm"):
-        with Rig(replace(tiny, limit_by=by)) as rig:
-            assert rig.backend.limit_by == by
-
-
 def test_goal_current_limits_the_torque_of_a_blocked_servo(tiny: Robot):
     """The targets are far beyond the joint stops."""
     command = Command.position(tiny, tiny.upper + 1.0, torque_limit=1.0)
@@ -72,11 +66,6 @@ def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):
     assert DynamixelBackend(robot, ports).limit_by == "pwm"
     with pytest.raises(SetupError, match=r"'current', expected 'pwm': the XL430-W250 of joint"):
         DynamixelBackend(robot, ports, limit_by="current")
-
-
-def test_no_servo_limits_its_torque_ideally(tiny: Robot):
-    with pytest.raises(SetupError, match="'ideal', which no servo can"):
-        DynamixelBackend(tiny, {"main": "main"}, limit_by="ideal")
 
 
 @pytest.mark.parametrize("by", ["current", "pwm"])

@@ -20,7 +20,6 @@ from drivers.dynamixel.protocol2 import (
     Span,
     Status,
 )
-from drivers.dynamixel.wire import WIRES
 from drivers.state import HardwareError
 
 
@@ -188,10 +187,6 @@ def test_each_bit_of_the_error_byte_means_what_the_maker_says(wire: Frame1, mean
         assert isinstance(packet, Packet)
         assert wire.decode_status(packet) == status, f"bit {place}"
         assert meaning is None or wire.encode_status(status) == reply, f"bit {place}"
-
-
-def test_the_protocols_are_known_by_name():
-    assert list(WIRES) == ["2.0", "1.0", "feetech"]
 
 
 def test_what_does_not_fit_into_a_byte_is_refused():

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Span, Status
-from drivers.dynamixel.requests import Replies, Request, SyncWriter
+from drivers.dynamixel.requests import Replies, Request
 
 POSITION = Span(132, 4)
 
@@ -58,26 +57,3 @@ def test_a_later_reply_is_appended_and_cut_to_the_shorter_data():
     assert [bytes(row) for row in both.data] == [b"abcd", b"wxyz"]
     assert (both.errors.tolist(), both.is_damaged) == ([0, 3], True)
     assert both.select(np.array([False, True])).devices.tolist() == [2]
-
-
-def test_a_sync_write_of_arrays_is_that_of_the_manual():
-    """Goals 150 and 170 of ids 1 and 2 (e-manual)."""
-    writer = SyncWriter(116, "<i4", [1, 2])
-    expected = "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287"
-    assert writer.encode(np.array([150, 170])) == bytes.fromhex(expected)
-    assert (
-        writer.encode(7) == protocol2.sync_write(116, {1: b"\x07\0\0\0", 2: b"\x07\0\0\0"}).encode()
-    )
-    chosen = np.array([False, True])
-    assert (
-        writer.encode(np.array([1, 2]), chosen)
-        == protocol2.sync_write(116, {2: b"\x02\0\0\0"}).encode()
-    )
-
-
-def test_goals_that_look_like_a_header_are_stuffed():
-    writer = SyncWriter(116, "<i4", [1, 2])
-    goals = np.array([0x00FDFFFF, 0])
-    rows = {1: b"\xff\xff\xfd\x00", 2: bytes(4)}
-    assert writer.encode(goals) == protocol2.sync_write(116, rows).encode()
-    assert b"\xff\xff\xfd\xfd" in writer.encode(goals)

@@ -8,7 +8,7 @@ from memory_rig import split
 
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
-from drivers.errors import NoBusError, SetupError
+from drivers.errors import SetupError
 from drivers.imu.bno08x_rvc import Bno08xRvc
 from drivers.serial_port import PortError
 from robots import ImuSettings, Robot
@@ -36,11 +36,6 @@ def test_each_port_has_its_joints_in_the_robots_order_and_one_the_board(op3: Rob
     assert [port.bus.port.path for port in (left, right)] == ["/dev/a", "/dev/b"]
     assert {port.bus.port.baud for port in (left, right)} == {robot.bus.baud}
     assert not left.bus.port.is_open
-
-
-def test_a_robot_without_a_bus_has_no_ports(tiny: Robot):
-    with pytest.raises(NoBusError):
-        build_ports(replace(tiny, bus=None), PATHS, NamedPort, answer_margin=0.01)
 
 
 def test_the_imu_is_the_board_a_line_of_its_own_or_none(tiny: Robot):

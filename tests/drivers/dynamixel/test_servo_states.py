@@ -43,27 +43,6 @@ def test_velocity_and_current_have_the_sign_of_the_joint(tiny, velocity, current
     assert states.current == pytest.approx([2.69e-3 * current, -2.69e-3 * current])
 
 
-def test_a_moving_joints_velocity_is_the_change_of_its_angle(tiny):
-    states = ServoStates(tiny, 0.008)
-    counts_per_turn, cycles = 4096, 50
-    for cycle in range(cycles):
-        # 30 rpm at the servo: 0.5 turns a second.
-        ticks = round(0.5 * counts_per_turn * 0.008 * cycle)
-        update(states, reply(1, 2048 + ticks, 131), reply(2, 1000 + ticks, 131), now=0.008 * cycle)
-        angles = [j.servo.to_rad(int(t)) for j, t in zip(tiny.joints, states.ticks, strict=True)]
-    mean = np.array(angles) / (0.008 * (cycles - 1))
-    assert states.velocity == pytest.approx(mean, rel=0.01)
-    assert states.velocity[0] > 0.0 > states.velocity[1]
-
-
-def test_only_the_servo_that_replied_is_updated(states):
-    update(states, reply(1, 2000), reply(2, 1000))
-    update(states, reply(2, 1010, 7), now=0.008)
-    assert states.ticks.tolist() == [2000, 1010]
-    assert states.stamp.tolist() == [0.0, 0.008]
-    assert states.velocity[0] == 0.0
-
-
 def test_background_items_go_where_they_belong(states):
     states.update_background(1, SUPPLY, bytes((148, 0, 41)))
     assert (states.voltage[1], states.temperature[1]) == (14.8, 41.0)
@@ -233,13 +212,6 @@ def test_a_reboot_makes_a_servo_ready_limp_and_keeps_only_an_alert_that_stays(st
     states.note_rebooted(1, has_alert=True)
     assert states.is_ready.all() and not states.is_on.any()
     assert states.alert.tolist() == [0, ALERT]
-
-
-def test_a_restart_takes_torque_and_readiness(states):
-    states.note_ready(0)
-    states.note_on(np.array([0]))
-    states.note_restart(0)
-    assert not (states.is_on | states.is_ready | states.is_unsure).any()
 
 
 def test_a_servo_without_a_current_sensor_reports_its_load(tiny):

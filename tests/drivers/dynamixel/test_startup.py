@@ -18,7 +18,6 @@ from drivers.dynamixel.startup import (
     FIRST_READS,
     await_servos,
     check_description,
-    check_limit_mode,
     check_period,
     diagnose_robot,
     measure_once,
@@ -44,12 +43,6 @@ def test_a_description_fits_its_ports_and_its_imu_or_is_refused(tiny: Robot):
     for ports in ({}, {"other": "/dev/a"}, {"main": "/dev/a", "imu": "/dev/b"}):
         with pytest.raises(SetupError, match="has the ports main; devices were named for"):
             check_description(tiny, ports, without_imu=False)
-
-
-def test_no_servo_limits_torque_ideally(tiny: Robot):
-    assert check_limit_mode(tiny, "pwm") == "pwm"
-    with pytest.raises(SetupError, match="'ideal', which no servo can"):
-        check_limit_mode(tiny, "ideal")
 
 
 class BootingBus:
@@ -94,22 +87,6 @@ def test_an_imu_that_does_not_open_is_a_finding():
     (finding,) = open_imu(SimpleNamespace(open=refuse))
     assert str(finding) == "IMU X: silent; check its cable"
     assert open_imu(SimpleNamespace(open=lambda: None)) == []
-
-
-def test_diagnosis_powers_the_servos_and_switches_torque_off_before_it_reads(tiny: Robot):
-    rig = Rig(tiny)
-    rig.poke("status_return_level", 1)
-    for chain in rig.backend.chains:
-        chain.bus.port.open()
-    found = diagnose_robot(tiny, rig.backend.chains, rig.backend.imu, None)
-    assert found.errors == ()
-    assert [servo.joint.name for servo in found.servos] == list(tiny.joint_names)
-    to_servos = [packet for packet in rig.port.sent if packet.id != tiny.bus.board.id]
-    reads = [i for i, packet in enumerate(to_servos) if packet.instruction == Instruction.READ]
-    written = [packet.instruction for packet in to_servos[: reads[0]]]
-    assert written.count(Instruction.SYNC_WRITE) == 2
-    assert rig.peek("torque_enable") == [0, 0]
-    assert rig.peek("status_return_level") == [2, 2]
 
 
 def test_a_bus_that_is_too_slow_for_the_control_period_is_an_error(tiny: Robot):

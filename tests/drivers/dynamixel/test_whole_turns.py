@@ -66,19 +66,6 @@ def test_a_joint_outside_its_range_is_taken_as_its_servo_counts(tiny: Robot):
     assert WholeTurns(tiny).resolve(register, register).tolist() == [3500, 2048]
 
 
-def test_a_joint_beyond_its_range_is_taken_at_the_nearer_end():
-    """Wolfgang's shoulders turn almost right round: a register alone would put one at its other
-    end."""
-    wolfgang = load_robot("wolfgang")
-    row = wolfgang.joint_names.index("RShoulderRoll")
-    joint_pos = wolfgang.standing.joint_pos.copy()
-    joint_pos[row] = wolfgang.upper[row] + 0.15
-    true = ServoUnits(wolfgang).to_ticks(joint_pos)
-    register = np.mod(true, TICKS_PER_TURN)
-    found = ServoUnits(wolfgang).to_rad(WholeTurns(wolfgang).resolve(register, register))
-    assert found == pytest.approx(joint_pos, abs=0.002)
-
-
 def test_joints_without_the_servo_that_they_are_coupled_to_have_no_angle(toddlerbot: Robot):
     known = np.ones(toddlerbot.n, dtype=bool)
     known[toddlerbot.joint_names.index("waist_roll")] = False
@@ -94,15 +81,6 @@ class TestOnTheBus:
         left, right = tiny.joints
         moved = replace(left, servo=replace(left.servo, zero_ticks=100))
         return Rig(replace(tiny, joints=(moved, right)), limit_by="pwm")
-
-    def test_a_joint_crosses_the_end_of_its_servos_turn_and_back(self, tiny: Robot):
-        with self.make(tiny) as rig:
-            for angle in (-0.5, 0.5, -0.5):
-                goal = np.array([angle, 0.0])
-                state = rig.turn(Command.position(rig.robot, goal), 150)
-                truth = rig.virtual.simulation.joint_pos
-                assert state.joint_pos == pytest.approx(truth, abs=0.002)
-                assert state.joint_pos[0] == pytest.approx(angle, abs=0.15)
 
     def test_a_servo_that_restarts_beyond_the_end_of_its_turn_is_still_measured_right(self, tiny):
         with self.make(tiny) as rig:

@@ -182,12 +182,3 @@ def test_a_released_servo_has_no_target(tmp_path, robot):
     limp, driven = read_messages(tmp_path / "f", JOINT_COMMANDS)
     assert limp.content["joints"] == []
     assert [joint["name"] for joint in driven.content["joints"]] == ["r_hip"]
-
-
-def test_values_of_another_number_of_joints_have_no_message_and_no_error(tmp_path, robot):
-    odd = make_cycle(robot, 0)
-    odd = replace(odd, sent=replace(odd.sent, joint_pos=np.zeros(7)))
-    odd = replace(odd, state=replace(odd.state, joint_vel=np.zeros(3), orientation=np.zeros(0)))
-    write_flight(tmp_path / "f", robot, [odd, make_cycle(robot, 1)])
-    for topic in nonempty(SCHEMAS):
-        assert len(read_messages(tmp_path / "f", topic)) == 1

@@ -37,8 +37,3 @@ def test_a_port_that_is_given_goes_before_that_of_the_robot():
     build_imu_source(settings, "/dev/ttyUSB7", make_port)
     build_imu_source(settings, "", make_port)
     assert opened == [("/dev/ttyUSB7", 9600), ("/dev/ttyS0", 9600)]
-
-
-def test_a_chip_on_i2c_is_named_with_its_bus_and_address():
-    settings = ImuSettings(kind="bno08x", connection="i2c", i2c_bus=3)
-    assert build_imu_source(settings, "", SerialPort).name == "IMU BNO08x on /dev/i2c-3 at 0x4A"

@@ -14,7 +14,7 @@ from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
-from drivers.virtual_bus.imu.reading import ImuReading, to_counts
+from drivers.virtual_bus.imu.reading import ImuReading
 from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
 from robots import ImuSettings, quaternion
 
@@ -36,13 +36,6 @@ def test_a_bno055_answers_frames_as_its_data_sheet_shows():
     assert chip.receive(bytes.fromhex("AA 01 0A 04")) == bytes.fromhex("BB 04 6400 D503")
     assert chip.receive(bytes.fromhex("AA 01 70 20")) == bytes.fromhex("EE 04"), "too far"
     assert chip.receive(b"\x55") == bytes.fromhex("EE 06"), "no start byte"
-
-
-def test_a_bno055_keeps_its_settings_while_it_measures():
-    chip = VirtualBno055()
-    for frame in ("AA 00 3D 01 05", "AA 00 07 01 01", "AA 00 08 01 12"):
-        chip.receive(bytes.fromhex(frame))
-    assert chip.receive(bytes.fromhex("AA 01 08 01")) == bytes.fromhex("BB 01 0D")
 
 
 def bno055(*frames: str, reading: ImuReading = READING) -> VirtualBno055:
@@ -355,15 +348,6 @@ def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
     assert source.damaged > 0
 
 
-def test_a_chip_that_has_restarted_is_asked_for_its_reports_again():
-    chip, source = measuring_08x()
-    asked = chip.written[1:]
-    chip.written.clear()
-    chip.packets.append(bytes.fromhex("0500 01 00 01"))
-    assert source.poll() is None
-    assert [packet[4:] for packet in chip.written] == [packet[4:] for packet in asked]
-
-
 def test_a_bno08x_on_a_uart_sends_the_frame_of_its_data_sheet():
     """Yaw 0.01, pitch -1.10, roll 20.85 degrees; -371, -20 and 977 mg (BNO080, 1.3.5.2)."""
     yaw, pitch, roll = 0.5 * np.radians([0.01, -1.10, 20.85])
@@ -396,8 +380,3 @@ def test_a_virtual_line_is_written_in_the_format_of_its_settings():
     for byte in text.encode():
         checksum ^= byte
     assert chip.take() == f"${text}*{checksum:02X}\r\n".encode()
-
-
-def test_counts_stay_within_their_two_bytes():
-    counts = np.frombuffer(to_counts(np.array([40_000.0, -40_000.0, 0.6]), 1.0), "<i2")
-    assert counts.tolist() == [32767, -32768, 1]

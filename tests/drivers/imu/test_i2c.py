@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import pytest
 from smbus2 import smbus2
 
-from drivers.imu.bno055 import Bno055
 from drivers.imu.build import build_i2c_source
 from drivers.imu.i2c import LinuxI2cChip
 from drivers.imu.source import ImuError
@@ -102,23 +101,6 @@ def test_a_bus_that_is_no_i2c_bus_is_not_left_open(kernel: Kernel, monkeypatch):
     monkeypatch.setattr(smbus2, "ioctl", refuse)
     with pytest.raises(OSError, match="Inappropriate ioctl"):
         LinuxI2cChip(1, 0x28).open()
-    assert kernel.open_files == 0
-
-
-def test_no_chip_at_an_address_is_an_error_of_the_transfer(kernel: Kernel):
-    kernel.address = 0x29
-    chip = LinuxI2cChip(1, 0x28)
-    chip.open()
-    with pytest.raises(OSError, match="Remote I/O error"):
-        chip.transfer(b"\x00", 1)
-
-
-def test_a_source_reads_its_chip_through_the_kernel(kernel: Kernel):
-    settings = ImuSettings(kind="bno055", connection="i2c")
-    source = build_i2c_source(settings, LinuxI2cChip(1, settings.address))
-    assert isinstance(source, Bno055)
-    source.open()
-    source.close()
     assert kernel.open_files == 0
 
 

@@ -3,7 +3,7 @@
 import errno
 import socket
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -93,14 +93,6 @@ def test_transfers_through_the_socket_read_what_the_chip_gives_directly(
     assert [len(each) for each in read if isinstance(each, bytes)] == [n for _, n in transfers]
 
 
-@pytest.mark.parametrize("kind", SETTINGS)
-def test_the_driver_measures_through_the_socket(kind: str, tmp_path: Path):
-    path = tmp_path / "bus"
-    with serving(make_chip(kind), kind, path), opening(kind, path) as chip:
-        sample = measure(build_i2c_source(SETTINGS[kind], chip))
-    assert sample.accelerometer == pytest.approx(UP, abs=0.02)
-
-
 def test_only_the_chip_acknowledges_and_only_with_power(tmp_path: Path):
     path, chip = tmp_path / "bus", make_chip("bno055")
     other = SocketI2cChip(str(path), 0x29)
@@ -113,17 +105,6 @@ def test_only_the_chip_acknowledges_and_only_with_power(tmp_path: Path):
         queue.call(lambda: setattr(chip, "alive", True))
         assert client.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
         other.close()
-
-
-def test_two_clients_each_get_their_own_replies(tmp_path: Path):
-    path = tmp_path / "bus"
-    with ExitStack() as stack:
-        stack.enter_context(serving(make_chip("bno055"), "bno055", path))
-        one, two = (stack.enter_context(opening("bno055", path)) for _ in range(2))
-        for value in (0x05, 0x00, 0x0C):
-            one.transfer(bytes([0x3D, value]))
-            assert two.transfer(b"\x3d", 1) == bytes([value])
-            assert one.transfer(b"\x00", 2) == b"\xa0\xfb"
 
 
 def connect(path: Path) -> socket.socket:
@@ -193,20 +174,6 @@ def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
             expected = rf"^IMU BNO0\w\w on {path} at 0x..: {text}; check .* --port imu=PATH"
             with pytest.raises(ImuError, match=expected):
                 source.open()
-
-
-def test_the_path_of_a_bus_may_be_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    folder = tmp_path / ("x" * 200)
-    folder.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(folder))
-    line = I2cLine(make_chip("bno055"), 0x28, link=None)
-    with serving_line(line):
-        assert line.path.startswith(str(folder))
-        chip = SocketI2cChip(line.path, 0x28)
-        chip.open()
-        assert len(chip.transfer(b"\0", 1)) == 1
-        chip.close()
-    assert list(folder.iterdir()) == []
 
 
 def test_a_bus_that_cannot_be_made_leaves_no_folder(

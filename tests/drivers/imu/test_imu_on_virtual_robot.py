@@ -16,8 +16,6 @@ from waiting import LONGEST_WAIT, wait_until
 from drivers import Command, SafetyGuard, State
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
-from drivers.dynamixel.diagnostics import DiagnosticsError
-from drivers.errors import SetupError
 from drivers.safety_guard import FaultKind
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
@@ -89,24 +87,6 @@ def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
     return state
 
 
-def test_the_line_of_an_imu_is_closed_after_the_bus_that_waits_for_it(
-    tiny: Robot, monkeypatch: pytest.MonkeyPatch
-):
-    virtual = VirtualRobot(Simulation(with_imu(tiny, "serial line")), powered=True)
-    ports, running = VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP), list[bool]()
-    assert ports.imu_line is not None
-    close = ports.imu_line.close
-
-    def close_noted() -> None:
-        running.append(ports.main.running)
-        close()
-
-    monkeypatch.setattr(ports.imu_line, "close", close_noted)
-    with ports:
-        assert ports.main.running
-    assert running == [False]
-
-
 @pytest.mark.parametrize("kind", [*KINDS, "board by its addresses"])
 def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
     robot = with_imu(tiny, kind)
@@ -150,15 +130,6 @@ def test_the_imu_of_a_held_robot_is_not_frozen_where_servos_turn_faster_than_joi
             assert state.imu_age == 0.0
 
 
-def test_an_imu_that_is_silent_from_the_start_is_named(tiny: Robot, monkeypatch):
-    set_patience(monkeypatch, 0.05)
-    with driving(with_imu(tiny, "serial line")) as (virtual, _, driver):
-        assert virtual.imu is not None
-        virtual.imu.alive = False
-        with pytest.raises(DiagnosticsError, match=r"IMU \(serial line\) on .*: its IMU cannot be"):
-            driver.connect()
-
-
 def test_a_board_may_power_the_servos_of_a_robot_whose_imu_is_elsewhere(tiny: Robot):
     robot = replace(tiny, imu=KINDS["BNO08x on I2C"])
     virtual = VirtualRobot(Simulation(robot))
@@ -167,19 +138,6 @@ def test_a_board_may_power_the_servos_of_a_robot_whose_imu_is_elsewhere(tiny: Ro
         assert all(servo.powered for servo in virtual.servos)
         ports.main.call(lambda: setattr(virtual.board, "alive", False))
         assert run(driver, 30).imu_age == 0.0
-
-
-def test_a_serial_imu_without_a_port_is_refused(tiny: Robot):
-    with pytest.raises(SetupError, match=r"its serial port is not named; set imu[.]port"):
-        DynamixelBackend(with_imu(tiny, "serial line"), {"main": "p"})
-
-
-def test_a_robot_without_an_imu_is_refused_in_one_line(own_robot, capsys):
-    file = own_robot / "robot.toml"
-    file.write_text(file.read_text().split("[bus.board]")[0])
-    assert main(("hold", "--robot", str(own_robot), "--backend", "virtual")) == 2
-    message = capsys.readouterr().err.strip().splitlines()
-    assert len(message) == 1 and "robot 'tiny' has no IMU: add an [imu] table" in message[0]
 
 
 def test_the_doctor_names_an_i2c_bus_that_has_ended_with_a_hardware_fault(own_robot, capsys):

@@ -6,17 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from imu_bench import KINDS, ImuBench
 
-from drivers.imu.serial_line import LineFormat, checksum_of
+from drivers.imu.serial_line import LineFormat
 from robots import ImuSettings
 
 PLAIN = ImuSettings(kind="serial_line")
 NUMBERS = st.lists(st.floats(-20.0, 20.0), min_size=6, max_size=6)
-
-
-def test_the_checksum_is_that_of_nmea():
-    # A sentence with its checksum as receivers print it.
-    text = b"GPGLL,5300.97914,N,00259.98174,E,125926,A"
-    assert checksum_of(text) == b"28"
 
 
 @given(values=NUMBERS)

@@ -55,20 +55,6 @@ def link(port: Port) -> SerialLink:
     return SerialLink(port, "IMU")  # type: ignore[arg-type]
 
 
-def test_what_came_before_it_was_opened_is_dropped(port: Port, link: SerialLink):
-    port.coming = b"old"
-    link.open()
-    assert link.receive() == b""
-    port.coming = b"all of it"
-    assert link.receive() == b"all of it"
-
-
-def test_it_is_opened_once(port: Port, link: SerialLink):
-    link.open()
-    link.open()
-    assert (port.opened, link.connections) == (1, 1)
-
-
 def test_a_port_that_does_not_open_says_what_to_check(port: Port, link: SerialLink):
     port.is_gone = True
     with pytest.raises(ImuError, match=r"IMU: port memory: does not exist; check its cable"):
@@ -91,10 +77,3 @@ def test_a_lost_port_is_opened_again_after_a_while(port: Port, link: SerialLink,
     assert port.is_open and link.connections == 2
     link.send(b"back")
     assert port.sent == b"back"
-
-
-def test_a_port_that_is_lost_while_it_is_written_to_is_closed(port: Port, link: SerialLink):
-    link.open()
-    port.is_gone = True
-    link.send(b"?")
-    assert not port.is_open

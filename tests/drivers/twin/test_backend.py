@@ -6,14 +6,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from nonempty import nonempty
 
 from drivers import Command, Ending, SafetyGuard, Twin, run
 from drivers.errors import ModelError
 from drivers.servo_units import ServoUnits
-from drivers.twin.servo_model import SensorNoise
 from drivers.twin.simulation import SimulationOptions, build_flat_world
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -98,15 +95,6 @@ def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
     assert state.orientation == pytest.approx(quaternion.IDENTITY), "a robot does not know its yaw"
 
 
-@given(angles=st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2))
-def test_encoders_read_what_the_servos_ticks_say(tiny, angles):
-    by_servo = [
-        joint.servo.to_rad(joint.servo.to_ticks(angle))
-        for joint, angle in zip(tiny.joints, angles, strict=True)
-    ]
-    assert ServoUnits(tiny).quantize(np.array(angles)) == pytest.approx(by_servo, abs=1e-12)
-
-
 def test_sensors_have_the_resolution_of_the_real_ones(op3):
     twin = Twin(op3)
     state = play(twin, Command.position(op3, op3.standing.joint_pos + 0.2), 10)
@@ -139,19 +127,6 @@ def test_gyro_is_the_mean_turn_rate_in_the_imu_frame(tiny):
     turned = quaternion.angle_between(before, twin.truth.posture.orientation)
     assert np.linalg.norm(state.gyro) * 0.008 == pytest.approx(turned, rel=2e-3)
     assert state.gyro == pytest.approx(spin, abs=0.05)
-
-
-def test_noise_comes_from_the_seed_alone(tiny):
-    noise = SensorNoise(joint_pos=0.01, joint_vel=0.1, joint_current=0.01, gyro=0.01)
-
-    def measure(seed):
-        twin = Twin(tiny, options=SimulationOptions(noise=noise, rng=np.random.default_rng(seed)))
-        return play(twin, Command.position(tiny, np.zeros(2)), 3)
-
-    first, again, other = measure(1), measure(1), measure(2)
-    for name in ("joint_pos", "joint_vel", "joint_current", "gyro"):
-        assert np.array_equal(getattr(first, name), getattr(again, name)), name
-        assert not np.array_equal(getattr(first, name), getattr(other, name)), name
 
 
 def test_a_lower_supply_makes_slower_servos(tiny):
@@ -190,16 +165,6 @@ def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
     # adds some, and from 65 °C on the guard takes torque away.
     assert 90.0 < report.duration < 200.0
     assert report.clips.torque.min() > 0
-
-
-def test_released_joints_obey_nothing_while_others_hold(tiny):
-    twin = Twin(tiny)
-    command = replace(
-        Command.position(tiny, np.array([0.4, 0.4])), torque_limit=np.array([0.0, 4.1])
-    )
-    play(twin, command, 40)
-    assert twin.truth.joint_torque[0] == 0.0
-    assert twin.truth.joint_torque[1] != 0.0
 
 
 @pytest.mark.parametrize(("period", "words"), [(0.005, "not a multiple"), (0.0, "not a multiple")])

@@ -1,19 +1,15 @@
 """The vendor's own handlers talk to virtual servos over the pty, and find nothing odd."""
 
 import math
-import time
 
 import pytest
 
 dynamixel_sdk = pytest.importorskip("dynamixel_sdk")
 
-from drivers.dynamixel.protocol2 import ALERT  # noqa: E402
-from drivers.state import HardwareError  # noqa: E402
 from drivers.virtual_bus.devices.chain import Chain  # noqa: E402
 from drivers.virtual_bus.devices.sensors import Measured  # noqa: E402
 from drivers.virtual_bus.devices.servo import VirtualServo  # noqa: E402
 from drivers.virtual_bus.serving.server import TimeMode, VirtualBus  # noqa: E402
-from drivers.virtual_bus.serving.wire_faults import LineFault  # noqa: E402
 
 IDS = range(1, 21)
 BAUD = 1_000_000
@@ -61,10 +57,6 @@ def packets():
     return dynamixel_sdk.PacketHandler(2.0)
 
 
-def test_ping(port, packets):
-    assert packets.ping(port, 7) == (XM430, dynamixel_sdk.COMM_SUCCESS, 0)
-
-
 def test_broadcast_ping_finds_all(port, packets):
     found, result = packets.broadcastPing(port)
     assert result == dynamixel_sdk.COMM_SUCCESS
@@ -85,12 +77,6 @@ def test_an_error_comes_with_its_number(port, packets):
     assert packets.write1ByteTxRx(port, 3, TORQUE_ENABLE, 2) == (0, 4)  # out of range
 
 
-def test_an_alert_comes_with_every_answer(bus: VirtualBus, port, packets):
-    bus.faults.trip(3, HardwareError.OVERLOAD)
-    assert packets.ping(port, 3) == (XM430, 0, ALERT)
-    assert packets.read1ByteTxRx(port, 3, 70) == (HardwareError.OVERLOAD, 0, ALERT)
-
-
 def test_reg_write_waits_for_action(port, packets):
     goal = list((1234).to_bytes(4, "little"))
     before = packets.read4ByteTxRx(port, 3, GOAL_POSITION)
@@ -100,17 +86,6 @@ def test_reg_write_waits_for_action(port, packets):
     # The SDK leaves the port marked as busy after a broadcast without an answer.
     port.is_using = False
     assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == (1234, 0, 0)
-
-
-def test_reboot_forgets_ram(bus: VirtualBus, port, packets, monkeypatch):
-    packets.write4ByteTxRx(port, 3, PROFILE_VELOCITY, 55)
-    assert packets.reboot(port, 3) == (0, 0)
-    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 20)
-    end = time.monotonic() + 20.0
-    while packets.ping(port, 3)[1] != dynamixel_sdk.COMM_SUCCESS:
-        assert time.monotonic() < end
-    assert packets.read4ByteTxRx(port, 3, PROFILE_VELOCITY)[0] == 0
-    assert bus.time > 0.1
 
 
 def test_sync_write_then_sync_read(port, packets):
@@ -148,47 +123,7 @@ def test_bulk_reads(port, packets, how: str):
     assert [read.isAvailable(i, 146, 1) for i in IDS] == [i % 2 == 1 for i in IDS]
 
 
-def test_bulk_write(port, packets):
-    write = dynamixel_sdk.GroupBulkWrite(port, packets)
-    assert write.addParam(1, LED, 1, [1])
-    assert write.addParam(2, GOAL_POSITION, 4, list((777).to_bytes(4, "little")))
-    assert write.txPacket() == 0
-    assert packets.read1ByteTxRx(port, 1, LED)[0] == 1
-    assert packets.read4ByteTxRx(port, 2, GOAL_POSITION)[0] == 777
-
-
-def test_a_dead_servo_is_not_there(bus: VirtualBus, port, packets, monkeypatch):
-    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 20)
-    bus.faults.kill(5)
-    assert packets.ping(port, 5)[1] == dynamixel_sdk.COMM_RX_TIMEOUT
-    found, _ = packets.broadcastPing(port)
-    assert set(found) == set(IDS) - {5}
-
-
-def test_noise_and_echo_do_not_disturb_the_sdk(bus: VirtualBus, port, packets):
-    for fault in (LineFault.NOISE, LineFault.ECHO):
-        bus.faults.strike_next(fault)
-        assert packets.ping(port, 7) == (XM430, 0, 0)
-    assert bus.faults.counts.total() == 2
-
-
 def test_the_bus_sees_that_the_sdk_forgets_to_stuff(bus: VirtualBus, port, packets):
     goal = [0xFF, 0xFF, 0xFD, 0x00]
     assert packets.writeTxRx(port, 3, PROFILE_VELOCITY, 4, goal)[0] == 0
     assert bus.statistics.unstuffed == 1
-
-
-def test_nothing_that_the_sdk_sent_was_odd(bus: VirtualBus, port, packets):
-    packets.ping(port, 1)
-    packets.read4ByteTxRx(port, 2, PRESENT_POSITION)
-    message = bus.statistics
-    assert (message.packets, message.answers) == (2, 2)
-    assert (message.noise, message.damaged, message.broken_off, message.talked_over) == (0, 0, 0, 0)
-    assert (message.unstuffed, message.wrong_baud, message.overflow) == (0, 0, 0)
-
-
-def test_a_baud_rate_written_to_a_servo_counts_from_the_next_instruction(bus, port, packets):
-    assert packets.write1ByteTxRx(port, 3, 8, 1) == (0, 0)  # answered at the old rate
-    port.setBaudRate(57600)
-    assert packets.ping(port, 3)[1] == dynamixel_sdk.COMM_SUCCESS
-    assert bus.statistics.wrong_baud == 0

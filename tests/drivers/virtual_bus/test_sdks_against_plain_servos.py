@@ -79,14 +79,6 @@ def test_a_dynamixel_of_protocol_1_is_pinged_read_and_written(model: str):
         assert packets.read2ByteTxRx(port, 1, goal) == (300, 0, 0)
 
 
-def test_a_goal_outside_the_angle_limits_is_refused_with_the_manuals_bit():
-    packets, table = dynamixel_sdk.PacketHandler(1.0), table_named("AX-12A")
-    with opening("AX-12A", dynamixel_sdk) as port:
-        assert packets.write2ByteTxRx(port, 1, table["max_position_limit"].address, 500) == (0, 0)
-        error = packets.write2ByteTxRx(port, 1, table["goal_position"].address, 600)[1]
-        assert packets.getRxPacketError(error) == "[RxPacketError] Angle limit error!"
-
-
 def test_a_sync_write_reaches_all_and_a_bulk_read_is_known_to_mx_alone():
     packets = dynamixel_sdk.PacketHandler(1.0)
     goal = table_named("AX-12A")["goal_position"].address
@@ -166,10 +158,3 @@ def test_rustypot_reads_the_angle_that_the_table_gives(model: str):
     middle = servo_models()[model].middle_tick
     scale = table_named(model)["present_position"].scale
     assert angle == pytest.approx((107 - middle) * scale, abs=1e-3)
-
-
-def test_rustypot_reads_all_xl_320_at_once():
-    rustypot = pytest.importorskip("rustypot")
-    with VirtualBus(make_chain("XL-320"), time_mode=TimeMode.LOCK_STEP) as bus:
-        controller = rustypot.Xl320PyController(bus.path, BAUD, 10.0)
-        assert controller.sync_read_present_position(list(IDS)) == [101, 102, 107]

@@ -122,15 +122,6 @@ def test_a_robot_without_torque_lies_still(op3: Robot, side: list[float]):
     assert moved.max() < 1.0
 
 
-def test_torque_may_go_in_the_middle_of_a_motion(op3: Robot):
-    virtual = VirtualRobot(Simulation(op3), powered=True)
-    for on in (1, 0, 1, 0):
-        for servo in virtual.servos:
-            assert servo.write(64, bytes([on])) == 0
-        virtual.physics.advance(virtual.physics.time + 0.1)
-    assert np.isfinite(virtual.simulation.joint_vel).all()
-
-
 @pytest.fixture
 def floating(tiny: Robot) -> VirtualRobot:
     return float_in_space(tiny)
@@ -195,29 +186,6 @@ def test_in_current_mode_a_blocked_servo_draws_its_goal(floating: VirtualRobot):
     currents = [servo.peek("present_current") for servo in floating.servos]
     assert currents == pytest.approx([200, 200], abs=12)
     assert floating.simulation.joint_current[0] > 0.0 > floating.simulation.joint_current[1]
-
-
-def test_in_current_based_position_mode_the_current_has_a_limit(floating: VirtualRobot):
-    floating.simulation.model.jnt_range[1:] = [[0.0, 0.001]] * 2
-    for servo in floating.servos:
-        assert servo.write(11, bytes([OperatingMode.CURRENT_BASED_POSITION])) == 0
-        assert servo.write(102, (150).to_bytes(2, "little")) == 0
-        assert servo.write(64, b"\x01") == 0
-        assert servo.write(116, (2900).to_bytes(4, "little")) == 0
-    floating.physics.advance(floating.physics.time + 0.3)
-    assert abs(floating.servos[0].peek("present_current")) <= 162
-
-
-def test_a_profile_leads_a_servo_slowly_to_its_goal(floating: VirtualRobot):
-    servo = floating.servos[0]
-    servo.write(64, b"\x01")
-    servo.write(112, (20).to_bytes(4, "little"))  # 20 counts are 0.48 rad/s
-    servo.write(116, (2048 + 400).to_bytes(4, "little"))
-    floating.physics.advance(floating.physics.time + 0.4)
-    assert floating.simulation.joint_pos[0] == pytest.approx(0.4 * 0.48, abs=0.04)
-    assert servo.peek("moving") == 1
-    floating.physics.advance(floating.physics.time + 1.5)
-    assert floating.simulation.joint_pos[0] == pytest.approx(400 * RAD_PER_TICK, abs=0.02)
 
 
 def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):

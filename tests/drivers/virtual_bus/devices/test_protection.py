@@ -55,13 +55,6 @@ def test_after_a_shutdown_only_a_reboot_brings_torque_back(error: HardwareError)
     assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1500.0
 
 
-def test_the_answer_to_a_refused_torque_on_is_a_quirk():
-    servo = VirtualServo(1, quirks=Quirks(locked_torque_error=ErrorNumber.RESULT_FAIL))
-    servo.trip(HardwareError.OVERLOAD)
-    assert write(servo, "torque_enable", 1) == ALERT | ErrorNumber.RESULT_FAIL
-    assert write(servo, "torque_enable", 0) == ALERT
-
-
 def test_errors_add_up_and_an_alert_comes_beside_an_error_number():
     servo = powered()
     servo.trip(HardwareError.ENCODER)
@@ -95,15 +88,6 @@ def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
     assert read(servo, "hardware_error_status") == 0
 
 
-def test_a_shutdown_by_voltage_stays_shut_when_the_bit_goes():
-    servo = powered(shutdown=1)
-    sense(servo, voltage=9.0)
-    sense(servo, voltage=12.0)
-    assert read(servo, "hardware_error_status") == 0
-    assert write(servo, "torque_enable", 1) == 0
-    assert not servo.torque_on
-
-
 # OverloadModel -----------------------------------------------------------------------------------
 
 
@@ -131,23 +115,6 @@ def test_the_larger_the_load_the_sooner_it_trips_and_a_bearable_one_never_does()
     times = [time_to_trip(share * STALL) for share in (1.5, 1.2, 1.0, 0.9, 0.82)]
     assert times == sorted(times) and times[-1] < 20.0
     assert time_to_trip(0.79 * STALL) == float("inf")
-
-
-def test_the_overload_curve_is_a_quirk():
-    assert time_to_trip(STALL, Quirks(overload_time=1.0)) == pytest.approx(1.03, abs=0.011)
-    assert time_to_trip(0.5 * STALL, Quirks(overload_share=0.4)) < 4.0
-
-
-def test_a_reboot_forgets_the_load_so_far():
-    servo = powered()
-    sense(servo, current=STALL)
-    for i in range(400):
-        servo.advance(0.01 * i)
-    assert servo.peek("hardware_error_status") == HardwareError.OVERLOAD
-    servo.reboot()
-    servo.advance(5.0)
-    servo.advance(5.5)
-    assert servo.peek("hardware_error_status") == 0
 
 
 # Bus watchdog -------------------------------------------------------------------------------

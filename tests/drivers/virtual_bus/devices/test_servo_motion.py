@@ -69,17 +69,6 @@ def test_the_motor_is_sent_to_where_the_register_says(raw, homing, reverse, mode
         assert servo.motor_command().target_ticks == raw + sign * 100
 
 
-def test_reversed_registers_show_everything_of_the_horn_with_the_other_sign():
-    there, back = VirtualServo(1), VirtualServo(2)
-    write(back, "drive_mode", 1)
-    for servo in (there, back):
-        sense(servo, ticks=1000.0, velocity=1.0, current=0.5, pwm_share=0.2)
-    for name in ("present_pwm", "present_current", "present_velocity"):
-        assert read(there, name) == -read(back, name) != 0
-    assert read(there, "present_position") == 1000
-    assert read(back, "present_position") == TURN - 1000
-
-
 def test_sensors_show_si_values_in_counts_of_their_model():
     servo = VirtualServo(1)
     sense(
@@ -222,15 +211,6 @@ def test_velocity_mode_ramps_with_the_profile_acceleration():
     assert not servo.has_profile
 
 
-def test_velocity_mode_by_time_takes_the_profile_acceleration_as_its_duration():
-    servo = powered(OperatingMode.VELOCITY, drive_mode=4, profile_acceleration=1000)
-    write(servo, "goal_velocity", 100)
-    servo.advance(0.5)
-    assert servo.motor_command().goal_velocity == pytest.approx(50 * SPEED)
-    servo.advance(1.0)
-    assert servo.motor_command().goal_velocity == pytest.approx(100 * SPEED)
-
-
 def test_narrower_limits_pull_goals_in():
     servo = VirtualServo(1)
     write(servo, "goal_velocity", -150)
@@ -279,14 +259,6 @@ def test_a_new_goal_in_motion_continues_from_the_trajectory():
     assert 0.0 < servo.motor_command().target_ticks - before < 2.0  # still braking, 1.5 ticks a ms
     servo.advance(20.0)
     assert servo.motor_command().target_ticks == 1000.0
-
-
-def test_a_time_based_profile_has_a_shorter_range():
-    servo = VirtualServo(1)
-    assert write(servo, "profile_velocity", 32767) == 0
-    write(servo, "drive_mode", 4)
-    assert write(servo, "profile_velocity", 32738) == ErrorNumber.DATA_RANGE
-    assert write(servo, "profile_acceleration", 32737) == 0
 
 
 def test_moving_compares_the_speed_with_its_threshold():

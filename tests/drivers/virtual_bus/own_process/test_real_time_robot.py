@@ -21,7 +21,6 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import LONGEST_CATCH_UP, RealTimeRobot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
 from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
 from robots import ImuSettings, Robot
 from robots.imu import IMU_PORT
@@ -56,16 +55,6 @@ def test_a_client_measures_and_moves_what_is_simulated_here(tiny: Robot, served:
         wait_until(has_arrived)
         assert served.simulation.joint_pos == pytest.approx(goal, abs=0.06)
     assert served.statistics["main"].packets > 0
-
-
-def test_a_robot_that_is_placed_is_limp(tiny: Robot, served: RealTimeRobot):
-    with DynamixelBackend(tiny, served.paths) as driver:
-        driver.read()
-        driver.write(Command.position(tiny, tiny.standing.joint_pos))
-        servos = served.physics.motors
-        wait_until(lambda: all(servo.motor_command().torque_on for servo in servos))
-        served.place(tiny.standing)
-        assert [servo.motor_command().torque_on for servo in servos] == [False] * tiny.n
 
 
 def test_an_answer_does_not_wait_for_physics_which_falls_behind(
@@ -141,16 +130,6 @@ def test_a_folder_that_cannot_be_made_is_no_fault_of_the_bus(
         os.mkdir(deep)  # noqa: PTH102
     monkeypatch.setenv("TMPDIR", deep)
     with RealTimeRobot(Simulation(tiny)) as robot, pytest.raises(OSError, match="too long"):
-        robot.place(tiny.standing)
-
-
-def test_a_port_that_cannot_be_created_is_refused(tiny: Robot, tmp_path: Path):
-    link = tmp_path / "port"
-    link.touch()
-    with (
-        RealTimeRobot(Simulation(tiny), options=PortOptions(link=link)) as robot,
-        pytest.raises(PortLinkError, match="a file is there"),
-    ):
         robot.place(tiny.standing)
 
 

@@ -33,18 +33,6 @@ for number in range(1, {LAST} + 1):
 """
 
 
-def test_there_is_no_row_before_the_first_and_none_twice():
-    rows = SharedRows(3)
-    assert rows.read(after=0) is None
-    rows.publish(np.array([1.0, 2.0, 3.0]))
-    found = rows.read(after=0)
-    assert found is not None
-    number, row = found
-    assert row.tolist() == [1.0, 2.0, 3.0]
-    assert rows.read(after=number) is None
-    rows.close()
-
-
 def test_rows_of_another_process_are_whole_and_come_in_their_order():
     rows, number, seen = SharedRows(WIDTH), 0, list[float]()
     with subprocess.Popen(
@@ -103,20 +91,6 @@ def test_a_reader_that_the_writer_overtakes_gets_a_whole_row(*, is_counted: bool
         found = read_overtaken(came, is_counted=is_counted)
         assert found is not None
         assert found[1].tolist() == [float(found[0])] * 4, f"{came} rows came"
-
-
-def test_a_row_is_not_counted_before_it_is_complete():
-    rows, counts = SharedRows(3), list[int]()
-
-    class Row:
-        def __array__(self, *_: object, **__: object) -> Array:
-            counts.append(int(rows._count[0]))
-            return np.zeros(3)
-
-    for _ in range(2):
-        rows.publish(Row())  # pyright: ignore[reportArgumentType]
-    assert counts == [0, 1]
-    rows.close()
 
 
 def test_commands_of_motors_survive_a_row():

@@ -1,7 +1,6 @@
 """Faults on demand: each does what its name says, is counted, and comes again from its seed."""
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,10 +34,6 @@ def line_faults(seed: int = 0) -> LineFaults:
 
 def bytes_of(transmissions) -> bytes:
     return b"".join(transmission.data for transmission in transmissions)
-
-
-def scheduled(file: Path, devices=()) -> PortOptions:
-    return PortOptions(schedule=FaultSchedule.from_file(file, devices))
 
 
 class RecordingPhysics(StillPhysics):
@@ -170,17 +165,6 @@ def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault
     assert 240 < hit < 400  # flips: 1 - 0.98**21 = 0.346; else 0.3
 
 
-def test_the_same_seed_brings_the_same_faults():
-    def play(seed: int) -> list[bytes]:
-        line = line_faults(seed)
-        for fault in LineFault:
-            line.set_rate(fault, 0.2)
-        return [bytes_of(line.disturb_reply(REPLY)) for _ in range(50)]
-
-    assert play(1) == play(1)
-    assert play(1) != play(2)
-
-
 def test_a_rate_is_a_share():
     with pytest.raises(ValueError, match=r"rate of lose is 1\.5, expected 0 to 1"):
         line_faults().set_rate(LineFault.LOSE, 1.5)
@@ -195,13 +179,6 @@ def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial
     assert [frame.id for frame in frames] == [1, 3]
 
 
-def test_a_lost_sync_write_still_ends_the_cycle(bus, port, devices: FakeDevices):
-    bus.faults.strike_next(LineFault.LOSE_REQUEST)
-    assert len(ask(port, GOALS + protocol2.ping(1).encode(), 14)) == 14
-    assert bus.time == pytest.approx(PERIOD)
-    assert devices.device(1).memory[116] == 116  # not written
-
-
 def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: serial.Serial):
     bus.faults.kill(2)
     assert ask_all(bus, port, protocol2.ping(2).encode()) == b""
@@ -209,15 +186,6 @@ def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: seri
     bus.faults.revive(2)
     assert len(ask(port, protocol2.ping(2).encode(), 14)) == 14
     assert bus.faults.counts == Counter(kill=1, revive=1)
-
-
-def test_a_silent_bus_hears_and_says_nothing(bus, port, devices: FakeDevices):
-    bus.faults.silence()
-    assert ask_all(bus, port, GOALS + protocol2.ping(1).encode()) == b""
-    assert devices.heard == []
-    bus.faults.silence(False)
-    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
-    assert bus.faults.counts == Counter(silence=1, silenced=2)
 
 
 def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
@@ -245,17 +213,6 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
     assert bus.faults.counts == Counter()
 
 
-def test_every_imu_freezes(devices: FakeDevices):
-    board = devices.devices[2]
-    board.frozen = False  # type: ignore[attr-defined]
-    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP) as bus:
-        bus.faults.freeze_imu()
-        assert board.frozen is True  # type: ignore[attr-defined]
-        bus.faults.freeze_imu(False)
-        assert board.frozen is False  # type: ignore[attr-defined]
-    assert not hasattr(devices.devices[0], "frozen")
-
-
 # Schedules ---------------------------------------------------------------------------------
 
 
@@ -263,19 +220,6 @@ def write(tmp_path, text: str):
     file = tmp_path / "faults.toml"
     file.write_text(text)
     return file
-
-
-def test_a_scheduled_unplugging_ends_by_itself(tmp_path, devices: FakeDevices):
-    file = write(tmp_path, '[[fault]]\nat = 0.008\nkind = "unplug"\nfor = 0.05\n')
-    options = scheduled(file)
-    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP, options=options) as bus:
-        with serial.Serial(bus.path, 1_000_000) as port:
-            port.write(GOALS)
-            wait_until(lambda: bus.faults.counts["replug"] > 0)
-        with serial.Serial(bus.path, 1_000_000, timeout=5.0) as port:
-            assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
-        assert bus.faults.counts == Counter(unplug=1, replug=1)
-        assert bus.time >= 0.058
 
 
 ONE_OF_EACH = {
@@ -304,66 +248,36 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
         f'[[fault]]\nat = 0.001\nkind = "{kind}"\n{rest}\n' for kind, rest in ONE_OF_EACH.items()
     )
     devices.devices[2].frozen = False  # type: ignore[attr-defined]
-    options = scheduled(write(tmp_path, text), IDS)
-    bus = VirtualBus(
-        devices,
-        RecordingPhysics(devices),
-        time_mode=TimeMode.REAL_TIME,
-        options=options,
-    )
-    with bus:
+    options = PortOptions(schedule=FaultSchedule.from_file(write(tmp_path, text), IDS))
+    physics = RecordingPhysics(devices)
+    with VirtualBus(devices, physics, time_mode=TimeMode.REAL_TIME, options=options) as bus:
         wait_until(lambda: bus.faults.counts["replug"] == 2)
-    made = Counter(
-        kill=1, revive=1, reboot=1, trip=1, heat=1, sag=1, freeze_imu=1, silence=1, unplug=1
-    )
+    made = dict.fromkeys(list(ONE_OF_EACH)[:9], 1)
     assert bus.faults.counts == Counter(made, replug=2)
 
 
+WRONG = """
+other = {}
+fault = [
+  { at = -1, kind = "kill", id = 300 },
+  { kind = "melt" },
+  { at = 1, kind = "trip", id = 9, error = "fire", color = "red" },
+  { at = 1, kind = "flip", rate = 2 },
+  { at = 1, kind = "lose", rate = 0.5, count = 0 },
+  { at = nan, kind = "sag" },
+  { at = 1, kind = "lose", for = 1 },
+  { at = true, kind = 5 },
+]
+"""
+
+
 def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
-    file = write(
-        tmp_path,
-        """
-        [other]
-        [[fault]]
-        at = -1
-        kind = "kill"
-        id = 300
-        [[fault]]
-        kind = "melt"
-        [[fault]]
-        at = 1
-        kind = "trip"
-        id = 9
-        error = "fire"
-        color = "red"
-        [[fault]]
-        at = 1
-        kind = "flip"
-        rate = 2
-        [[fault]]
-        at = 1
-        kind = "lose"
-        rate = 0.5
-        count = 0
-        [[fault]]
-        at = nan
-        kind = "sag"
-        [[fault]]
-        at = 1
-        kind = "lose"
-        for = 1
-        [[fault]]
-        at = true
-        kind = 5
-        """,
-    )
+    file = write(tmp_path, WRONG)
     with pytest.raises(FaultScheduleError) as caught:
         FaultSchedule.from_file(file, IDS)
     message = str(caught.value)
     assert "\n" not in message
-    assert message.startswith(
-        f"{file}: unknown table 'other', expected fault; fault 1: kill: at is -1"
-    )
+    assert message.startswith(f"{file}: unknown table 'other', expected fault; fault 1: kill: at ")
     for part in (
         "fault 1: kill: at is -1, expected a number from 0 to 1e+06 s",
         "fault 1: kill: id is 300, expected an integer from 0 to 252",

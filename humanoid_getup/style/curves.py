@@ -1,7 +1,8 @@
 """Style curves: neck height and torso angles that a rise should have over time.
 
-A feature curve of [Frezzato22], section 4.1, is a cardinal cubic B-spline through nine control
-points that are equally apart in time; a rise is held at its end (equation 1).
+A feature curve is an interpolating cubic spline: it passes through nine control points, equally
+apart in time, with continuous second derivatives, and is at rest at both ends. [Frezzato22],
+section 4.1, has a cardinal cubic B-spline instead. A rise is held at its end (equation 1).
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ $(VENV)/studio: $(VENV)/dev
 	touch $@
 
 $(VENV)/scale: $(VENV)/dev
-	$(BIN)/pip install -q -e ".[ray,dask]"
+	$(BIN)/pip install -q -e ".[slurm]"
 	touch $@
 
 $(VENV)/warp: $(VENV)/train
@@ -96,7 +96,7 @@ test-studio: $(VENV)/studio  ## Install the studio and Chromium; run the tests o
 		> /dev/null || echo "Chromium cannot be installed: the tests of the page are skipped"
 	$(BIN)/pytest -m "studio and not slow"
 
-test-scale: $(VENV)/scale  ## Install Ray and Dask; run the tests of work on many processes.
+test-scale: $(VENV)/scale  ## Install Dask; run the tests of work on many processes.
 	$(BIN)/pytest -m "scale and not slow"
 
 test-warp: $(VENV)/warp  ## Install mujoco-warp; run its tests (kernels compile for minutes at first).

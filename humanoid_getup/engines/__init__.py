@@ -1,1 +1,1 @@
-"""Engines that run independent pieces of work: this process, processes, Ray, Dask, Slurm."""
+"""Engines that do independent pieces of work: this process, its workers, Dask, Slurm."""

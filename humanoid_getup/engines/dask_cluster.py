@@ -2,113 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import ExitStack, contextmanager
-from functools import partial
-from multiprocessing import current_process
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from shutil import which
-from typing import Any, TypeVar
+from typing import Any
 
-from humanoid_getup.engines.engine import Engine
-from humanoid_getup.engines.errors import EngineError, WorkerLostError
-from humanoid_getup.engines.forwarded import forward
-from humanoid_getup.engines.local_processes import TRIES
-from humanoid_getup.engines.workers import Workers
+from humanoid_getup.engines.engine import Engine, EngineError
 
+TRIES = 3  # of a piece whose worker ends
 CONNECT_TIME = 10.0  # s
 MOST_SHOWN = 200  # characters of a reason
 SLURM_WORKERS = 8
 MEMORY = "4GB"  # of a worker; one takes 0.6 GB
 
-Result = TypeVar("Result")
+
+@contextmanager
+def start_dask(engine: Engine) -> Iterator[Executor]:
+    """Start Dask on this machine or in jobs of Slurm, or connect to a cluster.
+
+    Raises:
+        EngineError: if the cluster does not answer or has no workers, or if a piece ended its
+            worker repeatedly.
+        ModuleNotFoundError: if a package is missing.
+    """
+    from dask import config
+    from dask.distributed import KilledWorker
+
+    config.set({"distributed.scheduler.allowed-failures": TRIES - 1})
+    with _make_client(engine) as client:
+        try:
+            yield client.get_executor(pure=False)
+        except KilledWorker as error:
+            raise EngineError(
+                f"workers of Dask ended in {TRIES} tries of a piece, expected ones that last: use "
+                "fewer if memory ran out, or engine local:1 to see what happens, and resume"
+            ) from error
 
 
 @contextmanager
-def start_dask(engine: Engine, _pieces: int) -> Iterator[Workers]:
-    """Start Dask on this machine, or connect to a cluster.
+def _make_client(engine: Engine) -> Iterator[Any]:
+    """Make the client of a cluster that is running, or of one that ends with it."""
+    from dask.distributed import Client
 
-    Raises:
-        EngineError: if it does not answer, or has no workers.
-    """
-    from dask.distributed import Client, LocalCluster
-
-    with ExitStack() as stack:
-        if not engine.address:
-            local: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None}
-            cluster = LocalCluster(n_workers=engine.workers, **local)
-            client = stack.enter_context(Client(stack.enter_context(cluster)))
-            yield _count_workers(client)
-            return
-        try:
-            client = stack.enter_context(Client(engine.address, timeout=CONNECT_TIME))
-        except Exception as error:  # of whatever carries tls://, ucx:// and others
-            reason = " ".join(str(error).split())[:MOST_SHOWN]
-            raise EngineError(
-                f"no Dask scheduler answers at {engine.address} ({reason}), expected one that "
-                "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
-            ) from error
-        workers = _count_workers(client)
-        if not workers.count:
+    if not engine.address:
+        with _start_cluster(engine) as cluster, Client(cluster) as client:
+            yield client
+        return
+    try:
+        client = Client(engine.address, timeout=CONNECT_TIME)
+    except Exception as error:  # of whatever carries tls://, ucx:// and others
+        reason = " ".join(str(error).split())[:MOST_SHOWN]
+        raise EngineError(
+            f"no Dask scheduler answers at {engine.address} ({reason}), expected one that "
+            "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
+        ) from error
+    with client:
+        if not client.nthreads():
             raise EngineError(
                 f"the Dask scheduler at {engine.address} has no workers, expected some that "
                 "`dask worker` runs"
             )
-        yield workers
+        yield client
 
 
-@contextmanager
-def start_slurm(engine: Engine, _pieces: int) -> Iterator[Workers]:
-    """Start workers as jobs of Slurm; each does pieces when its job runs.
+def _start_cluster(engine: Engine) -> Any:
+    """Start workers on this machine, or as jobs of Slurm.
 
     Raises:
         EngineError: if there is no Slurm.
     """
-    from dask.distributed import Client
+    if engine.kind == "dask":
+        from dask.distributed import LocalCluster
+
+        options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None}
+        return LocalCluster(n_workers=engine.workers, **options)
     from dask_jobqueue.slurm import SLURMCluster
 
     if which("sbatch") is None:
         raise EngineError("there is no `sbatch`, expected a machine that submits jobs to Slurm")
     count = engine.workers or SLURM_WORKERS
-    with ExitStack() as stack:
-        cluster: Any = SLURMCluster(cores=1, processes=1, memory=MEMORY)
-        # Jobs end at their time limit: others take their place.
-        stack.enter_context(cluster).adapt(minimum=count, maximum=count)
-        client = stack.enter_context(Client(cluster))
-        yield Workers(executor=DaskExecutor(client), count=count)
-
-
-def _count_workers(client: Any) -> Workers:
-    """Count the workers of a cluster, each of which does one piece at a time."""
-    return Workers(executor=DaskExecutor(client), count=len(client.nthreads()))
-
-
-def _work_as_parent(work: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
-    """Do a piece in a worker, which Dask starts as a daemon: those may start no processes."""
-    current_process().daemon = False
-    return work(*arguments, **options)
-
-
-class DaskExecutor(Executor):
-    """Submits each piece as a task of Dask, which tries it again if its worker is lost."""
-
-    def __init__(self, client: Any) -> None:
-        """Submit to the cluster of a client."""
-        from dask import config
-        from dask.distributed import KilledWorker
-
-        config.set({"distributed.scheduler.allowed-failures": TRIES - 1})
-        self._lost = KilledWorker
-        self._inner = client.get_executor(pure=False)
-
-    def submit(
-        self, work: Callable[..., Result], /, *arguments: Any, **options: Any
-    ) -> Future[Result]:
-        """Submit a piece."""
-        piece = partial(_work_as_parent, work)
-        return forward(self._inner.submit(piece, *arguments, **options), self._translate)
-
-    def _translate(self, error: BaseException) -> BaseException:
-        if isinstance(error, self._lost):
-            return WorkerLostError(TRIES, "Dask gave it up")
-        return error
+    cluster: Any = SLURMCluster(cores=1, processes=1, memory=MEMORY)
+    cluster.adapt(minimum=count, maximum=count)  # jobs that end at their time limit are replaced
+    return cluster

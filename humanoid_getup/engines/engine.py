@@ -1,4 +1,4 @@
-"""An engine by its name: what runs pieces of work, with how many workers, at which address."""
+"""An engine by its name: what does pieces of work, with how many workers, at which address."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ import re
 from dataclasses import dataclass
 from typing import Literal, Self, get_args
 
-EngineKind = Literal["local", "ray", "dask", "slurm"]
+EngineKind = Literal["local", "dask", "slurm"]
 KINDS: dict[str, EngineKind] = {kind: kind for kind in get_args(EngineKind)}
 NAME = re.compile(r"([a-z]+)(?::([0-9]{1,9}))?")
-EXPECTED = "local, ray, dask or slurm, with a number of workers as in local:4"
+EXPECTED = "local, dask or slurm, with a number of workers as in local:4"
 MOST_WORKERS, MOST_PROCESSES = 100_000, 256
 """Of a cluster, and of this machine."""
-WITH_ADDRESS = ("ray", "dask")
-"""Kinds of which a cluster may be running already."""
+WORTH = 8
+"""Fewest pieces for which a worker process pays off."""
+
+
+class EngineError(ValueError):
+    """An engine cannot be used, or a worker cannot do its piece; finished pieces are kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """What runs independent pieces of work."""
+    """What does independent pieces of work."""
 
     kind: EngineKind = "local"
     workers: int | None = None
     """Processes that work at the same time; None for as many as there are processors."""
     address: str = ""
-    """Address of a cluster that is running; "" for one that ends with the work."""
-    worth: int = 8
-    """Pieces that repay the seconds in which a process of this machine starts."""
+    """Address of a running Dask scheduler; "" for a cluster that ends with the work."""
 
     @classmethod
     def parse(cls, name: str, address: str = "") -> Self:
@@ -44,23 +46,22 @@ class Engine:
         most = MOST_PROCESSES if kind == "local" else MOST_WORKERS
         if workers is not None and not 1 <= workers <= most:
             raise ValueError(f"engine is '{name}', expected 1 to {most} workers")
-        if address and kind not in WITH_ADDRESS:
+        if address and kind != "dask":
             raise ValueError(
                 f"address is '{address}', expected none with engine {kind}: it starts its workers"
             )
         if address and workers is not None:
             raise ValueError(
-                f"engine is '{name}', expected {kind} alone: the cluster at {address} has its "
-                "workers"
+                f"engine is '{name}', expected dask alone: the cluster at {address} has its workers"
             )
         return cls(kind=kind, workers=workers, address=address)
 
-    def choose_workers(self, pieces: int) -> int:
-        """Choose how many processes of this machine run a number of pieces.
+    def choose_workers(self, pieces: int, worth: int = WORTH) -> int:
+        """Choose the number of processes for some pieces; a single one is this process.
 
-        Without a requested number, it is that of the processors, and at most one for as many
-        pieces as repay its start: a single one is this process.
+        Without a requested number it is that of the processors, and at most one for each ``worth``
+        pieces.
         """
         if self.workers is not None:
             return min(self.workers, max(pieces, 1))
-        return max(1, min(len(os.sched_getaffinity(0)), pieces // self.worth))
+        return max(1, min(len(os.sched_getaffinity(0)), pieces // worth))

@@ -7,12 +7,7 @@ from contextlib import contextmanager
 
 from humanoid_getup.progress.callback import Progress, Report
 
-
-def ignore(_progress: Progress) -> None:
-    """Ignore a report."""
-
-
-_receive: Report = ignore
+_receive: Report = lambda _: None  # noqa: E731
 """Where the reports of this process's pieces go."""
 
 
@@ -21,12 +16,18 @@ def report(progress: Progress) -> None:
     _receive(progress)
 
 
+def set_receiver(receive: Report) -> Report:
+    """Pass the reports of this process's pieces to a function; return the one before."""
+    global _receive
+    before, _receive = _receive, receive
+    return before
+
+
 @contextmanager
 def passing_reports(receive: Report) -> Iterator[None]:
     """Pass the reports of pieces that are done in this process to a function."""
-    global _receive
-    before, _receive = _receive, receive
+    before = set_receiver(receive)
     try:
         yield
     finally:
-        _receive = before
+        set_receiver(before)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Generic, TypeVar
 
-from humanoid_getup.engines.errors import VersionError
+from humanoid_getup.engines.engine import EngineError
 from robots import load_robot
 
 PACKAGES = ("humanoid_getup", "drivers", "robots", "sim2real")
@@ -21,10 +19,6 @@ LIBRARIES = ("mujoco", "numpy", "scipy", "cma", "onnxruntime")
 SUFFIXES = (".py", ".toml")
 LEFT_OUT = ("unfinished", "__pycache__")
 """Folders of a robot on which no result depends."""
-
-_one_at_a_time = threading.Lock()
-Piece = TypeVar("Piece")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +46,7 @@ class Versions:
         """Compare with those of another process.
 
         Raises:
-            VersionError: naming what differs.
+            EngineError: naming what differs.
         """
         names = [field.name for field in fields(self)]
         differing = [name for name in names if getattr(self, name) != getattr(found, name)]
@@ -61,32 +55,10 @@ class Versions:
                 f"{name} {getattr(found, name)} (expected {getattr(self, name)})"
                 for name in differing
             )
-            raise VersionError(
+            raise EngineError(
                 f"a worker on {platform.node()} has another {listed}: install the same release and "
                 "copy the same robot there, and start the worker again"
             )
-
-
-@dataclass(frozen=True)
-class CheckedWork(Generic[Piece, Result]):
-    """Work that a worker does only with the same versions."""
-
-    work: Callable[[Piece], Result]
-    robot: str
-    """Name of the robot, or a folder that has the same path on each machine."""
-    expected: Versions
-
-    def __call__(self, piece: Piece) -> Result:
-        """Do a piece."""
-        with _one_at_a_time:  # of a worker with several threads, which share a simulation
-            self.expected.check(_find_own(self.robot))
-            return self.work(piece)
-
-
-@cache
-def _find_own(robot: str) -> Versions:
-    """Find the versions of a worker once: it keeps what it has loaded, too."""
-    return Versions.find(robot)
 
 
 @cache

@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from humanoid_getup.engines.engine import Engine
+from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.engines.reports import report
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,
@@ -116,16 +118,17 @@ def build_all(
     try:
         with (
             refusing(),
-            starting(request, len(chosen), worth=1) as workers,
+            starting(request, len(chosen), worth=1) as executor,
             sharing(robot, request) as folder,
         ):
             pieces = {each.name: BuildPiece(keyframes=each, folder=folder) for each in chosen}
-            rounds = math.ceil(len(chosen) / max(workers.count, 1))
+            workers = Engine.parse(request.engine).choose_workers(len(chosen), worth=1)
+            rounds = math.ceil(len(chosen) / workers)
             work = rounds * count_work(request.generations, min(done.values()))
             watch = _Watch(monitor, request.generations, work=work, done=done)
             # Builds write into the folder of their robot: it is no version.
             build = partial(build_piece, shared)
-            spread(build, pieces, workers, end, monitor, robot="", receive=watch.show)
+            do_pieces(build, pieces, executor, ended=end, monitor=monitor, receive=watch.show)
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
             (robot.folder / UNFINISHED).rmdir()

@@ -83,8 +83,8 @@ def evaluate(
     styles = _find_styles(request, evaluated.policy)
     _check_height_map(request, evaluated.policy)
     cases: dict[str, EvaluatedCase] = {}
-    with refusing(), starting(request, _count_pieces(request, names, styles)) as workers:
-        rollouts = Rollouts(evaluated=evaluated, workers=workers, monitor=monitor)
+    with refusing(), starting(request, _count_pieces(request, names, styles)) as executor:
+        rollouts = Rollouts(evaluated=evaluated, executor=executor, monitor=monitor)
         for name, world in worlds.items():
             grounds = _list_grounds(request, name, world, rollouts)
             for style in styles:

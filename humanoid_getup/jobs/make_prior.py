@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.jobs.errors import needing, refusing
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.pieces.spreading import make_robot_absolute, spread, starting
+from humanoid_getup.jobs.pieces.spreading import make_robot_absolute, starting
 from humanoid_getup.jobs.requests.learning import PriorRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 
@@ -88,9 +89,9 @@ def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
     robot = make_robot_absolute(request.robot)
 
     def run(pieces: Mapping[str, PriorPiece], end: EndPlan) -> None:
-        with starting(request, len(pieces)) as workers:
-            work = partial(plan_piece, robot, 1 if workers.count else 0)
-            spread(work, pieces, workers, end, monitor, robot)
+        with starting(request, len(pieces)) as executor:
+            work = partial(plan_piece, robot, 0 if is_here(executor) else 1)
+            do_pieces(work, pieces, executor, ended=end, monitor=monitor, robot=robot)
         forget_planner()
 
     return run

@@ -12,9 +12,10 @@ from pathlib import Path
 from msgspec import convert
 
 from humanoid_getup.benchmarks.part import Part, PartResult
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import hash_program
 from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.pieces.spreading import spread, starting
+from humanoid_getup.jobs.pieces.spreading import starting
 from humanoid_getup.jobs.requests.bench import PARTS, BenchAll, BenchBodies
 from humanoid_getup.jobs.requests.shared import EngineOptions
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -90,9 +91,10 @@ def run_parts(
         advance(counts[name])
 
     with refusing(), ExitStack() as stack:
-        workers = stack.enter_context(starting(away.request, len(left))) if away else None
-        if away and workers and workers.count:
-            spread(away.work, {name: name for name in counts}, workers, end, monitor, away.robot)
+        executor = stack.enter_context(starting(away.request, len(left))) if away else None
+        if away and executor and not is_here(executor):
+            names = {name: name for name in counts}
+            do_pieces(away.work, names, executor, ended=end, monitor=monitor, robot=away.robot)
         else:
             for part in left:
                 run_part(part, ledgers[part.name], advance)

@@ -24,13 +24,14 @@ from humanoid_getup.benchmarks.sweep.swept_design import (
     list_axes,
     measure_class,
 )
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.sweep import (
@@ -174,10 +175,9 @@ def _measure_all(
         ledger.add(name, found)
         advance(1)
 
-    with refusing(), starting(request, len(left)) as workers:
-        threads = 1 if workers.count else 0
-        work = partial(measure_piece, shared, threads)
-        spread(work, left, workers, end, monitor, shared.robot)
+    with refusing(), starting(request, len(left)) as executor:
+        work = partial(measure_piece, shared, 0 if is_here(executor) else 1)
+        do_pieces(work, left, executor, ended=end, monitor=monitor, robot=shared.robot)
     _make_strategy.cache_clear()  # the robot may change before this process sweeps again
     return {name: convert(ledger.done[name], SweptClass) for name in pieces}
 

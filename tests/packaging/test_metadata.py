@@ -21,7 +21,7 @@ NOT_INSTALLED = {
     "warp": "warp-lang",
     "mujoco_warp": "mujoco-warp",
 }  # in every environment: modules named unlike their package
-EXTRAS = ("train", "policies", "sdk", "studio", "ros", "ray", "dask", "slurm", "warp")
+EXTRAS = ("train", "policies", "sdk", "studio", "ros", "dask", "slurm", "warp")
 
 
 def list_imports() -> set[str]:

@@ -221,13 +221,11 @@ GROUPS: dict[str, list[Case]] = {
         case("replay empty.mcap --threshold 0", "--threshold is 0 rad, expected 1e-09 to 10 rad"),
         case("replay empty.mcap --voltage -12", "--voltage is -12 V"),
         case("bench rise --n 0", "--n is 0, expected 1 to 1000000"),
-        case("bench rise --engine cloud", "--engine is 'cloud'", "local, ray, dask or slurm"),
+        case("bench rise --engine cloud", "--engine is 'cloud'", "local, dask or slurm"),
         case("bench scenes --engine local:300", "--engine is 'local:300', expected 1 to 256"),
-        case("bench faults --engine mpi", "--engine is 'mpi'", "local, ray, dask or slurm"),
-        case(
-            "bench sit --engine local:", "--engine is 'local:', expected local, ray, dask or slurm"
-        ),
-        case("bench bodies folder --engine grid", "--engine is 'grid', expected local, ray, dask"),
+        case("bench faults --engine mpi", "--engine is 'mpi'", "local, dask or slurm"),
+        case("bench sit --engine local:", "--engine is 'local:', expected local, dask or slurm"),
+        case("bench bodies folder --engine grid", "--engine is 'grid', expected local, dask"),
         case("bench rise --engine local:0", "--engine is 'local:0', expected 1 to 256 workers"),
         case("bench all --engine local --address 10.0.0.1:1", "expected none with engine local"),
         case("sweep --body wings=1.1", "unknown part 'wings'", "arms"),

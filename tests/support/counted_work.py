@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import time
+from functools import cached_property
 from multiprocessing import get_context
 from pathlib import Path
+from uuid import uuid4
 
 from humanoid_getup.engines.reports import report
 from humanoid_getup.progress.callback import Progress
@@ -23,6 +25,25 @@ def square_slowly(number: int) -> int:
     """Square a number, the first ones last."""
     time.sleep(0.02 * (5 - number % 5))
     return number * number
+
+
+class LoadedSquares:
+    """Squares numbers with what it loads, of which it leaves a trace."""
+
+    def __init__(self, folder: Path) -> None:
+        """Leave a trace in a folder with each load."""
+        self.folder = folder
+
+    @cached_property
+    def power(self) -> int:
+        """Load the power."""
+        Path(self.folder, uuid4().hex).touch()
+        return 2
+
+    def __call__(self, number: int) -> int:
+        """Square a number."""
+        time.sleep(0.1)
+        return number**self.power
 
 
 def name_process(_piece: int) -> int:
@@ -69,11 +90,12 @@ def fail_stubbornly(number: int) -> int:
     raise StubbornError("number", number)
 
 
-def report_steps(number: int) -> int:
-    """Report each step up to a number."""
-    for step in range(number):
-        report(Progress(phase=f"piece {number}", done=step + 1, total=number))
-    return number
+def report_until_seen(file: str) -> int:
+    """Report, and end when a file is there."""
+    report(Progress(phase=file))
+    while not Path(file).exists():
+        time.sleep(0.01)
+    return 0
 
 
 def compute_for_ever(folder: str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -11,12 +12,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.reports import report
-from humanoid_getup.engines.workers import Workers
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet, sample_fall_set
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot, make_torque_limit
-from humanoid_getup.jobs.pieces.spreading import make_absolute, make_worker_request, spread
+from humanoid_getup.jobs.pieces.spreading import make_absolute, make_worker_request
 from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.style_follower import StyleChoice
@@ -182,11 +183,11 @@ def load_followed(name: str, robot: Robot) -> Style:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rollouts:
-    """Rollouts of a policy on the workers of a request."""
+    """Rollouts of a policy on the engine of a request."""
 
     evaluated: EvaluatedPolicy
     """Does them in this process."""
-    workers: Workers
+    executor: Executor
     monitor: ProgressMonitor
 
     def sample_falls(self, grounds: Sequence[SeededScene], phase: str) -> Grounds:
@@ -234,8 +235,15 @@ class Rollouts:
     ) -> None:
         """Do pieces in this process or in workers."""
         shared = _make_shared(self.evaluated.request)
-        work = partial(away, shared) if self.workers.count else here
-        spread(work, pieces, self.workers, end, self.monitor, shared.robot, receive)
+        do_pieces(
+            here if is_here(self.executor) else partial(away, shared),
+            pieces,
+            self.executor,
+            ended=end,
+            monitor=self.monitor,
+            robot=shared.robot,
+            receive=receive,
+        )
 
 
 def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> list[RolloutPiece]:

@@ -7,11 +7,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.reports import report
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, spread, starting
+from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import MotionSearch, NearestStand
 from humanoid_getup.motions.motion import Motion
@@ -62,7 +63,7 @@ def spread_searches(
 
     with ExitStack() as stack:
         stack.enter_context(refusing())
-        workers = stack.enter_context(starting(request, len(robots)))
+        executor = stack.enter_context(starting(request, len(robots)))
         pieces = {
             robot.name: SearchPiece(
                 request=_share(robot, request),
@@ -74,9 +75,9 @@ def spread_searches(
             )
             for robot in robots
         }
-        work = partial(search_piece, 1 if workers.count else 0)
         # Searches write into the folders of their robots: these are no version.
-        spread(work, pieces, workers, end, monitor, robot="")
+        work = partial(search_piece, 0 if is_here(executor) else 1)
+        do_pieces(work, pieces, executor, ended=end, monitor=monitor)
     return [found[robot.name] for robot in robots]
 
 

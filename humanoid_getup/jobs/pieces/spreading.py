@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
-from humanoid_getup.engines.engine import Engine
-from humanoid_getup.engines.run_pieces import Ended, run_pieces, start_workers
-from humanoid_getup.engines.versions import CheckedWork, Versions
-from humanoid_getup.engines.workers import Workers
-from humanoid_getup.jobs.errors import needing, refusing
+from humanoid_getup.benchmarks.pieces import RunPieces
+from humanoid_getup.engines.engine import WORTH
+from humanoid_getup.engines.executor import do_pieces, is_here, make_executor
+from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.requests.bench import EngineBench
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
-from humanoid_getup.progress.callback import ProgressMonitor, Report
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE
 from robots import list_robots
 
@@ -31,44 +30,11 @@ Request = TypeVar("Request", bound=RobotOption)
 BenchRequest = TypeVar("BenchRequest", bound=EngineBench)
 
 
-@contextmanager
 def starting(
-    request: EngineOptions, pieces: int, *, worth: int = Engine.worth
-) -> Iterator[Workers]:
-    """Start the workers of a request's engine for a number of pieces.
-
-    Args:
-        request: Names the engine.
-        pieces: Their number.
-        worth: How many of them repay the start of a process of this machine.
-
-    Raises:
-        BadInputError: if a package is missing.
-        EngineError: if it does not answer.
-    """
-    engine = replace(Engine.parse(request.engine, request.address), worth=worth)
-    with ExitStack() as stack:
-        with needing(engine.kind):
-            workers = stack.enter_context(start_workers(engine, pieces))
-        yield workers
-
-
-def spread(
-    work: Callable[[Piece], Result],
-    pieces: Mapping[str, Piece],
-    workers: Workers,
-    ended: Ended[Result],
-    monitor: ProgressMonitor,
-    robot: str,
-    receive: Report | None = None,
-) -> None:
-    """Do pieces here, or with workers that have the same versions and robot, if there is one.
-
-    What they report while they are done is shown, or received.
-    """
-    if workers.count:
-        work = CheckedWork(work, robot, Versions.find(robot))
-    run_pieces(work, pieces, workers, ended, monitor, receive)
+    request: EngineOptions, pieces: int, worth: int = WORTH
+) -> AbstractContextManager[Executor]:
+    """Start the workers of a request's engine for a number of pieces."""
+    return make_executor(request.engine, request.address, pieces=pieces, worth=worth)
 
 
 def run_on_engine(
@@ -92,11 +58,9 @@ def run_on_engine(
     shared = make_worker_request(kind, request, **changes)
 
     def run(pieces: Mapping[str, Piece], end: Callable[[str, Result], None]) -> None:
-        with refusing(), starting(request, len(pieces)) as workers:
-            if workers.count:
-                spread(partial(away, shared), pieces, workers, end, monitor, shared.robot)
-            else:
-                one_by_one(here)(pieces, end)
+        with refusing(), starting(request, len(pieces)) as executor:
+            work = here if is_here(executor) else partial(away, shared)
+            do_pieces(work, pieces, executor, ended=end, monitor=monitor, robot=shared.robot)
 
     return run
 

@@ -172,13 +172,13 @@ class TorqueOptions(JobRequest):
 class EngineOptions(JobRequest):
     """What runs independent pieces of work."""
 
-    engine: Annotated[str, arg(metavar="local|ray|dask|slurm[:N]")] = "local"
-    """What runs the pieces, with N workers: processes of this machine (by default as many as it has
-    processors, and this process alone for a few pieces), Ray, Dask, or Dask's workers as jobs of
-    Slurm. No result depends on it."""
+    engine: Annotated[str, arg(metavar="local|dask|slurm[:N]")] = "local"
+    """What does the pieces, with N workers: processes of this machine (by default as many as it has
+    processors, and this process alone for a few pieces), Dask, or Dask's workers as jobs of Slurm.
+    No result depends on it."""
     address: Annotated[str, arg(metavar="ADDRESS")] = ""
-    """Address of a Ray or Dask cluster that is running; default: one of this machine, which ends
-    with the work."""
+    """Address of a running Dask scheduler; default: a cluster on this machine, which ends with the
+    work."""
 
     def find_problems(self) -> list[str]:
         """Report an unknown engine as well."""

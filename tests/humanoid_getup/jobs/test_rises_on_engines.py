@@ -4,13 +4,13 @@ import os
 import signal
 import threading
 import time
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rise_figures_of import read_rises
 
-from humanoid_getup.engines.local_processes import LocalProcesses
 from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.bench import BenchRise
@@ -26,28 +26,20 @@ def here() -> list[dict[str, Any]]:
     return read_rises(to_json(benchmark(BenchRise(engine="local:1", **QUICK))))
 
 
-def test_processes_give_what_one_gives(here: list[dict[str, Any]]):
+@pytest.mark.parametrize("engine", ["local:2", pytest.param("dask:2", marks=pytest.mark.scale)])
+def test_workers_give_what_this_process_gives(here: list[dict[str, Any]], engine: str):
+    pytest.importorskip("distributed" if engine == "dask:2" else "mujoco")
     assert len(here) == 3
-    assert read_rises(to_json(benchmark(BenchRise(engine="local:2", **QUICK)))) == here
+    assert read_rises(to_json(benchmark(BenchRise(engine=engine, **QUICK)))) == here
 
 
-def test_a_killed_process_changes_nothing(
-    here: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
-):
-    started = list[LocalProcesses]()
-    begin = LocalProcesses.__init__
-
-    def note(self: LocalProcesses, workers: int) -> None:
-        begin(self, workers)
-        started.append(self)
-
-    monkeypatch.setattr(LocalProcesses, "__init__", note)
+def test_a_killed_process_changes_nothing(here: list[dict[str, Any]]):
     killed = threading.Event()
 
     def kill_one() -> None:
-        while not (started and len(started[0].process_ids) == 2):
+        while len(started := active_children()) < 2:
             time.sleep(0.01)
-        os.kill(started[0].process_ids[0], signal.SIGKILL)
+        os.kill(started[0].pid or 0, signal.SIGKILL)
         killed.set()
 
     threading.Thread(target=kill_one, daemon=True).start()
@@ -73,7 +65,7 @@ def test_a_ledger_goes_on_with_another_engine(here: list[dict[str, Any]], tmp_pa
 
 @pytest.mark.parametrize(
     ("engine", "message"),
-    [("cloud", "--engine is 'cloud', expected local, ray, dask or slurm"), ("local:0", "1 to")],
+    [("cloud", "--engine is 'cloud', expected local, dask or slurm"), ("local:0", "1 to")],
 )
 def test_an_unknown_engine_is_refused(engine: str, message: str):
     with pytest.raises(BadInputError, match=message):

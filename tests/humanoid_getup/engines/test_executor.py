@@ -1,0 +1,283 @@
+"""Pieces give the same results wherever they are done, and a lost worker costs one of them."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing import active_children
+from pathlib import Path
+from typing import Any
+
+import pytest
+from counted_work import (
+    TRACE,
+    LoadedSquares,
+    die,
+    die_once,
+    fail_stubbornly,
+    name_process,
+    refuse,
+    report_until_seen,
+    square,
+    square_in_a_child,
+    square_slowly,
+    wait_for_end,
+)
+from waiting import wait_until
+
+from humanoid_getup.engines.engine import Engine, EngineError
+from humanoid_getup.engines.executor import do_pieces, make_executor
+from humanoid_getup.engines.versions import Versions, hash_folder
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.ledger import Ledger
+from robots import load_robot
+
+DASK = pytest.param("dask:2", marks=pytest.mark.scale)
+PROGRAM = """
+import sys
+from counted_work import compute_for_ever
+from humanoid_getup.engines.executor import do_pieces, make_executor
+
+if __name__ == "__main__":
+    with make_executor("local:2") as executor:
+        do_pieces(compute_for_ever, dict.fromkeys("ab", sys.argv[1]), executor)
+"""
+
+
+@pytest.fixture(autouse=True)
+def installed(request: pytest.FixtureRequest) -> None:
+    """Skip without Dask."""
+    callspec = getattr(request.node, "callspec", None)
+    if callspec is not None and "dask" in str(callspec.params.get("engine")):
+        pytest.importorskip("distributed")
+
+
+def run(engine: str, work: Callable[[Any], Any], pieces: list[Any], **options: Any) -> list[Any]:
+    """Do pieces; return their results in the order of the pieces."""
+    named = {str(number): piece for number, piece in enumerate(pieces)}
+    with make_executor(engine, pieces=len(pieces)) as executor:
+        return list(do_pieces(work, named, executor, **options).values())
+
+
+@pytest.mark.parametrize("engine", ["local:1", "local:2", "local:3", DASK])
+def test_results_do_not_depend_on_engine_and_number_and_order_of_workers(engine: str):
+    assert run(engine, square_slowly, [*range(11)]) == [n * n for n in range(11)]
+    assert run(engine, square, []) == []
+
+
+def test_a_name_says_the_kind_and_the_workers():
+    found = [Engine.parse(name) for name in ("local", "local:3", "dask:2", "slurm:4")]
+    expected = [("local", None), ("local", 3), ("dask", 2), ("slurm", 4)]
+    assert [(each.kind, each.workers) for each in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "address", "message"),
+    [
+        ("cloud", "", "engine is 'cloud', expected local, dask or slurm"),
+        ("local:" + 5000 * "9", "", "engine is 'local:9.*', expected local, dask or slurm"),
+        ("local:0", "", "expected 1 to 256 workers"),
+        ("local:", "", "engine is 'local:', expected local"),
+        ("local", "10.0.0.1:8786", "expected none with engine local"),
+        ("dask:4", "10.0.0.1:8786", "expected dask alone"),
+    ],
+)
+def test_a_name_of_no_engine_is_refused(name: str, address: str, message: str):
+    with pytest.raises(ValueError, match=message):
+        Engine.parse(name, address)
+
+
+def test_a_few_pieces_need_no_process_more():
+    assert Engine.parse("local").choose_workers(3) == 1
+    assert Engine.parse("local").choose_workers(10_000) == len(os.sched_getaffinity(0))
+    assert Engine.parse("local:4").choose_workers(3) == 3
+
+
+def test_one_worker_is_this_process_and_two_are_others():
+    assert set(run("local:1", name_process, [0] * 3)) == {os.getpid()}
+    others = set(run("local:2", name_process, [0] * 8))
+    assert os.getpid() not in others
+    assert len(others) <= 2
+
+
+@pytest.mark.parametrize("engine", ["local:1", "local:2", DASK])
+def test_an_error_of_a_piece_is_raised_as_it_is(engine: str):
+    with pytest.raises(ValueError, match=r"^number is 7, expected another$"):
+        run(engine, refuse, [7, 7])
+
+
+def test_an_error_that_cannot_travel_arrives_as_its_text():
+    with pytest.raises(RuntimeError, match="StubbornError: number is 7"):
+        run("local:2", fail_stubbornly, [7, 7])
+
+
+@pytest.mark.parametrize("engine", ["local:2", DASK])
+def test_a_piece_may_start_processes(engine: str):
+    assert run(engine, square_in_a_child, [2, 3]) == [4, 9]
+
+
+@pytest.mark.parametrize("engine", ["local:2", DASK])
+def test_a_killed_worker_costs_one_piece(engine: str, tmp_path: Path):
+    pieces = [(tmp_path, number) for number in range(9)]
+    assert run(engine, die_once, pieces) == [n * n for n in range(9)]
+    tries = [len((tmp_path / f"{TRACE}_{number}").read_text()) for number in range(9)]
+    assert tries[3] == 2
+    if engine == "local:2":
+        assert sum(tries) == 10
+
+
+@pytest.mark.parametrize("engine", ["local:2", DASK])
+def test_a_piece_that_always_ends_its_worker_is_given_up_in_one_line(engine: str):
+    with pytest.raises(EngineError, match="in each of 3 tries of a piece") as problem:
+        run(engine, die, [1, 2])
+    assert str(problem.value).isprintable()
+
+
+def test_work_is_loaded_once_in_a_worker(tmp_path: Path):
+    assert run("local:2", LoadedSquares(tmp_path), [*range(9)]) == [n * n for n in range(9)]
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("engine", ["local:1", "local:2"])
+def test_canceled_work_keeps_what_is_finished_and_does_only_the_rest(engine: str, tmp_path: Path):
+    ledger, pieces = Ledger(tmp_path / "ledger.jsonl", {"seed": 0}), [*range(50)]
+    expected, seen = [n * n for n in pieces], list[str]()
+
+    def end(name: str, _result: int) -> None:
+        seen.append(name)
+
+    monitor = ProgressMonitor(cancel=lambda: len(seen) >= 3)
+    with pytest.raises(CancelledError):
+        run(engine, square_slowly, pieces, ledger=ledger, ended=end, monitor=monitor)
+    assert 3 <= len(seen) < 20
+    assert active_children() == []
+    again = Ledger.resume(ledger.path, {"seed": 0})
+    assert [*again.done] == seen
+    again.add(seen[0], 77)  # what the ledger holds is taken
+    expected[int(seen[0])] = 77
+    assert run(engine, square, pieces, ledger=again, kind=int) == expected
+    assert run(engine, die, pieces, ledger=again) == expected  # nothing is left to do
+
+
+@pytest.mark.parametrize("engine", ["local:1", "local:2"])
+def test_what_ends_before_an_error_is_kept(engine: str, tmp_path: Path):
+    ledger = Ledger(tmp_path / "ledger.jsonl", {})
+
+    def fail(name: str, _result: int) -> None:
+        if name == "1":
+            raise EOFError
+
+    with pytest.raises(EOFError):
+        run(engine, square, [1, 2, 3], ledger=ledger, ended=fail)
+    assert ledger.done["1"] == 4
+
+
+@pytest.mark.parametrize("engine", ["local:1", "local:2"])
+def test_what_pieces_report_arrives_while_they_are_done(engine: str, tmp_path: Path):
+    monitor = ProgressMonitor(lambda progress: Path(progress.phase).touch())
+    files = [str(tmp_path / name) for name in ("first", "second")]
+    assert run(engine, report_until_seen, files, monitor=monitor) == [0, 0]
+
+
+def test_a_piece_of_canceled_work_is_left_as_by_an_exception(tmp_path: Path):
+    seen = list[Progress]()
+    monitor = ProgressMonitor(seen.append, lambda: len(seen) == 2)
+    with pytest.raises(CancelledError):
+        run("local:2", wait_for_end, [str(tmp_path)] * 2, monitor=monitor)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def start(program: Path, folder: Path, text: str) -> subprocess.Popen[str]:
+    """Start a program whose workers leave their numbers in a folder."""
+    program.write_text(text)
+    folder.mkdir()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    words = [sys.executable, str(program), str(folder)]
+    return subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("message", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_workers_end_when_their_parent_is_killed_or_interrupted(message: int, tmp_path: Path):
+    folder = tmp_path / "workers"
+    with start(tmp_path / "compute.py", folder, PROGRAM) as process:
+        wait_until(lambda: len(list(folder.iterdir())) == 2)
+        process.send_signal(message)
+        process.wait()
+    workers = [int(path.name) for path in folder.iterdir()]
+    assert len(workers) == 2
+    wait_until(lambda: not any(map(is_running, workers)))
+
+
+def test_a_program_that_runs_itself_in_its_workers_ends(tmp_path: Path):
+    text = PROGRAM.replace('if __name__ == "__main__":', "if True:")
+    with start(tmp_path / "unguarded.py", tmp_path / "workers", text) as process:
+        errors = process.communicate()[1]
+    assert process.returncode == 1
+    assert "if __name__ == '__main__':" in errors
+    assert "EngineError: a worker ended in each of 3 tries" in errors
+
+
+@pytest.mark.parametrize("field", ["program", "libraries", "robot"])
+def test_a_worker_that_differs_is_refused_by_what_differs(
+    field: str, copied_op3: Path, monkeypatch: pytest.MonkeyPatch
+):
+    expected = replace(Versions.find(str(copied_op3)), **{field: "another"})
+    monkeypatch.setattr(Versions, "find", lambda _: expected)
+    with pytest.raises(
+        EngineError, match=rf"has another {field} \S.* \(expected another\)"
+    ) as problem:
+        run("local:2", square, [1, 2], robot=str(copied_op3))
+    assert str(problem.value).isprintable()
+
+
+def test_the_checksum_of_a_robot_is_that_of_its_content(tmp_path: Path):
+    source = load_robot("op3").folder
+    copy = shutil.copytree(source, tmp_path / "copy")
+    (copy / "unfinished").mkdir(exist_ok=True)
+    (copy / "unfinished" / "search.jsonl").write_text("{}")
+    assert hash_folder(copy) == hash_folder(source)
+    (copy / "robot.toml").write_text((copy / "robot.toml").read_text() + "\n")
+    assert hash_folder(copy) != hash_folder(source)
+
+
+@pytest.mark.scale
+@pytest.mark.parametrize("scheme", ["tcp", "tls", "ucx", "bar"])
+def test_a_cluster_that_does_not_answer_is_refused_in_one_line(scheme: str):
+    """Also by what is not set up for it here: certificates, or a network card."""
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(EngineError, match="answers at") as problem,
+        make_executor("dask", f"{scheme}://127.0.0.1:1"),
+    ):
+        pass
+    assert str(problem.value).isprintable()
+
+
+@pytest.mark.scale
+def test_a_cluster_that_is_running_does_pieces():
+    distributed = pytest.importorskip("distributed")
+    options = {"threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(n_workers=2, **options) as cluster,
+        make_executor("dask", cluster.scheduler_address) as executor,
+    ):
+        assert do_pieces(square, {"a": 2, "b": 3}, executor) == {"a": 4, "b": 9}
+
+
+@pytest.mark.scale
+def test_slurm_is_named_where_there_is_none(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("dask_jobqueue")
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(EngineError, match="no `sbatch`"), make_executor("slurm:4"):
+        pass

@@ -92,7 +92,7 @@ COMMANDS = {
         json=True,
     ),
     "policy check": TableEntry(
-        "Compare a policy with a golden trace, or record one.",
+        "Compare an imported policy with a trace from where it was trained.",
         "requests.policies.CheckPolicyRequest",
         "policies.check_policy",
         json=True,

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 import msgspec
 
 from humanoid_getup.jobs.errors import BadInputError, needing
@@ -15,17 +12,8 @@ from humanoid_getup.jobs.requests.policies import (
     POLICY_FILE,
     ImportPolicyRequest,
 )
-from humanoid_getup.policy.foreign.description import (
-    ForeignFormat,
-    ForeignPolicy,
-    ForeignPolicyError,
-    Given,
-    NetworkShape,
-)
-from humanoid_getup.policy.foreign.fitting import fit_policy, list_notes, make_contract
-from humanoid_getup.policy.foreign.reading import describe_policy, read_network
-from humanoid_getup.policy.foreign.record import FOREIGN_KEY, to_record
-from humanoid_getup.policy.foreign.wrapping import Wrapping, wrap_network
+from humanoid_getup.policy.contract import PolicyContract
+from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignPolicyError
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
 from humanoid_getup.policy.pack import MANIFEST, POLICY, PackError, check_manifest, read_pack
@@ -33,9 +21,6 @@ from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import describe
-
-if TYPE_CHECKING:
-    from onnx import ModelProto
 
 
 class DescribedField(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,7 +40,7 @@ class PolicyImport(msgspec.Struct, frozen=True, kw_only=True):
     fields: tuple[DescribedField, ...]
     joints: dict[str, str]
     """The robot's joints by the policy's names."""
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     """What differs from the training, or was assumed."""
 
 
@@ -71,26 +56,23 @@ def import_policy(
     ImportPolicyRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading the policy")
-    if request.network.is_dir() or request.network.name == MANIFEST:
-        return _import_pack(request, robot, monitor)
-    with needing("policies"):
-        import onnx  # noqa: F401
-        import yaml  # noqa: F401
-    try:
-        network = read_network(request.network)
-        policy = _describe(request, network.shape)
-        renamed = dict(pair.split("=") for pair in request.rename)
-        wrapping = fit_policy(policy, robot, renamed)
-    except (ForeignPolicyError, OSError) as error:
-        raise BadInputError(f"policy file {request.network}: {describe(error)}") from error
-    model = _build(network.model, wrapping, request.network)
-    return _write(request, robot, model, _summarize(request, wrapping), monitor)
+    is_packed = request.network.is_dir() or request.network.name == MANIFEST
+    model, found = (_read_packed if is_packed else _wrap)(request, robot)
+    monitor.begin("writing the policy")
+    with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
+        (folder / POLICY_FILE).write_bytes(model)
+        try:
+            OnnxPolicy.load(folder / POLICY_FILE, robot)
+        except PolicyError as error:
+            problems = "; ".join(error.problems)
+            raise BadInputError(f"policy file {request.network}: {problems}") from error
+        (folder / DESCRIPTION_FILE).write_text(to_json(found))
+        monitor.check()
+    return found
 
 
-def _import_pack(
-    request: ImportPolicyRequest, robot: Robot, monitor: ProgressMonitor
-) -> PolicyImport:
-    """Copy the file of a packed policy whose checksums are right and that fits the robot."""
+def _read_packed(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImport]:
+    """Read a packed policy whose checksums are right."""
     source = request.network if request.network.is_dir() else request.network.parent
     try:
         manifest, contents = read_pack(source)
@@ -118,60 +100,44 @@ def _import_pack(
             for field, value in values.items()
         ),
         joints={name: name for name in manifest.robot.joints},
-        notes=(),
     )
-    return _write(request, robot, contents[POLICY], found, monitor)
+    return contents[POLICY], found
 
 
-def _write(
-    request: ImportPolicyRequest,
-    robot: Robot,
-    model: bytes,
-    found: PolicyImport,
-    monitor: ProgressMonitor,
-) -> PolicyImport:
-    """Write a policy and its description, if it can be loaded for the robot."""
-    monitor.begin("writing the policy")
-    with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
-        file = folder / POLICY_FILE
-        file.write_bytes(model)
-        try:
-            OnnxPolicy.load(file, robot)
-        except PolicyError as error:
-            problems = "; ".join(error.problems)
-            raise BadInputError(f"policy file {request.network}: {problems}") from error
-        (folder / DESCRIPTION_FILE).write_text(to_json(found))
-        monitor.check()
-    return found
+def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImport]:
+    """Wrap a network of others, and add contract and description to it."""
+    with needing("policies"):
+        import yaml  # noqa: F401
+        from onnx import helper
 
-
-def _describe(request: ImportPolicyRequest, shape: NetworkShape) -> ForeignPolicy:
-    kind = ForeignFormat(request.format) if request.format else None
-    given = Given(joints=request.joints, rate=request.rate, gain=request.gain)
-    return describe_policy(shape, kind, [Path(file) for file in request.config], given)
-
-
-def _build(model: ModelProto, wrapping: Wrapping, file: Path) -> bytes:
-    """Wrap a network, and add contract and description to it."""
-    from onnx import helper
-
-    made = wrap_network(model, wrapping)
-    contract = make_contract(
-        wrapping, {"imported_from": str(wrapping.policy.format), "network": file.name}
+        from humanoid_getup.policy.foreign.fitting import fit_policy, list_notes
+        from humanoid_getup.policy.foreign.reading import describe_policy, read_network
+        from humanoid_getup.policy.foreign.wrapping import wrap_network
+    try:
+        network = read_network(request.network)
+        policy = describe_policy(
+            network,
+            request.config,
+            joints=request.joints,
+            rate=request.rate,
+            gain=request.gain,
+        )
+        wrapping = fit_policy(policy, robot, dict(pair.split("=") for pair in request.rename))
+    except (ForeignPolicyError, OSError) as error:
+        raise BadInputError(f"policy file {request.network}: {describe(error)}") from error
+    made = wrap_network(network.model, wrapping)
+    provenance = {"imported_from": policy.format, "network": request.network.name}
+    contract = PolicyContract.of(
+        robot, wrapping.action, robot.control_period, provenance, memory=wrapping.memory
     )
-    properties = {CONTRACT_KEY: contract.to_json(), FOREIGN_KEY: to_record(wrapping)}
+    properties = {CONTRACT_KEY: contract.to_json(), FOREIGN_KEY: wrapping.to_record()}
     helper.set_model_props(made, properties)
-    return seal_model(made.SerializeToString())
-
-
-def _summarize(request: ImportPolicyRequest, wrapping: Wrapping) -> PolicyImport:
-    policy, robot = wrapping.policy, wrapping.robot
-    rows = policy.describe()
-    return PolicyImport(
+    found = PolicyImport(
         file=str(request.out / POLICY_FILE),
-        format=str(policy.format),
+        format=policy.format,
         robot=robot.name,
-        fields=tuple(DescribedField(field=f, value=v, source=s) for f, v, s in rows),
+        fields=tuple(DescribedField(field=f, value=v, source=s) for f, v, s in policy.describe()),
         joints={name: robot.joint_names[i] for name, i in wrapping.places.items()},
         notes=tuple(list_notes(wrapping)),
     )
+    return seal_model(made.SerializeToString()), found

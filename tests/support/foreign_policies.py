@@ -68,29 +68,6 @@ def microduck_metadata(**changes) -> dict[str, str]:
     return {"microduck": json.dumps({**record, **changes})}
 
 
-DEPLOY = """\
-joint_ids_map: [1, 2, 0]
-step_dt: 0.016
-stiffness: [4.0, 2.0, 3.0]
-damping: [0.3, 0.1, 0.2]
-default_joint_pos: [0.1, 0.3, -0.2]
-actions:
-  JointPositionAction:
-    clip: null
-    joint_names: [.*]
-    scale: [0.3, 0.4, 0.5]
-    offset: [0.1, 0.3, -0.2]
-    joint_ids: !!python/object/apply:builtins.slice [null, null, null]
-observations:
-  base_ang_vel: {params: {}, clip: null, scale: [0.2, 0.2, 0.2], history_length: 3}
-  projected_gravity: {params: {}, clip: null, scale: [1.0, 1.0, 1.0], history_length: 1}
-  joint_pos_rel: {params: {}, clip: [-0.02, 0.01], scale: [1.0, 2.0, 3.0], history_length: 2}
-  joint_vel_rel: {params: {}, clip: null, scale: [0.05, 0.05, 0.05], history_length: 1}
-  last_action: {params: {}, clip: null, scale: [1.0, 1.0, 1.0], history_length: 1}
-"""
-DEPLOY_SIZE = 9 + 3 + 6 + 3 + 3
-MOTORS = ("left_hip_joint", "right_hip_joint", "head_joint")
-
 ENV = """\
 sim: {dt: 0.004}
 decimation: 4
@@ -125,32 +102,4 @@ actions:
     use_default_offset: true
   gripper: null
 rewards: !!python/object/apply:builtins.slice [null, null, null]
-"""
-
-LEGGED = """\
-import os
-os.remove(__file__)
-
-class TinyCfg(LeggedRobotCfg):
-    class init_state(LeggedRobotCfg.init_state):
-        default_joint_angles = {'right_hip_joint': 0.1, 'head_joint': 0.3, 'left_hip_joint': -0.2}
-    class control(LeggedRobotCfg.control):
-        stiffness = {'hip': 2.0, 'head': 3.0}
-        damping = {'hip': 0.1, 'head': 0.1}
-        action_scale = 0.3
-"""
-LEGGED_BASE = """\
-class LeggedRobotCfg(BaseConfig):
-    class control:
-        control_type = 'P'
-        decimation = 4
-    class sim:
-        dt = 0.004
-    class normalization:
-        class obs_scales:
-            ang_vel = 0.25
-            dof_pos = 1.0
-            dof_vel = 0.05
-        clip_observations = 100.
-        clip_actions = 100.
 """

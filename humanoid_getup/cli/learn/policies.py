@@ -33,14 +33,11 @@ def import_policy(command: ImportPolicyRequest) -> int:
 
 
 def check_policy(command: CheckPolicyRequest) -> int:
-    """Compare a policy with a trace, or record one; print a line for each boundary."""
+    """Compare a policy with a trace; print a line for observations and one for actions."""
     with showing(command) as report:
         found = compare(command, report)
     write_json(found, command)
     console = console_for(command)
-    if found.recorded:
-        console.print(f"{found.recorded}: {found.steps} policy steps", markup=False)
-        return DID_IT
     for compared in found.comparisons:
         console.print(compared.describe(), markup=False, soft_wrap=True)
     return DID_IT if found.agrees else DID_NOT_STAND

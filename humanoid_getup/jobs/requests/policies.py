@@ -8,34 +8,30 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
-from humanoid_getup.jobs.requests.shared import Origin, PolicyName, RobotOption, Seed
+from humanoid_getup.jobs.requests.files import READ, ROBOT, Written
+from humanoid_getup.jobs.requests.shared import PolicyName, RobotOption
 from humanoid_getup.jobs.requests.values import Items, between
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
 PACKED_FILES = (POLICY_FILE, "eval.json", "manifest.json")
-Format = Literal["mjlab", "microduck", "unitree", "isaac", "legged-gym"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportPolicyRequest(RobotOption):
     """Make a policy that was trained elsewhere one that runs here.
 
-    What describes it is read from its metadata or its configuration file, each field with its
-    source; nothing in these files is run.
+    What describes it is read from its metadata (mjlab, microduck) or from Isaac Lab's env.yaml,
+    each field with its source; nothing in these files is run.
     """
 
     network: Annotated[Positional[Path], READ, arg(metavar="FILE")]
     """Network that was trained elsewhere (.onnx), or the folder of a packed policy."""
     out: Annotated[Path, Written((POLICY_FILE, DESCRIPTION_FILE)), arg(metavar="DIR")]
     """Folder for policy.onnx and description.json."""
-    format: Annotated[Format | None, arg(name="from")] = None
-    """Project that it comes from; default: guessed from its metadata or --config."""
-    config: Annotated[tuple[str, ...], READ, arg(metavar="FILE,...")] = ()
-    """Its deploy.yaml, env.yaml or config.py; for legged_gym with the files of base classes."""
+    config: Annotated[Path | None, READ, arg(metavar="FILE.yaml")] = None
+    """Isaac Lab's env.yaml, for a policy that was trained with it."""
     joints: Annotated[tuple[str, ...], arg(metavar="NAME,...")] = ()
-    """Names of its joints where files only number them: in the order of the motors for a
-    deploy.yaml, of the simulator for an env.yaml."""
+    """Names of its joints in the order of the simulator, which an env.yaml does not state."""
     rename: Annotated[tuple[str, ...], Items(), arg(metavar="THEIRS=OURS,...")] = ()
     """Joints that the robot calls otherwise; sides (left, l) and the word joint need none."""
     rate: Annotated[float | None, between(0.1, 10_000.0, "Hz"), arg(metavar="HZ")] = None
@@ -54,34 +50,16 @@ class ImportPolicyRequest(RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckPolicyRequest(RobotOption):
-    """Compare a policy with a golden trace of it at four boundaries, or record one on the twin.
+    """Compare a policy with a trace of it: observations and actions.
 
-    They are signals to observation, observation to action, action to torque, and torque to next
-    state. The first one that differs is named, with its likely cause.
+    Terms and joints that differ are named, each with its likely cause.
     """
 
     policy: Positional[PolicyName]
+    trace: Annotated[Path, READ, arg(metavar="FILE.npz")]
+    """What the program that trained it measured, observed and did, policy step by policy step."""
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
-    trace: Annotated[Path | None, READ, arg(metavar="FILE")] = None
-    """Trace to compare with (.npz or .json)."""
-    record: Annotated[Path | None, WRITTEN, arg(metavar="FILE.npz")] = None
-    """Trace to record on the twin instead."""
-    origin: Origin = None
-    seed: Seed = 0
-    seconds: Annotated[float, between(0.2, 60.0, "s"), arg(metavar="S")] = 4.0
-    """Duration of a recorded trace [s]."""
-
-    def find_problems(self) -> list[str]:
-        """Report a trace that is neither given nor recorded, or both, as well."""
-        problems = super().find_problems()
-        if (self.trace is None) == (self.record is None):
-            problems.append("expected --trace FILE to compare with, or --record FILE.npz")
-        if self.record is None and self.origin is not None:
-            problems.append("--from is given, expected only with --record")
-        if self.record is not None and self.record.suffix != ".npz":
-            problems.append(f"--record is {self.record}, expected an .npz file")
-        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Fits a policy that was trained elsewhere to a robot: its actions, its gains, its contract."""
+"""Fits a policy that was trained elsewhere to a robot: its joints, its actions, its gains."""
 
 from __future__ import annotations
 
@@ -16,12 +16,7 @@ from humanoid_getup.policy.action import (
     ActionSpec,
     StanceScaling,
 )
-from humanoid_getup.policy.contract import Fact, PolicyContract
-from humanoid_getup.policy.foreign.description import (
-    ForeignPolicy,
-    ForeignPolicyError,
-    Quantity,
-)
+from humanoid_getup.policy.foreign.description import COMMAND, ForeignPolicy, ForeignPolicyError
 from humanoid_getup.policy.foreign.joint_names import map_joints
 from humanoid_getup.policy.foreign.wrapping import Wrapping
 from robots import Robot
@@ -42,93 +37,72 @@ def fit_policy(
         ForeignPolicyError: naming joints, gains or a rate that the robot does not have.
     """
     places = map_joints(policy.joints, robot, renamed)
-    cycles, problems = _count_cycles(policy, robot)
-    shares = _share_gains(policy, robot, places, problems)
+    exact = 1.0 / (policy.rate * robot.control_period)
+    cycles, shares = max(round(exact), 1), _share_gains(policy, robot, places)
+    problems = _find_gain_problems(robot, shares)
+    if abs(exact / cycles - 1.0) > RATE_SLACK:
+        problems.insert(
+            0,
+            f"it steps at {policy.rate:g} Hz, robot '{robot.name}' every {exact:.3g} control "
+            f"periods of {1e3 * robot.control_period:g} ms: expected a whole number, as with "
+            f"control_period = {1.0 / (policy.rate * cycles):.6g} in its robot.toml",
+        )
     if problems:
-        raise ForeignPolicyError(*problems)
-    action = _build_action_spec(policy, robot, places, cycles, shares)
+        raise ForeignPolicyError("; ".join(problems))
+    action = _build_action_spec(policy, robot, places, cycles, np.minimum(shares, 1.0))
     return Wrapping(robot=robot, policy=policy, places=places, action=action)
-
-
-def make_contract(wrapping: Wrapping, provenance: Mapping[str, Fact]) -> PolicyContract:
-    """Make the contract of the wrapped network."""
-    robot = wrapping.robot
-    return PolicyContract.of(
-        robot, wrapping.action, robot.control_period, provenance, memory=wrapping.memory
-    )
 
 
 def list_notes(wrapping: Wrapping) -> list[str]:
     """List what was assumed, and what differs from the training."""
     policy, robot, action = wrapping.policy, wrapping.robot, wrapping.action
     notes = [f"{name}: {text}" for name, text in policy.sources.items() if "assumed" in text]
-    commands = [t.name for t in policy.observation if t.quantity is Quantity.COMMAND]
-    notes += [f"{', '.join(commands)}: zeros"] if commands else []
-    if action.gain_share:
-        share = np.array(action.gain_share)
-        notes.append(f"servos have {share.min():.0%} to {share.max():.0%} of their position gain")
+    if commands := [term.name for term in policy.observation if term.quantity == COMMAND]:
+        notes.append(f"{', '.join(commands)}: zeros")
+    if share := action.gain_share:
+        notes.append(f"servos have {min(share):.0%} to {max(share):.0%} of their position gain")
     if policy.damping is not None:
         own = robot.torque_speed_slope[[wrapping.places[name] for name in policy.joints]]
         notes.append(
             f"damping: {policy.damping.mean():.2g} N·m·s/rad in its training on average, the "
             f"servos have {own.mean():.2g}"
         )
-    still = [name for name in robot.joint_names if name not in action.names]
-    notes += [f"{', '.join(still)}: no action moves them, they go to the stance"] if still else []
+    if still := [name for name in robot.joint_names if name not in action.names]:
+        notes.append(f"{', '.join(still)}: no action moves them, they go to the stance")
     return notes
 
 
-def _count_cycles(policy: ForeignPolicy, robot: Robot) -> tuple[int, list[str]]:
-    exact = 1.0 / (policy.rate * robot.control_period)
-    cycles = max(round(exact), 1)
-    if abs(exact / cycles - 1.0) <= RATE_SLACK:
-        return cycles, []
-    fitting = 1.0 / (policy.rate * max(1, round(exact)))
-    return cycles, [
-        f"it steps at {policy.rate:g} Hz, robot '{robot.name}' every {exact:.3g} control periods "
-        f"of {1e3 * robot.control_period:g} ms: expected a whole number, as with control_period "
-        f"= {fitting:.6g} in its robot.toml"
-    ]
-
-
-def _share_gains(
-    policy: ForeignPolicy, robot: Robot, places: Mapping[str, int], problems: list[str]
-) -> Array | None:
-    """Compute the shares of the servos' position gains, (n,); None for all of them.
+def _share_gains(policy: ForeignPolicy, robot: Robot, places: Mapping[str, int]) -> Array:
+    """Compute the shares of the servos' position gains, (n,).
 
     Servos that turn two joints together keep all of theirs.
     """
-    joints = [places[name] for name in policy.joints]
-    shares = np.ones(robot.n)
+    joints, shares = [places[name] for name in policy.joints], np.ones(robot.n)
     if policy.position_gain is not None:
         shares[joints] = policy.position_gain / robot.position_gain[joints]
     elif policy.p_gain is not None:
         shares[joints] = policy.p_gain / robot.p_gain[joints]
-    else:
-        return None
-    own = robot.position_gain
     shares[[i for coupling in robot.couplings for i in coupling.joints]] = 1.0
-    wrong = [i for i in joints if not 0.0 < shares[i] <= 1.0 + GAIN_SLACK]
-    if wrong:
-        named = ", ".join(
-            f"'{robot.joint_names[i]}' {shares[i] * own[i]:.3g} (the servo: {own[i]:.3g})"
-            for i in wrong[:MOST_NAMED]
-        )
-        more = f" and {len(wrong) - MOST_NAMED} more" if len(wrong) > MOST_NAMED else ""
-        problems.append(
-            f"gains [N·m/rad] of {named}{more}: expected above 0 and at most the servo's; p_gain "
-            "in robot.toml sets that, --gain another gain"
-        )
-    shares = np.minimum(shares, 1.0)
-    return None if np.all(shares == 1.0) else shares
+    return shares
+
+
+def _find_gain_problems(robot: Robot, shares: Array) -> list[str]:
+    own = robot.position_gain
+    wrong = [
+        f"'{robot.joint_names[i]}' {shares[i] * own[i]:.3g} (the servo: {own[i]:.3g})"
+        for i in np.flatnonzero(~((shares > 0.0) & (shares <= 1.0 + GAIN_SLACK)))
+    ]
+    if not wrong:
+        return []
+    more = f" and {len(wrong) - MOST_NAMED} more" if len(wrong) > MOST_NAMED else ""
+    return [
+        f"gains [N·m/rad] of {', '.join(wrong[:MOST_NAMED])}{more}: expected above 0 and at most "
+        "the servo's; p_gain in robot.toml sets that, --gain another gain"
+    ]
 
 
 def _build_action_spec(
-    policy: ForeignPolicy,
-    robot: Robot,
-    places: Mapping[str, int],
-    cycles: int,
-    shares: Array | None,
+    policy: ForeignPolicy, robot: Robot, places: Mapping[str, int], cycles: int, shares: Array
 ) -> ActionSpec:
     """Build actions that reach every angle of a joint; the network limits them further."""
     moved = [places[name] for name in policy.moved]
@@ -149,5 +123,5 @@ def _build_action_spec(
         calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         cycles=cycles,
         holds=True,
-        gain_share=() if shares is None else tuple(shares.tolist()),
+        gain_share=() if np.all(shares == 1.0) else tuple(shares.tolist()),
     )

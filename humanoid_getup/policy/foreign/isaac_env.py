@@ -1,229 +1,248 @@
-"""Descriptions in the env.yaml that Isaac Lab writes beside a training."""
+"""Descriptions in the env.yaml that Isaac Lab writes beside a training; no code in it is run."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from humanoid_getup.policy.action import ActionMode
-from humanoid_getup.policy.foreign.config_file import ConfigTable, is_number, load_yaml
 from humanoid_getup.policy.foreign.description import (
-    ForeignFormat,
+    ForeignNetwork,
     ForeignPolicy,
     ForeignPolicyError,
     ForeignTerm,
-    Given,
-    NetworkShape,
+    check_terms,
+    find_size,
+    make_term,
 )
-from humanoid_getup.policy.foreign.terms import check_terms, find_size, make_term
 from robots.quaternion import Array
+from robots.storage.validation import parse_file
+from robots.storage.yaml_text import parse_yaml
 
 MODES = {
     "JointPositionAction": ActionMode.ABSOLUTE,
     "RelativeJointPositionAction": ActionMode.OFFSET,
 }
 GROUPS = ("policy", "actor")  # names of the observation group that the network sees
-SETTINGS = (
-    *("concatenate_terms", "concatenate_dim", "enable_corruption"),
-    *("history_length", "flatten_history_dim"),
-)
-ALL_JOINTS = (None, [".*"], ".*")
 MOST_WAYS = 1_000_000  # in which a pattern may match a name; all are tried within about 10 ms
 
+Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
+Positive = Annotated[float, Meta(gt=0.0, lt=1e6, description="a number above 0")]
+Numbers = Annotated[dict[str, Number] | Number, Meta(description="numbers")]
+Limits = Annotated[dict[str, tuple[Number, Number]], Meta(description="two numbers a joint")]
+Texts = Annotated[tuple[str, ...], Meta(description="texts")]
+Text = Annotated[str, Meta(description="a text")]
+Choice = Annotated[bool, Meta(description="true or false")]
+Table = Annotated[dict[str, Any], Meta(description="a table")]
 
-def read_isaac_env(file: Path, shape: NetworkShape, given: Given) -> ForeignPolicy:
+
+class Config:
+    """Values of a YAML file by the paths of their keys, which messages and sources name."""
+
+    def __init__(self, file: Path) -> None:
+        """Read a file; tags of Python objects become the lists or tables that they tag.
+
+        Raises:
+            ForeignPolicyError: if it cannot be read, is not YAML, or holds no table.
+        """
+        try:
+            self._values = parse_file(file, "YAML", partial(parse_yaml, keeps_tagged=True))
+        except ValueError as error:
+            raise ForeignPolicyError(f"{file}: {error}") from error
+        if not isinstance(self._values, dict):
+            raise ForeignPolicyError(f"{file} holds no table, expected Isaac Lab's env.yaml")
+        self._file = file.name
+
+    def name(self, *path: str) -> str:
+        """Name a value for people."""
+        return f"{self._file} {'.'.join(path)}"
+
+    def get(self, kind: Any, *path: str, default: Any = None) -> Any:
+        """Return a value of an annotated type; the default if it is missing or null.
+
+        Raises:
+            ForeignPolicyError: if it is missing without a default, or of another type.
+        """
+        value: Any = self._values
+        for depth, key in enumerate(path):
+            if not isinstance(value, dict):
+                raise ForeignPolicyError(
+                    f"{self.name(*path[:depth])} is {value!r:.40}, expected a table"
+                )
+            value = value.get(key)
+            if value is None and default is not None:
+                return default
+            if value is None:
+                raise ForeignPolicyError(f"{self.name(*path[: depth + 1])} is missing")
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError:
+            expected = kind.__metadata__[0].description
+            raise ForeignPolicyError(
+                f"{self.name(*path)} is {value!r:.40}, expected {expected}"
+            ) from None
+
+
+def read_isaac_env(
+    file: Path, network: ForeignNetwork, joints: tuple[str, ...], gain: float | None
+) -> ForeignPolicy:
     """Read an env.yaml; the order of the joints is given, as it has none.
 
     Raises:
         ForeignPolicyError: naming what is missing or wrong.
     """
-    table = ConfigTable(load_yaml(file), file.name)
-    joints = given.joints
+    config, robot = Config(file), ("scene", "robot")
     if not joints:
         raise ForeignPolicyError(
             f"{file.name} does not state the order of the joints: expected their names in the "
             "simulator's order with --joints NAME,..."
         )
-    robot = table.table("scene").table("robot")
-    start = robot.table("init_state")
-    default = _match(start, "joint_pos", start.require("joint_pos"), joints, missing=0.0)
-    action = _find_action(table.table("actions"))
-    moved = _find_moved(action, joints)
-    group = _find_group(table.table("observations"))
-    lower, upper = _read_limits(action, moved)
-    damping = _read_actuators(robot.table("actuators"), "damping", joints)
-    gain = np.full(len(joints), given.gain) if given.gain else None
-    if gain is None:
-        gain = _read_actuators(robot.table("actuators"), "stiffness", joints)
-    sim = table.table("sim")
+    default = _match(config.get(Numbers, *robot, "init_state", "joint_pos"), joints, missing=0.0)
+    action = _find_action(config)
+    moved = _find_moved(config, action, joints)
+    offset = default[[joints.index(joint) for joint in moved]]
+    if not config.get(Choice, *action, "use_default_offset", default=True):
+        offset = _match(config.get(Numbers, *action, "offset", default=0.0), moved, missing=0.0)
+    step = config.get(Positive, "sim", "dt") * config.get(Positive, "decimation")
     return ForeignPolicy(
-        format=ForeignFormat.ISAAC,
+        format="isaac",
         joints=joints,
         moved=moved,
         default_pos=default,
-        mode=MODES[_last_word(action.require("class_type"))],
-        scale=_match(action, "scale", action.get("scale", 1.0), moved, missing=1.0),
-        offset=_read_offset(action, joints, moved, default),
-        lower=lower,
-        upper=upper,
-        position_gain=gain,
-        damping=damping,
-        rate=given.rate or 1.0 / (sim.positive("dt") * table.positive("decimation")),
-        observation=_read_terms(group, len(joints), shape.action),
+        mode=MODES[_last_word(config.get(Text, *action, "class_type"))],
+        scale=_match(config.get(Numbers, *action, "scale", default=1.0), moved, missing=1.0),
+        offset=offset,
+        limits=_read_limits(config.get(Limits, *action, "clip", default={}), moved),
+        position_gain=None if gain else _read_motors(config, "stiffness", joints),
+        damping=_read_motors(config, "damping", joints),
+        rate=1.0 / step,
+        observation=_read_terms(config, len(joints), network.action),
         sources={
             "joints": "--joints",
-            "default_pos": start.name("joint_pos"),
-            "action": f"{action.name('class_type')}, scale, offset",
-            "position_gain": "--gain" if given.gain else robot.name("actuators.*.stiffness"),
-            "damping": robot.name("actuators.*.damping"),
-            "rate": "--rate" if given.rate else f"{sim.name('dt')} and decimation",
-            "observation": table.name("observations"),
+            "default_pos": config.name(*robot, "init_state", "joint_pos"),
+            "action": f"{config.name(*action, 'class_type')}, scale, offset",
+            "position_gain": config.name(*robot, "actuators", "*", "stiffness"),
+            "damping": config.name(*robot, "actuators", "*", "damping"),
+            "rate": f"{config.name('sim', 'dt')} and decimation",
+            "observation": config.name("observations"),
         },
     )
 
 
-def _find_action(actions: ConfigTable) -> ConfigTable:
-    """Return the one action that moves joints to positions."""
-    used = [name for name, value in actions.values.items() if isinstance(value, Mapping)]
-    kinds = {name: _last_word(actions.table(name).get("class_type", "")) for name in used}
-    if len(used) != 1 or kinds[used[0]] not in MODES:
+def _find_action(config: Config) -> tuple[str, str]:
+    """Find the one action that moves joints to positions."""
+    actions = config.get(Table, "actions")
+    kinds = {
+        name: _last_word(action.get("class_type", ""))
+        for name, action in actions.items()
+        if isinstance(action, dict)
+    }
+    if len(kinds) != 1 or not MODES.keys() & kinds.values():
         found = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "none"
         raise ForeignPolicyError(
-            f"{actions.name('*')}: {found}, expected one action, {' or '.join(MODES)}"
+            f"{config.name('actions', '*')}: {found}, expected one action, {' or '.join(MODES)}"
         )
-    return actions.table(used[0])
+    return "actions", next(iter(kinds))
 
 
-def _find_moved(action: ConfigTable, joints: tuple[str, ...]) -> tuple[str, ...]:
-    patterns = action.texts("joint_names", [".*"])
-    if action.get("preserve_order", False):  # that of the patterns
-        found = [joint for p in patterns for joint in joints if _fits(p, joint)]
-        moved = tuple(dict.fromkeys(found))
-    else:
-        moved = tuple(joint for joint in joints if any(_fits(p, joint) for p in patterns))
-    if not moved:
-        raise ForeignPolicyError(f"{action.name('joint_names')} fits none of --joints")
-    return moved
+def _find_moved(
+    config: Config, action: tuple[str, str], joints: tuple[str, ...]
+) -> tuple[str, ...]:
+    patterns = config.get(Texts, *action, "joint_names", default=(".*",))
+    found = [joint for pattern in patterns for joint in joints if _fits(pattern, joint)]
+    if not found:
+        raise ForeignPolicyError(f"{config.name(*action, 'joint_names')} fits none of --joints")
+    if not config.get(Choice, *action, "preserve_order", default=False):  # of the patterns
+        found.sort(key=joints.index)
+    return tuple(dict.fromkeys(found))
 
 
-def _read_offset(
-    action: ConfigTable, joints: tuple[str, ...], moved: tuple[str, ...], default: Array
-) -> Array:
-    if action.get("use_default_offset", True):
-        return default[[joints.index(joint) for joint in moved]]
-    return _match(action, "offset", action.get("offset", 0.0), moved, missing=0.0)
+def _read_limits(clip: Mapping[str, tuple[float, float]], moved: Sequence[str]) -> Array | None:
+    limits = np.full((2, len(moved)), [[-np.inf], [np.inf]])
+    for pattern, pair in clip.items():
+        limits[:, [_fits(pattern, joint) for joint in moved]] = np.transpose([pair])
+    return limits if clip else None
 
 
-def _read_limits(action: ConfigTable, moved: tuple[str, ...]) -> tuple[Array | None, Array | None]:
-    """Read the limits of targets, two numbers by patterns of joint names."""
-    if action.get("clip") is None:
-        return None, None
-    lower, upper = np.full((2, len(moved)), [[-np.inf], [np.inf]])
-    for pattern, limits in action.table("clip").values.items():
-        if not isinstance(limits, list) or len(limits) != 2 or not all(map(is_number, limits)):
-            raise ForeignPolicyError(
-                f"{action.name('clip')} is {limits!r:.40}, expected two numbers a joint"
-            )
-        rows = [_fits(pattern, joint) for joint in moved]
-        lower[rows], upper[rows] = limits
-    return lower, upper
-
-
-def _read_actuators(actuators: ConfigTable, key: str, joints: tuple[str, ...]) -> Array:
+def _read_motors(config: Config, key: str, joints: Sequence[str]) -> Array:
     """Read a figure of the groups of actuators; each joint is in one."""
-    found = np.full(len(joints), np.nan)
-    for name in actuators.values:
-        group = actuators.table(name)
-        patterns = group.texts("joint_names_expr")
-        rows = [i for i, joint in enumerate(joints) if any(_fits(p, joint) for p in patterns)]
-        value = group.require(key)
-        own = tuple(joints[i] for i in rows)
-        found[rows] = _match(group, key, value, own, missing=np.nan)
+    place, found = ("scene", "robot", "actuators"), np.full(len(joints), np.nan)
+    for group in config.get(Table, *place):
+        patterns = config.get(Texts, *place, group, "joint_names_expr")
+        own = [i for i, joint in enumerate(joints) if any(_fits(p, joint) for p in patterns)]
+        value = config.get(Numbers, *place, group, key)
+        found[own] = _match(value, [joints[i] for i in own], missing=np.nan)
     if np.isnan(found).any():
         lacking = ", ".join(np.array(joints)[np.isnan(found)])
-        raise ForeignPolicyError(f"{actuators.name('*')}.{key} is missing for {lacking}")
+        raise ForeignPolicyError(f"{config.name(*place, '*', key)} is missing for {lacking}")
     return found
 
 
-def _match(
-    table: ConfigTable, key: str, value: Any, joints: tuple[str, ...], *, missing: float
-) -> Array:
-    """Read one number for all joints, or numbers by patterns of their names."""
-    rules = value if isinstance(value, Mapping) else {".*": value}
+def _match(value: dict[str, float] | float, joints: Sequence[str], *, missing: float) -> Array:
+    """Return one number for all joints, or numbers by patterns of their names."""
     found = np.full(len(joints), missing)
-    for pattern, number in rules.items():
-        if not is_number(number):
-            raise ForeignPolicyError(f"{table.name(key)} is {number!r:.40}, expected numbers")
+    for pattern, number in value.items() if isinstance(value, dict) else [(".*", value)]:
         found[[_fits(pattern, joint) for joint in joints]] = number
     return found
 
 
-def _fits(pattern: Any, joint: str) -> bool:
+def _fits(pattern: str, joint: str) -> bool:
     """Match a name, unless that could take without end, as by `(j+)+x`.
 
     Each choice at most doubles the ways to match, and each repeat has a way for each length, if
     it is of no group. In verbose patterns, blanks or a comment may precede it.
     """
-    text = str(pattern)
-    repeats, choices = len(re.findall("[*+?{]", text[:200])), text[:200].count("|")
+    repeats, choices = len(re.findall("[*+?{]", pattern[:200])), pattern[:200].count("|")
     ways = 2**choices * (len(joint) + 1) ** repeats
-    if len(text) > 200 or re.search(r"\)[*+{\s#]", text) or ways > MOST_WAYS:
+    if len(pattern) > 200 or re.search(r"\)[*+{\s#]", pattern) or ways > MOST_WAYS:
         raise ForeignPolicyError(
-            f"pattern '{text:.40}' could take too long to match '{joint:.40}', expected no "
+            f"pattern '{pattern:.40}' could take too long to match '{joint:.40}', expected no "
             "repeated groups, and fewer of * + ? and |, such as .*_(hip|knee)_.*"
         )
     try:
-        return re.fullmatch(text, joint) is not None
+        return re.fullmatch(pattern, joint) is not None
     except (re.error, OverflowError, ValueError) as error:
-        raise ForeignPolicyError(f"pattern '{text}' is malformed: {error}") from None
+        raise ForeignPolicyError(f"pattern '{pattern}' is malformed: {error}") from None
 
 
-def _find_group(observations: ConfigTable) -> ConfigTable:
-    for name in GROUPS:
-        if isinstance(observations.values.get(name), Mapping):
-            return observations.table(name)
-    raise ForeignPolicyError(f"{observations.name(GROUPS[0])} is missing")
-
-
-def _read_terms(group: ConfigTable, joints: int, actions: int) -> tuple[ForeignTerm, ...]:
-    labels = [
-        str(name)
-        for name, value in group.values.items()
-        if name not in SETTINGS and isinstance(value, Mapping)
-    ]
-    names = {label: _last_word(group.table(label).require("func")) for label in labels}
-    check_terms(list(names.values()))
-    history = group.get("history_length", 0)
-    terms = []
-    for label, name in names.items():
-        term = group.table(label)
-        _check_whole(term)
-        terms.append(
-            make_term(
-                name,
-                find_size(name, joints, actions) or 3,
-                scale=term.get("scale"),
-                clip=term.get("clip"),
-                history=history or term.get("history_length", 0),
-                is_offset=name != "joint_pos",
-                label=label,
-            )
+def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm, ...]:
+    groups = config.get(Table, "observations")
+    place = ("observations", next((name for name in GROUPS if name in groups), GROUPS[0]))
+    terms = {
+        label: term for label, term in config.get(Table, *place).items() if isinstance(term, dict)
+    }
+    names = [_last_word(config.get(Text, *place, label, "func")) for label in terms]
+    check_terms(names)
+    history = config.get(Table, *place).get("history_length")
+    for label in terms:
+        _check_whole(config, (*place, label, "params"))
+    return tuple(
+        make_term(
+            name,
+            find_size(name, joints, actions) or 3,
+            scale=term.get("scale"),
+            clip=term.get("clip"),
+            history=history or term.get("history_length") or 0,
+            is_offset=name != "joint_pos",
+            label=label,
         )
-    return tuple(terms)
+        for name, (label, term) in zip(names, terms.items(), strict=True)
+    )
 
 
-def _check_whole(term: ConfigTable) -> None:
+def _check_whole(config: Config, place: tuple[str, ...]) -> None:
     """Refuse a term of some joints only."""
-    parameters = term.get("params", {})
-    config = parameters.get("asset_cfg") if isinstance(parameters, Mapping) else None
-    names = config.get("joint_names") if isinstance(config, Mapping) else None
-    if names not in ALL_JOINTS:
+    names = config.get(Any, *place, "asset_cfg", "joint_names", default=[".*"])
+    if names not in ([".*"], ".*"):
         raise ForeignPolicyError(
-            f"{term.name('params')} has joint_names {names!r:.40}, expected all joints"
+            f"{config.name(*place)} has joint_names {names!r:.40}, expected all joints"
         )
 
 

@@ -9,8 +9,7 @@ from humanoid_getup.policy.foreign.description import ForeignPolicyError
 from robots import Robot
 
 SIDES = {"left": "l", "right": "r"}
-EMPTY = ("joint", "dof", "motor", "act", "actuator")  # words that tell nothing
-PREFIX = re.compile(r"^.*/")  # of a model within a scene
+EMPTY = ("joint", "dof", "motor", "act", "actuator", "")  # words that tell nothing
 
 
 def map_joints(
@@ -33,9 +32,9 @@ def map_joints(
             f"--rename names {', '.join(strange)}, expected joints of robot '{robot.name}': "
             f"{', '.join(own)}"
         )
-    by_words = {_simplify(name): name for name in own}
+    known = {_simplify(name): name for name in own} | {(name,): name for name in own}
     found = {
-        name: renamed.get(name) or (name if name in own else by_words.get(_simplify(name)))
+        name: renamed.get(name) or known.get((name,)) or known.get(_simplify(name))
         for name in names
     }
     problems = []
@@ -49,13 +48,13 @@ def map_joints(
         twice = sorted({joint for joint in joints if joints.count(joint) > 1})
         problems.append(f"two names mean one joint: {', '.join(twice or names)}")
     if problems:
-        raise ForeignPolicyError(*problems)
+        raise ForeignPolicyError("; ".join(problems))
     return {name: own.index(joint) for name, joint in found.items() if joint is not None}
 
 
 def _simplify(name: str) -> tuple[str, ...]:
-    """Return the words of a name: lower case, the sides as letters and in front."""
-    plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", PREFIX.sub("", name)).lower()
+    """Return the words of a name behind that of a model: lower case, sides as letters in front."""
+    plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name.rpartition("/")[2]).lower()
     words = [SIDES.get(word, word) for word in re.split(r"[_\-. ]+", plain)]
-    kept = [word for word in words if word and word not in EMPTY]
+    kept = [word for word in words if word not in EMPTY]
     return tuple(sorted(kept, key=lambda word: word not in SIDES.values()))

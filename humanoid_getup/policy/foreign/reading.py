@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from humanoid_getup.policy.foreign.config_file import load_yaml
-from humanoid_getup.policy.foreign.deploy_yaml import read_deploy_yaml
+import numpy as np
+import onnx
+from onnx import ModelProto, TensorProto, external_data_helper
+
 from humanoid_getup.policy.foreign.description import (
-    ForeignFormat,
+    ForeignNetwork,
     ForeignPolicy,
     ForeignPolicyError,
-    Given,
-    NetworkShape,
+    find_size,
 )
 from humanoid_getup.policy.foreign.isaac_env import read_isaac_env
-from humanoid_getup.policy.foreign.legged_gym import read_legged_gym
 from humanoid_getup.policy.foreign.metadata import (
     MICRODUCK_KEY,
     MJLAB_KEYS,
     read_microduck,
     read_mjlab,
 )
+from humanoid_getup.policy.foreign.wrapping import find_inputs
 from humanoid_getup.policy.onnx_content import (
     EXTERNAL_WEIGHTS,
     find_content_problems,
@@ -32,25 +32,9 @@ from humanoid_getup.policy.onnx_content import (
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, MAX_BYTES, describe_refusal
 from robots.storage.files import check_file, describe, read_bounded
 
-if TYPE_CHECKING:
-    from onnx import ModelProto
-
 PICKLES = (b"PK\x03\x04", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05")
 """First bytes of files that torch and pickle write."""
 PICKLE_SUFFIXES = (".pt", ".pth", ".pkl", ".pickle", ".jit")
-EXPECTED = (
-    "an ONNX file with the metadata of mjlab or microduck, or --config with Unitree's deploy.yaml, "
-    "Isaac Lab's env.yaml or legged_gym's config.py"
-)
-IN_METADATA = (ForeignFormat.MJLAB, ForeignFormat.MICRODUCK)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ForeignNetwork:
-    """A network in an ONNX file that was trained elsewhere."""
-
-    model: ModelProto
-    shape: NetworkShape
 
 
 def read_network(file: Path) -> ForeignNetwork:
@@ -59,7 +43,6 @@ def read_network(file: Path) -> ForeignNetwork:
     Raises:
         OSError: if it cannot be read.
         ForeignPolicyError: if it is a pickle, or another thing than such a network.
-        ModuleNotFoundError: if the package onnx is missing.
     """
     try:
         content = read_bounded(file, MAX_BYTES)
@@ -77,125 +60,94 @@ def read_network(file: Path) -> ForeignNetwork:
     if CONTRACT_KEY in metadata:
         raise ForeignPolicyError("it has a policy contract of ours: `getup run` plays it as it is")
     if problems := [problem for problem in problems if problem != EXTERNAL_WEIGHTS]:
-        raise ForeignPolicyError(*problems)
-    model = _parse(content, file.parent)
-    return ForeignNetwork(model=model, shape=_measure(model, metadata))
-
-
-def describe_policy(
-    shape: NetworkShape, kind: ForeignFormat | None, config: Sequence[Path], given: Given
-) -> ForeignPolicy:
-    """Read the description of a policy from its metadata or its configuration files.
-
-    The format is guessed if it is not given.
-
-    Raises:
-        ForeignPolicyError: naming what is missing or wrong.
-    """
-    kind = kind or _guess_format(shape, config)
-    if kind in IN_METADATA and config:
-        raise ForeignPolicyError(f"--config is given, but the format is {kind}: expected none")
-    if kind not in IN_METADATA and not config:
-        raise ForeignPolicyError(f"the format is {kind}, expected its file with --config")
-    policy = _read(kind, shape, config, given)
-    _check_sizes(policy, shape)
-    return policy
-
-
-def _read(
-    kind: ForeignFormat, shape: NetworkShape, config: Sequence[Path], given: Given
-) -> ForeignPolicy:
-    if kind is ForeignFormat.MJLAB:
-        return read_mjlab(shape, given)
-    if kind is ForeignFormat.MICRODUCK:
-        if MICRODUCK_KEY not in shape.metadata:
-            raise ForeignPolicyError("its metadata lacks the key 'microduck'")
-        return read_microduck(shape, given)
-    if kind is ForeignFormat.LEGGED_GYM:
-        return read_legged_gym(config, shape, given)
-    if len(config) > 1:
-        raise ForeignPolicyError(f"--config has {len(config)} files, expected one for {kind}")
-    reader = read_deploy_yaml if kind is ForeignFormat.UNITREE else read_isaac_env
-    return reader(config[0], shape, given)
-
-
-def _guess_format(shape: NetworkShape, config: Sequence[Path]) -> ForeignFormat:
-    if config:
-        return _guess_config(config[0])
-    if MICRODUCK_KEY in shape.metadata:
-        return ForeignFormat.MICRODUCK
-    if all(key in shape.metadata for key in MJLAB_KEYS):
-        return ForeignFormat.MJLAB
-    raise ForeignPolicyError(f"nothing describes it, expected {EXPECTED}")
-
-
-def _guess_config(file: Path) -> ForeignFormat:
-    if file.suffix == ".py":
-        return ForeignFormat.LEGGED_GYM
-    table = load_yaml(file)
-    if "joint_ids_map" in table:
-        return ForeignFormat.UNITREE
-    if {"scene", "observations", "actions"} <= table.keys():
-        return ForeignFormat.ISAAC
-    raise ForeignPolicyError(f"--config is {file}, of no known format: expected {EXPECTED}")
-
-
-def _check_sizes(policy: ForeignPolicy, shape: NetworkShape) -> None:
-    problems = []
-    if policy.observation_size != shape.observation:
-        problems.append(
-            f"its network takes {shape.observation} numbers, its terms are "
-            f"{policy.observation_size} ({policy.sources['observation']}): "
-            + " ".join(f"{t.name}[{t.size * t.history}]" for t in policy.observation)
-        )
-    if len(policy.moved) != shape.action:
-        problems.append(
-            f"its network returns {shape.action} numbers, its actions are {len(policy.moved)}"
-        )
-    if not 0.1 <= policy.rate <= 10_000.0:
-        problems.append(f"its rate is {policy.rate:g} Hz, expected 0.1 to 10000 Hz")
-    if problems:
-        raise ForeignPolicyError(*problems)
-
-
-def _parse(content: bytes, folder: Path) -> ModelProto:
-    import onnx
-
+        raise ForeignPolicyError("; ".join(problems))
     try:
         model = onnx.load_from_string(content)
-        _load_weights(model, folder)
+        _load_weights(model, file.parent)
         onnx.checker.check_model(model)
     except ForeignPolicyError:
         raise
     except Exception as error:  # protobuf's and onnx's errors have no base of their own
         raise ForeignPolicyError(describe_refusal(onnx, error)) from error
-    return model
+    observation = _measure("input", find_inputs(model))
+    action = _measure("output", list(model.graph.output))
+    return ForeignNetwork(model=model, metadata=metadata, observation=observation, action=action)
+
+
+def describe_policy(
+    network: ForeignNetwork,
+    config: Path | None = None,
+    *,
+    joints: tuple[str, ...] = (),
+    rate: float | None = None,
+    gain: float | None = None,
+) -> ForeignPolicy:
+    """Read the description of a policy from Isaac Lab's env.yaml, or else from its metadata.
+
+    Args:
+        network: Network with its metadata.
+        config: That env.yaml; ``None`` for none.
+        joints: Names of its joints where files only number them.
+        rate: Policy steps per second, which counts more than what is described [Hz].
+        gain: Position gain of all joints, which counts more than what is described [N·m/rad].
+
+    Raises:
+        ForeignPolicyError: naming what is missing or wrong.
+    """
+    if config is not None:
+        policy = read_isaac_env(config, network, joints, gain)
+    elif MICRODUCK_KEY in network.metadata:
+        policy = read_microduck(network)
+    elif all(key in network.metadata for key in MJLAB_KEYS):
+        policy = read_mjlab(network, gain)
+    else:
+        raise ForeignPolicyError(
+            "nothing describes it, expected an ONNX file with the metadata of mjlab or microduck, "
+            "or Isaac Lab's env.yaml with --config"
+        )
+    sources = dict(policy.sources)
+    if gain:
+        kp, sources["position_gain"] = np.full(len(policy.joints), gain), "--gain"
+        policy = replace(policy, position_gain=kp, p_gain=None, sources=sources)
+    if rate:
+        sources["rate"] = "--rate"
+        policy = replace(policy, rate=rate, sources=sources)
+    _check_sizes(policy, network)
+    return policy
+
+
+def _check_sizes(policy: ForeignPolicy, network: ForeignNetwork) -> None:
+    n, k = len(policy.joints), network.action
+    problems = [
+        f"observation '{term.name}' has {term.size} numbers, expected {size}"
+        for term in policy.observation
+        if term.size != (size := find_size(term.quantity, n, k) or term.size)
+    ]
+    if policy.observation_size != network.observation:
+        problems.append(
+            f"its network takes {network.observation} numbers, its terms are "
+            f"{policy.observation_size} ({policy.sources['observation']}): "
+            + " ".join(f"{t.name}[{t.size * t.history}]" for t in policy.observation)
+        )
+    if len(policy.moved) != network.action:
+        problems.append(
+            f"its network returns {network.action} numbers, its actions are {len(policy.moved)}"
+        )
+    if not 0.1 <= policy.rate <= 10_000.0:
+        problems.append(f"its rate is {policy.rate:g} Hz, expected 0.1 to 10000 Hz")
+    if problems:
+        raise ForeignPolicyError("; ".join(problems))
 
 
 def _load_weights(model: ModelProto, folder: Path) -> None:
     """Read weights that lie in other files of the same folder."""
-    from onnx import TensorProto, external_data_helper
-
-    tensors = [
-        tensor
-        for tensor in model.graph.initializer
-        if external_data_helper.uses_external_data(tensor)
-    ]
-    names = {
-        entry.value
-        for tensor in tensors
-        for entry in tensor.external_data
-        if entry.key == "location"
-    }
-    for name in names:
-        if not name or Path(name).name != name:
-            raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
-        try:
-            check_file(folder / name, MAX_BYTES)
-        except (OSError, ValueError) as error:
-            raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
     size = 0
-    for tensor in tensors:
+    for tensor in model.graph.initializer:
+        if not external_data_helper.uses_external_data(tensor):
+            continue
+        for entry in tensor.external_data:
+            if entry.key == "location":
+                _check_beside(folder, entry.value)
         external_data_helper.load_external_data_for_tensor(tensor, str(folder))
         size += len(tensor.raw_data)
         if size > MAX_BYTES:  # many tensors may name the same bytes of a file
@@ -204,24 +156,24 @@ def _load_weights(model: ModelProto, folder: Path) -> None:
         del tensor.external_data[:]
 
 
-def _measure(model: ModelProto, metadata: dict[str, str]) -> NetworkShape:
-    """Measure the one input and the one output of a network."""
-    constants = {each.name for each in model.graph.initializer}
-    inputs = [each for each in model.graph.input if each.name not in constants]
-    for what, values in (("input", inputs), ("output", list(model.graph.output))):
-        if len(values) != 1:
-            named = ", ".join(value.name for value in values) or "none"
-            raise ForeignPolicyError(
-                f"its network has {len(values)} {what}s ({named}), expected one: export it without "
-                "memory, values or a motion of its own"
-            )
-    sizes = [_measure_vector(value) for value in (inputs[0], model.graph.output[0])]
-    return NetworkShape(metadata=metadata, observation=sizes[0], action=sizes[1])
+def _check_beside(folder: Path, name: str) -> None:
+    if not name or Path(name).name != name:
+        raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
+    try:
+        check_file(folder / name, MAX_BYTES)
+    except (OSError, ValueError) as error:
+        raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
 
 
-def _measure_vector(value: Any) -> int:
-    from onnx import TensorProto
-
+def _measure(what: str, values: list[Any]) -> int:
+    """Return the size of the one input or output of a network, of shape (N, size)."""
+    if len(values) != 1:
+        named = ", ".join(value.name for value in values) or "none"
+        raise ForeignPolicyError(
+            f"its network has {len(values)} {what}s ({named}), expected one: export it without "
+            "memory, values or a motion of its own"
+        )
+    (value,) = values
     tensor = value.type.tensor_type
     kinds = {number: name.lower() for name, number in TensorProto.DataType.items()}
     if (kind := kinds.get(tensor.elem_type, "of no type")) != "float":

@@ -12,29 +12,25 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from onnx import ModelProto, NodeProto, TensorProto, ValueInfoProto, compose, helper, numpy_helper
 
 from humanoid_getup.policy.action import ActionMode, ActionSpec
-from humanoid_getup.policy.foreign.description import ForeignPolicy, ForeignTerm, Quantity
-from humanoid_getup.policy.observation import Term, list_terms
+from humanoid_getup.policy.foreign.description import (
+    COMMAND,
+    ForeignPolicy,
+    ForeignRecord,
+    Window,
+)
+from humanoid_getup.policy.observation import list_terms
 from robots import Robot
 from robots.quaternion import Array
 
-if TYPE_CHECKING:
-    from onnx import ModelProto
-
 PREFIX = "foreign_"  # of the names in the network that is wrapped
-PLACES = {
-    Quantity.GYRO: "gyro",
-    Quantity.GRAVITY: "gravity",
-    Quantity.JOINT_POS: "joint_pos",
-    Quantity.JOINT_VEL: "joint_vel",
-    Quantity.LAST_ACTION: "last_action",
-}
-"""Terms of our observation that hold the quantities; commands are zero."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,44 +48,31 @@ class Wrapping:
         """Return the size of the memory."""
         return 1 + len(self.policy.moved) + self.policy.observation_size
 
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """Return the terms of our observation."""
-        return list_terms(self.robot, self.action, memory=self.memory)
-
-    def find_place(self, name: str) -> int:
-        """Return where a term of our observation begins."""
-        before = itertools.takewhile(lambda term: term.name != name, self.terms)
-        return sum(term.size for term in before)
+    def find_starts(self) -> dict[str, int]:
+        """Return where the terms of our observation begin, and its size under ""."""
+        terms = list_terms(self.robot, self.action, memory=self.memory)
+        ends = itertools.accumulate((term.size for term in terms), initial=0)
+        return dict(zip((*(term.name for term in terms), ""), ends, strict=True))
 
     def present(self) -> tuple[Array, Array]:
         """Return the map from our observation to the policy's present terms: (S, C) and (C,)."""
-        blocks = [self._map_term(term) for term in self.policy.observation]
-        return (
-            np.concatenate([matrix for matrix, _ in blocks], axis=1),
-            np.concatenate([offset for _, offset in blocks]),
-        )
-
-    def _map_term(self, term: ForeignTerm) -> tuple[Array, Array]:
-        matrix = np.zeros((sum(each.size for each in self.terms), term.size))
-        offset = np.zeros(term.size)
-        if term.quantity is Quantity.COMMAND:
-            return matrix, offset
-        rows = self._find_rows(term)
-        matrix[rows, np.arange(term.size)] = 1.0
-        if term.quantity is Quantity.JOINT_POS:
-            joints = [self.places[name] for name in self.policy.joints]
-            zero = self.policy.default_pos if term.is_offset else 0.0
-            offset = self.robot.standing.joint_pos[joints] - zero
+        starts, terms = self.find_starts(), self.policy.observation
+        joints = np.array([self.places[name] for name in self.policy.joints])
+        matrix = np.zeros((starts[""], sum(term.size for term in terms)))
+        offset, end = np.zeros(matrix.shape[1]), 0
+        for term in terms:
+            columns = end + np.arange(term.size)
+            end += term.size
+            if term.quantity == COMMAND:
+                continue
+            # The memory begins with a 1.
+            rows = np.arange(term.size) + (term.quantity == "last_action")
+            rows = joints if term.quantity in ("joint_pos", "joint_vel") else rows
+            matrix[starts[term.quantity] + rows, columns] = 1.0
+            if term.quantity == "joint_pos":
+                zero = self.policy.default_pos if term.is_offset else 0.0
+                offset[columns] = self.robot.standing.joint_pos[joints] - zero
         return matrix, offset
-
-    def _find_rows(self, term: ForeignTerm) -> NDArray[np.int_]:
-        """Find the entries of our observation that a term consists of."""
-        start = self.find_place(PLACES[term.quantity])
-        if term.quantity in (Quantity.JOINT_POS, Quantity.JOINT_VEL):
-            return start + np.array([self.places[joint] for joint in self.policy.joints])
-        first = 1 if term.quantity is Quantity.LAST_ACTION else 0  # the memory begins with a 1
-        return start + first + np.arange(term.size)
 
     def windows(self) -> tuple[Array, Array, Array]:
         """Return the maps to the policy's observation, each to (F,).
@@ -98,135 +81,127 @@ class Wrapping:
         of the present terms into all past steps (C, F), which counts at the first step.
         """
         size = self.policy.observation_size
-        present = sum(term.size for term in self.policy.observation)
-        newest, first = np.zeros((2, present, size))
-        shift, start = np.zeros((size, size)), 0
-        for term, window in self.policy.windows():
+        newest, first = np.zeros((2, sum(term.size for term in self.policy.observation), size))
+        shift, start, at = np.zeros((size, size)), 0, 0
+        for term in self.policy.observation:
             own = np.arange(term.size)
-            for step in range(term.history):
-                at = window.start + step * term.size + own
-                is_newest = step == term.history - 1
-                (newest if is_newest else first)[start + own, at] = 1.0
-                if not is_newest:
-                    shift[at + term.size, at] = 1.0
-            start += term.size
+            for _ in range(term.history - 1):
+                first[start + own, at + own] = 1.0
+                shift[at + term.size + own, at + own] = 1.0
+                at += term.size
+            newest[start + own, at + own] = 1.0
+            start, at = start + term.size, at + term.size
         return newest, shift, first
 
     def actions(self) -> tuple[Array, Array]:
         """Return factor and offset from a target [rad] to an action of ours, (k,) each."""
         joints = [self.places[name] for name in self.policy.moved]
-        scale = self.action.scale[joints]
-        is_absolute = self.policy.mode is ActionMode.ABSOLUTE
-        home = self.robot.standing.joint_pos[joints] if is_absolute else np.zeros(len(joints))
+        scale, home = self.action.scale[joints], np.zeros(len(joints))
+        if self.policy.mode is ActionMode.ABSOLUTE:
+            home = self.robot.standing.joint_pos[joints]
         return 1.0 / scale, -home / scale
+
+    def to_record(self) -> str:
+        """Write what the checks of an imported policy need, as JSON."""
+        policy, names = self.policy, self.robot.joint_names
+        windows = (
+            Window(name=t.name, quantity=t.quantity, size=t.size, history=t.history)
+            for t in policy.observation
+        )
+        record = ForeignRecord(
+            format=policy.format,
+            joints=tuple(names[self.places[name]] for name in policy.joints),
+            moved=tuple(names[self.places[name]] for name in policy.moved),
+            windows=tuple(windows),
+            scale=tuple(policy.scale.tolist()),
+            damping=() if policy.damping is None else tuple(policy.damping.tolist()),
+        )
+        return msgspec.json.encode(record).decode()
 
 
 def wrap_network(model: ModelProto, wrapping: Wrapping) -> ModelProto:
     """Return a model that maps our observations to our actions and to its memory."""
-    from onnx import compose, helper
-
     inner = compose.add_prefix(model, PREFIX)
+    (entry,) = find_inputs(inner)
+    has_one_row = entry.type.tensor_type.shape.dim[0].HasField("dim_value")
+    batch, size = 1 if has_one_row else "robots", wrapping.find_starts()[""]
     graph = _GraphBuilder()
-    size = sum(term.size for term in wrapping.terms)
     seen = _observe(graph, wrapping)
-    batch = _find_batch(inner)
-    graph.nodes.append(helper.make_node("Identity", [seen], [find_input(inner).name]))
+    graph.nodes.append(helper.make_node("Identity", [seen], [entry.name]))
     graph.nodes.extend(inner.graph.node)
-    raw = _act(graph, wrapping, inner.graph.output[0].name)
+    raw = inner.graph.output[0].name
+    _act(graph, wrapping, raw)
     ones = graph.add("Add", graph.matmul("obs", np.zeros((size, 1))), np.ones(1))
     graph.nodes.append(helper.make_node("Concat", [ones, raw, seen], ["memory"], axis=1))
+    sizes = {"obs": size, "actions": wrapping.action.size, "memory": wrapping.memory}
+    first, *others = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, [batch, size])
+        for name, size in sizes.items()
+    )
     made = helper.make_graph(
         graph.nodes,
         "wrapped_policy",
-        [_vector("obs", batch, size)],
-        [
-            _vector("actions", batch, wrapping.action.size),
-            _vector("memory", batch, wrapping.memory),
-        ],
+        [first],
+        others,
         [*graph.constants, *inner.graph.initializer],
         sparse_initializer=list(inner.graph.sparse_initializer),
     )
     return helper.make_model(made, opset_imports=inner.opset_import, ir_version=inner.ir_version)
 
 
-def find_input(model: ModelProto) -> Any:
-    """Return the one input of a network; old files list constants as inputs, too."""
+def find_inputs(model: ModelProto) -> list[ValueInfoProto]:
+    """Return the inputs of a network; old files list constants as inputs, too."""
     constants = {each.name for each in model.graph.initializer}
-    return next(each for each in model.graph.input if each.name not in constants)
+    return [each for each in model.graph.input if each.name not in constants]
 
 
 def _observe(graph: _GraphBuilder, wrapping: Wrapping) -> str:
     """Add nodes that build the policy's observation; return its name."""
     matrix, offset = wrapping.present()
     terms = wrapping.policy.observation
-    present = graph.add("Add", graph.matmul("obs", matrix), offset)
+    sizes = [term.size for term in terms]
     present = graph.clip(
-        present,
-        np.concatenate([np.full(term.size, term.lower) for term in terms]),
-        np.concatenate([np.full(term.size, term.upper) for term in terms]),
+        graph.add("Add", graph.matmul("obs", matrix), offset),
+        np.repeat([term.lower for term in terms], sizes),
+        np.repeat([term.upper for term in terms], sizes),
     )
     present = graph.add("Mul", present, np.concatenate([term.scale for term in terms]))
     if all(term.history == 1 for term in terms):
         return present
     newest, shift, first = wrapping.windows()
-    begun, last = _split_memory(graph, wrapping)
+    start = wrapping.find_starts()["last_action"]
+    begun = graph.take("obs", np.arange(start, start + 1))
+    seen = start + 1 + len(wrapping.policy.moved)
+    last = graph.take("obs", np.arange(seen, start + wrapping.memory))
     is_first = graph.add("Sub", np.ones(1), begun)
     past = graph.add("Mul", graph.matmul(present, first), is_first)
     held = graph.add("Add", graph.matmul(last, shift), past)
     return graph.add("Add", graph.matmul(present, newest), held)
 
 
-def _split_memory(graph: _GraphBuilder, wrapping: Wrapping) -> tuple[str, str]:
-    """Add nodes that read from the memory whether there was a step, and the last observation."""
-    start = wrapping.find_place("last_action")
-    seen = start + 1 + len(wrapping.policy.moved)
-    return (
-        graph.take("obs", np.arange(start, start + 1)),
-        graph.take("obs", np.arange(seen, start + wrapping.memory)),
-    )
-
-
-def _act(graph: _GraphBuilder, wrapping: Wrapping, output: str) -> str:
-    """Add nodes that turn the policy's actions into ours; return the name of the raw ones."""
-    from onnx import helper
-
-    policy, limit = wrapping.policy, wrapping.policy.action_limit
-    raw = graph.clip(output, np.full(len(policy.moved), -limit), np.full(len(policy.moved), limit))
+def _act(graph: _GraphBuilder, wrapping: Wrapping, raw: str) -> None:
+    """Add nodes that turn the policy's raw actions into ours."""
+    policy = wrapping.policy
     target = graph.add("Mul", raw, policy.scale)
     if policy.mode is ActionMode.ABSOLUTE:
         target = graph.add("Add", target, policy.offset)
-    if policy.lower is not None and policy.upper is not None:
-        target = graph.clip(target, policy.lower, policy.upper)
+    if policy.limits is not None:
+        target = graph.clip(target, *policy.limits)
     factor, offset = wrapping.actions()
     share = graph.add("Add", graph.add("Mul", target, factor), offset)
     graph.nodes.append(helper.make_node("Identity", [share], ["actions"]))
-    return raw
-
-
-def _find_batch(model: ModelProto) -> int | str:
-    """Return the fixed batch size of a network, or a name for any size."""
-    size = find_input(model).type.tensor_type.shape.dim[0]
-    return 1 if size.HasField("dim_value") else "robots"
-
-
-def _vector(name: str, batch: int | str, size: int) -> Any:
-    from onnx import TensorProto, helper
-
-    return helper.make_tensor_value_info(name, TensorProto.FLOAT, [batch, size])
 
 
 class _GraphBuilder:
     """Collects nodes and constants; every node has one output."""
 
     def __init__(self) -> None:
-        self.nodes: list[Any] = []
-        self.constants: list[Any] = []
-        self._names = (f"wrap_{number}" for number in range(10_000))
+        self.nodes: list[NodeProto] = []
+        self.constants: list[TensorProto] = []
+        self._names = (f"wrap_{number}" for number in itertools.count())
 
     def add(self, operation: str, *inputs: str | NDArray[Any], **attributes: Any) -> str:
         """Add a node whose inputs are names or constants; return the name of its output."""
-        from onnx import helper
-
         names = [each if isinstance(each, str) else self._constant(each) for each in inputs]
         output = next(self._names)
         self.nodes.append(helper.make_node(operation, names, [output], **attributes))
@@ -247,8 +222,6 @@ class _GraphBuilder:
         return self.add("Min", vector, upper) if np.isfinite(upper).any() else vector
 
     def _constant(self, values: NDArray[Any]) -> str:
-        from onnx import numpy_helper
-
         name = next(self._names)
         is_whole = np.issubdtype(values.dtype, np.integer)
         array = values.astype(np.int64 if is_whole else np.float32)

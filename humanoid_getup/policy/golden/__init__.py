@@ -1,1 +1,0 @@
-"""Golden traces: what a policy measured, observed, did and caused, and checks against them."""

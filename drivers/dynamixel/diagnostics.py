@@ -257,14 +257,14 @@ def check_servo(servo: ServoFacts) -> list[Finding]:
     if not has_supply:
         error(
             f"supply is {servo.voltage:.1f} V, expected {lowest:.1f} to {highest:.1f} V",
-            "charge or change the battery"
+            "charge or change the supply"
             + ("" if room >= 0.0 else ", or set its voltage limits back (getup doctor)"),
         )
     elif room < SUPPLY_MARGIN:
         warn(
             f"supply is {servo.voltage:.1f} V, only {room:.1f} V from its voltage limits of "
             f"{window[0]:g} to {window[1]:g} V, expected {SUPPLY_MARGIN:g} V or more",
-            "charge or change the battery, or set its voltage limits back",
+            "charge or change the supply, or set its voltage limits back",
         )
     for name in (name for name in LIMITS if name in registers):
         item = servo.table[name]
@@ -467,12 +467,12 @@ def _explain_silence(
 ) -> list[Finding]:
     port = bus.port
     if not is_alone:
-        remedy = "check its cable, its power and its id (getup scan)"
+        remedy = "check its cable, its power and its id (getup servo list)"
         return [Finding.error(name_all(silent), "silent", remedy)]
     names = _name_devices([name_of(joint) for joint in silent], len(silent))
     rate = find_baud_rate(bus, [joint.servo.id for joint in silent])
     if rate is None:
-        remedy = "check the robot's power switch, the battery and the cable"
+        remedy = "check the power switch, the supply and the cable"
         return [Finding.error(f"port {port.path}", f"silent: {names}", remedy)]
     text = f"the servos use {rate} bit/s, expected {port.baud}"
     remedy = "set bus.baud in robot.toml, or the servos' baud rate"

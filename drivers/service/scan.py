@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from serial.tools import list_ports
 
@@ -14,7 +14,7 @@ from drivers.dynamixel.diagnostics import read_items
 from drivers.dynamixel.protocol2 import MAX_ID, OVERHEAD, Status, read_identity
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import using_margin
-from drivers.dynamixel.wire import PROTOCOL_2, Wire
+from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
 from drivers.errors import DriverError
 from drivers.serial_port import PortRefusedError, SerialPort, read_latency_timer
 from drivers.service.sweep import ALIKE, list_speakers
@@ -36,6 +36,18 @@ TELLTALES = (
     "present_input_voltage",
     "present_temperature",
 )
+MEASURED = (
+    "operating_mode",
+    "torque_enable",
+    "hardware_error_status",
+    "present_current",
+    "present_load",
+    "present_velocity",
+    "present_position",
+    "present_input_voltage",
+    "present_temperature",
+)
+"""What is read of each device, where it has it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,21 +71,27 @@ class FoundDevice:
     """[bit/s]"""
     number: int | None = None
     """Model number; None if its replies are garbled, or what it speaks is unclear."""
-    model: str | None = None
-    """Name of the model; None if it has no control table here."""
+    table: ControlTable | None = None
+    """None for a model without a control table here, or an unknown one."""
     firmware: int | None = None
-    voltage: float | None = None
-    """Supply [V]; None if unknown, as in all fields."""
-    temperature: float | None = None
-    """[°C]"""
-    is_board: bool = False
-    """Whether it is known not to be a servo."""
+    values: Mapping[str, int] = field(default_factory=dict)
+    """What it measures, by register [counts]; empty if it could not be read."""
     protocol: str = PROTOCOL_2.name
     """What it speaks; both names if it may be either."""
     doubled: bool = False
     """Whether its replies are garbled again and again, as by two devices of one id."""
     only_pings: bool = False
     """Whether it replies to pings alone."""
+
+    @property
+    def model(self) -> str | None:
+        """Return the name of its model, if it has a control table."""
+        return self.table and self.table.model
+
+    @property
+    def is_board(self) -> bool:
+        """Return whether it is known not to be a servo."""
+        return self.table is not None and not self.table.is_servo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,8 +131,10 @@ def check_rate(baud: int) -> None:
         raise ValueError(f"baud is {baud} bit/s, expected {', '.join(map(str, BAUD_RATES))}")
 
 
-def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
-    """Find the devices on a port at some baud rates; the port is closed afterwards.
+def scan_port(
+    port: SerialPort, rates: Sequence[int], wires: Sequence[Wire] = tuple(WIRES.values())
+) -> PortScan:
+    """Find the devices of some protocols on a port at some baud rates; it is closed afterwards.
 
     Only pings and reads are sent: nothing changes.
 
@@ -137,13 +157,14 @@ def scan_port(port: SerialPort, rates: Sequence[int]) -> PortScan:
                 error = error or refusal
                 continue
             tried.append(rate)
-            devices, is_empty = _find_broadcast(bus)
-            found += devices
-            are_empty = are_empty and is_empty
+            if PROTOCOL_2 in wires:
+                devices, is_empty = _find_broadcast(bus)
+                found += devices
+                are_empty = are_empty and is_empty
         if are_empty:  # each silent id costs a wait: only where nothing speaks Protocol 2.0
             for rate in tried:
                 port.set_baud(rate)
-                found += _find_swept(bus)
+                found += _find_swept(bus, wires)
     finally:
         port.close()
     if not tried and error is not None:
@@ -166,10 +187,10 @@ def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
     return sorted(found, key=lambda device: device.id), not found
 
 
-def _find_swept(bus: DynamixelBus) -> list[FoundDevice]:
+def _find_swept(bus: DynamixelBus, wires: Sequence[Wire]) -> list[FoundDevice]:
     """List what replies in another protocol, one id after the other."""
     damaged = bus.statistics.damaged
-    speakers = list_speakers(bus, ALIKE)
+    speakers = list_speakers(bus, wires)
     is_garbled = bus.statistics.damaged > damaged
     found = [_examine_at(bus, *speaker) for speaker in speakers.items()]
     if is_garbled:
@@ -251,26 +272,19 @@ def _examine(bus: DynamixelBus, status: Status, *, is_suspect: bool = False) -> 
             id=status.id, baud=baud, number=number, firmware=firmware, protocol=bus.wire.name
         )
     before = replace(bus.statistics)
-    values = read_items(bus, status.id, table, TELLTALES)
+    values = read_items(bus, status.id, table, ("realtime_tick", *MEASURED))
     is_suspect = is_suspect or (values is None and _count_garbled_bytes(bus, before) > 0)
     is_doubled = is_suspect and _is_doubled(bus, _list_requests(bus, status.id, table))
     if values is None and not is_doubled:
         with using_margin((bus,), CONFIRM_MARGIN):
-            values = read_items(bus, status.id, table, TELLTALES)
-    values = values or {}
-
-    def scaled(name: str) -> float | None:
-        return table[name].to_si(values[name]) if name in values else None
-
+            values = read_items(bus, status.id, table, MEASURED)
     return FoundDevice(
         id=status.id,
         baud=baud,
         number=number,
-        model=table.model,
+        table=table,
         firmware=firmware,
-        voltage=scaled("present_input_voltage"),
-        temperature=scaled("present_temperature"),
-        is_board=not table.is_servo,
+        values=values or {},
         protocol=table.wire.name,
         doubled=is_doubled,
     )

@@ -11,7 +11,6 @@ SECTIONS = {
     "robot": (
         "robots",
         "first-steps",
-        "scan",
         "servo",
         "doctor",
         "calibrate",
@@ -216,10 +215,7 @@ COMMANDS = {
     "first-steps": TableEntry(
         "Lead from a port to the first rise, step by step.",
         "options.first_steps.FirstSteps",
-        "first_steps.first_steps.first_steps",
-    ),
-    "scan": TableEntry(
-        "List serial ports and the devices on them.", "options.hardware.Scan", "scan.scan"
+        "first_steps.first_steps",
     ),
     "doctor": TableEntry(
         "Check a robot on its bus; moves nothing.", "options.hardware.Doctor", "doctor.doctor"
@@ -230,20 +226,15 @@ COMMANDS = {
         "calibrate.calibrate",
     ),
     "servo": TableEntry("Set up, read and move single servos on a port."),
-    "servo find-port": TableEntry(
-        "Find the port of an adapter by unplugging it.",
-        "options.servo.FindPort",
-        "servo.ports.find_port",
-    ),
     "servo list": TableEntry(
-        "List the servos on a port with what they measure.",
+        "List serial ports, the devices on them, and what they measure.",
         "options.servo.ListServos",
-        "servo.registers.list_servos",
+        "servo.device_list.list_servos",
     ),
     "servo setup": TableEntry(
         "Give the servos of a robot their ids, one at a time.",
         "options.servo.SetUpServos",
-        "servo.setup.set_up",
+        "servo.address.set_up",
     ),
     "servo id": TableEntry(
         "Give a servo another id.", "options.servo.ChangeId", "servo.address.change_servo_id"
@@ -266,24 +257,7 @@ COMMANDS = {
         "options.servo.WriteRegisters",
         "servo.registers.write_registers",
     ),
-    "servo move": TableEntry(
-        "Move a servo slowly.", "options.servo.MoveServo", "servo.motion.move"
-    ),
-    "servo wiggle": TableEntry(
-        "Swing one servo after the other a little.",
-        "options.servo.WiggleServos",
-        "servo.motion.wiggle",
-    ),
-    "servo squat": TableEntry(
-        "Bend and stretch the legs of a robot that is held.",
-        "options.servo.SquatRobot",
-        "servo.squat.squat",
-    ),
-    "servo validate": TableEntry(
-        "Validate servos by named checks.",
-        "options.servo.ValidateServos",
-        "servo.validate.validate",
-    ),
+    "servo move": TableEntry("Move a servo slowly.", "options.servo.MoveServo", "servo.move.move"),
     "servo monitor": TableEntry(
         "Show what servos measure, and their ranges.",
         "options.servo.MonitorServos",

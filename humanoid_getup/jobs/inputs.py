@@ -25,6 +25,7 @@ from robots import Body, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name
 from robots.bench import ServoBench
 from robots.imu import IMU_PORT
+from robots.storage.validation import name_unknown_joints
 
 
 def load_robot(options: RobotOption, *, takes_bench: bool = False) -> Robot:
@@ -109,6 +110,18 @@ def find_motion(robot: Robot, name: str) -> Motion:
     """Find a motion by name in the robot's database, or load an .npz file."""
     with refusing():
         return motion_database.find_motion(robot, name)
+
+
+def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:
+    """Find joints by name, all without any; return their numbers, in the robot's order.
+
+    Raises:
+        BadInputError: if the robot has no such joint.
+    """
+    unknown = [name for name in names if name not in robot.joint_names]
+    if problems := name_unknown_joints(unknown, robot.joint_names):
+        raise BadInputError(*problems)
+    return [i for i, name in enumerate(robot.joint_names) if not names or name in names]
 
 
 def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:

@@ -24,7 +24,7 @@ LEAST_ANGLE = 5e-5  # rad, written as 0
 BAUD = 1_000_000
 GUESSES = "ids, signs and zeros of the servos, the baud rate, the control period"
 RISING_COMMENT = "Joints that a learned rise moves, one of each pair, and those that spread limbs."
-IDS_COMMENT = "id, sign and zero_ticks are guessed: `getup scan`, then `getup calibrate`."
+IDS_COMMENT = "id, sign and zero_ticks are guessed: `getup servo list`, then `getup calibrate`."
 COUPLING_COMMENT = "turns of each servo (rows) per turn of each joint (columns)"
 SERVOS_COMMENTS = (
     "Motors that the package does not know. Torque and speed are the model's; the rest is",
@@ -107,7 +107,7 @@ def describe_robot(robot: ImportedRobot) -> str:
     if couplings:
         document.add("couplings", tables_of(map(_describe_coupling, couplings)))
     bus = table_of({})
-    bus.add("baud", commented(BAUD, "guessed: `getup scan` tells"))
+    bus.add("baud", commented(BAUD, "guessed: `getup servo list` tells"))
     document.add("bus", bus)
     return document.as_string()
 

@@ -30,9 +30,12 @@ def test_a_command_of_the_documentation_is_understood(line: str, page: str, op3:
     ("page", "names"),
     [
         ("README.md", ("rise", "play", "run")),
-        ("docs/tutorial/first_connection.md", ("scan", "doctor", "calibrate", "preflight", "rise")),
+        (
+            "docs/tutorial/first_connection.md",
+            ("servo", "doctor", "calibrate", "rise"),
+        ),
         ("docs/how-to/train.md", ("train", "export", "eval", "bench")),
-        ("docs/how-to/virtual_bus.md", ("bus", "scan", "doctor", "rise")),
+        ("docs/how-to/virtual_bus.md", ("bus", "servo", "doctor", "rise")),
     ],
 )
 def test_the_commands_of_a_page_are_found(page: str, names: tuple[str, ...]):

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from bus_stories import Served, serving
 
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.service.servos.loose_servo import open_bus
+from drivers.service.loose_servo import open_bus
 from robots.bench import ServoBench, make_bench, make_bench_joint
 from robots.description.servo_catalog import servo_models
 

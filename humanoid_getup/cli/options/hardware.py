@@ -1,4 +1,4 @@
-"""Options of `getup bus`, `scan`, `doctor` and `calibrate`."""
+"""Options of `getup bus`, `doctor` and `calibrate`."""
 
 from __future__ import annotations
 
@@ -65,25 +65,6 @@ class ServeBus(BodyOption, SceneOptions):
             problems.append("--load needs --servos: it hangs from the servos of a bench")
         if self.turn and self.hold is None:
             problems.append("--turn needs --hold: a person turns joints of a robot that is held")
-        return problems
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scan(JsonOption):
-    """List serial ports and the devices on them; sends pings and reads, changes nothing."""
-
-    port: Annotated[str | None, arg(metavar="PATH")] = None
-    """Serial port; default: all USB adapters."""
-    baud: Annotated[int | None, arg(metavar="BIT/S")] = None
-    """Baud rate [bit/s]; default: 57600 and 1, 2, 3 and 4 Mbit/s."""
-    all_bauds: bool = False
-    """Try every baud rate that a servo may have: ten seconds a port."""
-
-    def find_problems(self) -> list[str]:
-        """Report options that exclude each other as well."""
-        problems = super().find_problems()
-        if self.baud is not None and self.all_bauds:
-            problems.append("--baud and --all-bauds exclude each other, expected one of them")
         return problems
 
 

@@ -11,8 +11,8 @@ from tyro.conf import Positional, arg
 from humanoid_getup.cli.options.hardware import ServiceOptions
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
-from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN
-from humanoid_getup.jobs.requests.values import Items, Range, between
+from humanoid_getup.jobs.requests.files import ROBOT, WRITTEN
+from humanoid_getup.jobs.requests.values import Range, between
 
 ID = Range(0, 253)
 Protocol = Literal["2.0", "1.0", "feetech"]
@@ -20,7 +20,7 @@ NO_PORT = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServoOptions(JsonOption):
+class AnyPortOptions(JsonOption):
     """Options of all commands for servos on one port."""
 
     port: Annotated[str | None, arg(metavar="PATH")] = None
@@ -30,6 +30,31 @@ class ServoOptions(JsonOption):
     protocol: Protocol | None = None
     """What the servos speak; default: that in which they reply."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class ListServos(AnyPortOptions):
+    """List serial ports and the devices on them with what they measure; changes nothing.
+
+    Without a port all USB adapters are searched, and the I2C buses for IMUs.
+    """
+
+    baud: Annotated[int | None, arg(metavar="BIT/S")] = None
+    """Baud rate [bit/s]; default: 57600 and 1, 2, 3 and 4 Mbit/s."""
+    all_bauds: bool = False
+    """Try every baud rate that a servo may have: ten seconds a port."""
+
+    def find_problems(self) -> list[str]:
+        """Report options that exclude each other as well."""
+        problems = super().find_problems()
+        if self.baud is not None and self.all_bauds:
+            problems.append("--baud and --all-bauds exclude each other, expected one of them")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoOptions(AnyPortOptions):
+    """Options of the commands that need a port."""
+
     def find_problems(self) -> list[str]:
         """Report a missing port as well."""
         return super().find_problems() + ([] if self.port else [NO_PORT])
@@ -38,11 +63,6 @@ class ServoOptions(JsonOption):
     def path(self) -> str:
         """Return the port, once it is known to be given."""
         return self.port or ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ListServos(ServoOptions):
-    """List the servos on a port with what they measure; changes nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,120 +148,49 @@ class ResetServo(ConfirmedOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MovedOptions(JsonOption):
-    """Options of the commands that move servos, guarded.
+class MoveServo(JsonOption):
+    """Move a servo slowly, hold it, and switch its torque off; a key stops it.
 
-    With --robot its joints move, within the ranges of its description. Without, the servos move
-    within the position limits that are stored in them, and angle 0 is the middle of their turn.
+    With --robot a joint moves, within the range of its description. Without, a servo moves within
+    the position limits that are stored in it, and angle 0 is the middle of its turn.
     """
 
     port: Ports = ()
     """Serial port; of a robot with several, NAME=PATH of each."""
     baud: Annotated[int | None, arg(metavar="BIT/S")] = None
-    """Baud rate of servos without a robot [bit/s]; default: common ones are tried."""
+    """Baud rate of a servo without a robot [bit/s]; default: common ones are tried."""
     protocol: Protocol | None = None
-    """What servos without a robot speak; default: that in which they reply."""
-    id: Annotated[tuple[int, ...], ID, arg(metavar="ID,...")] = ()
-    """Ids of the servos; default: all that reply."""
+    """What a servo without a robot speaks; default: that in which it replies."""
+    id: Annotated[int | None, ID, arg(metavar="ID")] = None
+    """Id of the servo; default: that of the only one on the port."""
     robot: Annotated[str | None, ROBOT, arg(metavar="ROBOT")] = None
     """Name of the robot on the port, or a folder with a robot.toml."""
-    joint: Annotated[tuple[str, ...], arg(metavar="NAME,...")] = ()
-    """Joints of the robot; default: all."""
-    speed: Annotated[float, between(1.0, 180.0, "°/s"), arg(metavar="°/S")] = 30.0
-    """Highest speed [°/s]."""
-    torque_limit: Annotated[float | None, between(0.001, 1000.0, "N·m"), arg(metavar="N·m")] = None
-    """Torque limit per servo [N·m]; default: half of its stall torque."""
-    yes: bool = False
-    """Do not ask before something is written that servos keep without power."""
-
-    def find_problems(self) -> list[str]:
-        """Report a missing port, and options that exclude each other, as well."""
-        problems = super().find_problems() + ([] if self.port else [NO_PORT])
-        if self.robot and (self.id or self.baud is not None):
-            problems.append("--id and --baud are in the robot's description, expected --joint")
-        if self.joint and not self.robot:
-            problems.append("--joint needs --robot, expected --id without it")
-        return problems
-
-
-@dataclass(frozen=True, kw_only=True)
-class MoveServo(MovedOptions):
-    """Move a servo slowly, hold it, and switch its torque off; a key stops it."""
-
+    joint: Annotated[str | None, arg(metavar="NAME")] = None
+    """Joint of the robot."""
     to: Annotated[float | None, between(-3600.0, 3600.0, "°"), arg(metavar="°")] = None
     """Angle to move to [°]."""
     by: Annotated[float | None, between(-3600.0, 3600.0, "°"), arg(metavar="°")] = None
     """Angle to move by [°]."""
     hold: Annotated[float, between(0.0, 3600.0, "s"), arg(metavar="S")] = 1.0
     """Time for which it is held there [s]."""
+    speed: Annotated[float, between(1.0, 180.0, "°/s"), arg(metavar="°/S")] = 30.0
+    """Highest speed [°/s]."""
+    torque_limit: Annotated[float | None, between(0.001, 1000.0, "N·m"), arg(metavar="N·m")] = None
+    """Torque limit [N·m]; default: half of its stall torque."""
+    yes: bool = False
+    """Do not ask before something is written that the servo keeps without power."""
 
     def find_problems(self) -> list[str]:
-        """Report a missing or doubled target as well."""
-        problems = super().find_problems()
+        """Report what is missing, and options that exclude each other, as well."""
+        problems = super().find_problems() + ([] if self.port else [NO_PORT])
+        if self.robot and (self.id is not None or self.baud is not None):
+            problems.append("--id and --baud are in the robot's description, expected --joint")
+        elif bool(self.robot) != bool(self.joint):
+            problems.append("expected --robot and --joint together, or --id without both")
+        if not self.robot and len(self.port) > 1:
+            problems.append(f"--port is {','.join(self.port)}, expected one serial port")
         if (self.to is None) == (self.by is None):
             problems.append("expected one of --to and --by, an angle in degrees")
-        return problems
-
-
-@dataclass(frozen=True, kw_only=True)
-class WiggleServos(MovedOptions):
-    """Swing one servo after the other a little to both sides, and say whether it followed.
-
-    It proves ids, signs and zeros: watch which joint moves, and which way first. All others are
-    limp meanwhile; a key stops it.
-    """
-
-    swing: Annotated[float, between(0.5, 30.0, "°"), arg(metavar="°")] = 5.0
-    """Angle to each side [°]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SquatRobot(ServiceOptions):
-    """Bend and stretch the legs of a robot that a person holds in the air, slowly, guarded.
-
-    All joints go to the stance, into a small balanced squat, and back; then torque is off. It shows
-    that all of them move together, each the right way, before the robot lies on the ground. A key
-    stops it.
-    """
-
-    height: Annotated[float, between(50.0, 99.0, "%"), arg(metavar="%")] = 90.0
-    """Height of the neck in the squat, in percent of that in the stance [%]."""
-    speed: Annotated[float, between(1.0, 90.0, "°/s"), arg(metavar="°/S")] = 20.0
-    """Highest speed of a joint [°/s]."""
-    torque_limit: Annotated[float | None, between(0.001, 1000.0, "N·m"), arg(metavar="N·m")] = None
-    """Torque limit per servo [N·m]; default: half of its stall torque."""
-    yes: bool = False
-    """Do not ask whether the robot is held."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ValidateServos(MovedOptions):
-    """Validate one servo after the other: range, ramp, load, speed, torque, watchdog, replies.
-
-    Each servo swings slowly, jumps once and holds, guarded, about 15 s; all others are limp
-    meanwhile; a key stops it. Torque is off afterwards.
-    """
-
-    swing: Annotated[float, between(5.0, 45.0, "°"), arg(metavar="°")] = 20.0
-    """Angle to each side [°]."""
-    speed: Annotated[float, between(10.0, 180.0, "°/s"), arg(metavar="°/S")] = 60.0
-    """Highest speed of its targets, which is validated [°/s]."""
-    servos: Annotated[
-        tuple[str, ...], Items(twice=True), arg(metavar="MODEL:ID,ID,MODEL:ID,...")
-    ] = ()
-    """Virtual servos to validate instead of those on a port, as of getup bus."""
-    load: Annotated[str | None, arg(metavar="KG:M")] = None
-    """Mass that hangs from each virtual servo, and its distance; default: none."""
-
-    def find_problems(self) -> list[str]:
-        """Report what is for a port or for virtual servos alone as well."""
-        problems = super().find_problems()
-        if self.servos:
-            problems = [problem for problem in problems if problem != NO_PORT]
-            if self.port or self.robot:
-                problems.append("--servos are virtual, expected without --port and --robot")
-        elif self.load is not None:
-            problems.append("--load needs --servos: it hangs from virtual servos")
         return problems
 
 
@@ -258,14 +207,6 @@ class MonitorServos(ServoOptions):
     """Time after which it ends [s]; default: when q is pressed."""
     save: Annotated[Path | None, WRITTEN, arg(metavar="FILE.json")] = None
     """File of the ranges, to be written."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FindPort(JsonOption):
-    """Find the serial port of an adapter by unplugging it."""
-
-    among: Annotated[tuple[Path, ...], READ, arg(metavar="PATH,...")] = ()
-    """Further paths to look at, such as that of a virtual bus."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.prompt import open_prompt
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import name_ports
+from humanoid_getup.jobs.inputs import choose_joints, name_ports
 from robots import Joint, Posture, Robot, load_robot
 from robots.description.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array
@@ -97,11 +97,7 @@ def _load_robot(command: Calibrate) -> Robot:
 
 
 def _choose_joints(command: Calibrate, robot: Robot) -> tuple[Joint, ...]:
-    unknown = [name for name in command.joint if name not in robot.joint_names]
-    if unknown:
-        names = ", ".join(f"'{name}'" for name in unknown)
-        raise BadInputError(f"unknown joint {names}: expected {', '.join(robot.joint_names)}")
-    return tuple(j for j in robot.actuators if not command.joint or j.name in command.joint)
+    return tuple(robot.actuators[i] for i in choose_joints(robot, command.joint))
 
 
 def _choose_posture(command: Calibrate, robot: Robot) -> Posture | None:

@@ -3,7 +3,6 @@
 from collections import deque
 
 import pytest
-from found_devices import find_devices
 from memory_port import MemoryPort
 
 from drivers.dynamixel.bus import DynamixelBus
@@ -33,35 +32,35 @@ def port_of(*devices, baud: int = BAUD) -> MemoryPort:
     return port
 
 
+def find_devices(port: MemoryPort) -> list[FoundDevice]:
+    return list(scan_port(port, (BAUD,)).found)
+
+
 def test_devices_are_listed_by_id_with_what_they_measure():
     board = VirtualBoard(baud=BAUD)
     board.sense_voltage(12.1)
-    found = find_devices(DynamixelBus(port_of(servo(7), board, servo(3, model="XL430-W250"))))
-    assert found == [
-        FoundDevice(
-            id=3, baud=BAUD, number=1060, model="XL430-W250", firmware=45, voltage=11.9,
-            temperature=34.0,
-        ),
-        FoundDevice(
-            id=7, baud=BAUD, number=1020, model="XM430-W350", firmware=45, voltage=11.9,
-            temperature=38.0,
-        ),
-        FoundDevice(
-            id=200, baud=BAUD, number=0x7400, model="OpenCR", firmware=1, voltage=12.1,
-            is_board=True,
-        ),
-    ]  # fmt: skip
+    found = find_devices(port_of(servo(7), board, servo(3, model="XL430-W250")))
+    assert [(d.id, d.number, d.model, d.firmware, d.is_board) for d in found] == [
+        (3, 1060, "XL430-W250", 45, False),
+        (7, 1020, "XM430-W350", 45, False),
+        (200, 0x7400, "OpenCR", 1, True),
+    ]
+    assert {d.baud for d in found} == {BAUD}
+    assert [d.values["present_input_voltage"] for d in found] == [119, 119, 121]
+    assert [d.values.get("present_temperature") for d in found] == [34, 38, None]
+    assert found[0].values["present_position"] == 2003
+    assert found[0].values["torque_enable"] == 0
 
 
 def test_a_model_without_a_table_is_listed_by_its_number():
     stranger = servo(5)
     stranger.poke("model_number", 12345)
-    found = find_devices(DynamixelBus(port_of(stranger)))
+    found = find_devices(port_of(stranger))
     assert found == [FoundDevice(id=5, baud=BAUD, number=12345, firmware=45)]
 
 
 def test_two_servos_of_one_id_are_one_doubled_device():
-    (found,) = find_devices(DynamixelBus(port_of(servo(4), servo(4, model="XM540-W270"))))
+    (found,) = find_devices(port_of(servo(4), servo(4, model="XM540-W270")))
     assert (found.id, found.doubled, found.model) == (4, True, None)
 
 
@@ -69,15 +68,16 @@ def test_two_servos_of_one_id_of_which_one_waits_longer_are_one_doubled_device()
     """Return delays of 0 and 500 us: the second reply begins after the first has ended."""
     port = port_of(servo(4))
     port.spoil = lambda _, replies: replies * 2
-    (found,) = find_devices(DynamixelBus(port))
+    (found,) = find_devices(port)
     assert (found.id, found.doubled) == (4, True)
 
 
 def test_a_reply_to_the_broadcast_ping_that_comes_twice_doubles_no_device():
     port = port_of(servo(4))
     port.spoil = lambda packet, replies: replies * 2 if packet.id == BROADCAST else replies
-    (found,) = find_devices(DynamixelBus(port))
-    assert (found.id, found.doubled, found.voltage) == (4, False, 11.9)
+    (found,) = find_devices(port)
+    assert (found.id, found.doubled) == (4, False)
+    assert found.values["present_input_voltage"] == 119
 
 
 def test_noise_in_one_reply_of_a_suspect_doubles_no_device():
@@ -86,12 +86,12 @@ def test_noise_in_one_reply_of_a_suspect_doubles_no_device():
     def disturb(packet: Packet, replies: list[bytes]) -> list[bytes]:
         if packet.id == BROADCAST:
             return replies * 2  # so that its id is looked at more closely
-        is_first = len([sent for sent in port.sent if sent.id == 4]) == 4
+        is_first = len([sent for sent in port.sent if sent.id == 4]) == 7
         return [replies[0][:-1]] if is_first else replies
 
     port.spoil = disturb
-    (found,) = find_devices(DynamixelBus(port))
-    assert [packet.instruction for packet in port.sent[:5]] == [1, 2, 2, 2, 1]
+    (found,) = find_devices(port)
+    assert [packet.instruction for packet in port.sent[:8]] == [1, *[2] * 6, 1]
     assert (found.id, found.doubled) == (4, False)
 
 
@@ -106,9 +106,9 @@ def test_a_late_reply_doubles_no_other_device():
         return waiting.popleft() if len(waiting) > 3 else []
 
     port.spoil = delay
-    found = find_devices(DynamixelBus(port))
+    found = find_devices(port)
     assert [(device.id, device.doubled) for device in found] == [(3, False), (4, False)]
-    assert [device.temperature for device in found] == [34.0, 35.0]
+    assert [device.values["present_temperature"] for device in found] == [34, 35]
 
 
 def test_a_servo_that_refuses_to_be_read_is_no_doubled_device():
@@ -119,14 +119,14 @@ def test_a_servo_that_refuses_to_be_read_is_no_doubled_device():
         return [Status(4, ErrorNumber.ACCESS).encode()] if is_read else replies
 
     port.spoil = refuse
-    (found,) = find_devices(DynamixelBus(port))
-    assert (found.id, found.doubled, found.voltage) == (4, False, None)
+    (found,) = find_devices(port)
+    assert (found.id, found.doubled, found.values) == (4, False, {})
 
 
 def test_an_echo_of_the_adapter_is_no_device():
     port = port_of()
     port.spoil = lambda packet, _: [packet.encode()]
-    assert find_devices(DynamixelBus(port)) == []
+    assert find_devices(port) == []
 
 
 def test_every_rate_is_tried_and_the_port_is_closed():
@@ -171,7 +171,7 @@ def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.Monkey
     monkeypatch.setattr(sweep, "SWEPT", range(4))
     ax, other = (PlainServo(i, "AX-12A", baud=BAUD) for i in (1, 3))
     ax.poke("status_return_level", 0)
-    found = find_devices(DynamixelBus(port_of(ax, other)))
+    found = find_devices(port_of(ax, other))
     assert [(d.id, d.model, d.only_pings) for d in found] == [(1, None, True), (3, "AX-12A", False)]
     assert {device.protocol for device in found} == {"1.0"}
     assert not any(device.doubled for device in found)
@@ -180,7 +180,7 @@ def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.Monkey
 def test_two_servos_of_one_id_are_one_doubled_device_in_protocol_1_too():
     """As shipped, all AX have the id 1."""
     pair = [PlainServo(1, "AX-12A", baud=BAUD), PlainServo(1, "AX-18A", baud=BAUD)]
-    found = find_devices(DynamixelBus(port_of(*pair, PlainServo(3, "AX-12A", baud=BAUD))))
+    found = find_devices(port_of(*pair, PlainServo(3, "AX-12A", baud=BAUD)))
     assert [(d.id, d.doubled, d.model) for d in found] == [(1, True, None), (3, False, "AX-12A")]
     assert found[0].protocol == "1.0 or feetech"
 
@@ -199,7 +199,7 @@ def test_an_id_whose_reply_comes_late_is_found_in_the_second_round(
         return [*late, *replies]
 
     port.spoil = delay
-    assert [device.id for device in find_devices(DynamixelBus(port))] == [1]
+    assert [device.id for device in find_devices(port)] == [1]
 
 
 def test_silent_ids_are_pinged_once_where_nothing_replies(monkeypatch: pytest.MonkeyPatch):

@@ -1,23 +1,26 @@
-"""`getup servo monitor`: a live table and plot of what servos measure."""
+"""`getup servo monitor`: a live table and plot of what servos measure, and their ranges."""
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from rich.console import Group
 from rich.live import Live
 from rich.markup import escape
+from rich.table import Table
 
-from drivers.service.scan import COMMON_RATES
-from drivers.service.servos.found_bench import find_all
-from drivers.service.servos.gauges import Gauge, Gauges
-from drivers.service.servos.loose_servo import open_bus
+from drivers.dynamixel.diagnostics import read_items
+from drivers.service.loose_servo import LooseServo, find_servos, open_bus
+from drivers.service.scan import COMMON_RATES, MEASURED
 from humanoid_getup.cli.options.servo import MonitorServos
-from humanoid_getup.cli.robot.servo.registers import tabulate_gauges
+from humanoid_getup.cli.robot.servo.measurements import HEADINGS, LEFT, UNKNOWN, list_cells
 from humanoid_getup.cli.robot.watch import QuitKey
-from humanoid_getup.cli.shared.console import console_for
+from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.errors import BadInputError
@@ -25,19 +28,49 @@ from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
 PERIOD = 0.1  # s between two reads of all servos
+SHOWN = 120  # newest positions that are plotted
 BARS = "▁▂▃▄▅▆▇█"
 HINT = "nothing is changed: turn servos without torque by hand from end to end; q ends it"
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenRange:
-    """Range that a servo has been through [ticks], for JSON; None before its first reply."""
+@dataclass
+class Gauge:
+    """What was read of a servo."""
 
-    model: str
-    range_min: int | None
-    range_max: int | None
-    position: int | None
-    """Newest one."""
+    servo: LooseServo
+    values: dict[str, int] = field(default_factory=dict)
+    """Newest values of its registers [counts]; empty before the first reply."""
+    range_min: int | None = None
+    """Lowest position so far [ticks]; None before the first reply."""
+    range_max: int | None = None
+    is_silent: bool = False
+    """Whether the last read got no reply."""
+    positions: deque[int] = field(default_factory=lambda: deque(maxlen=SHOWN))
+    """Newest positions [ticks]."""
+
+    def read(self) -> None:
+        """Read the servo once.
+
+        Raises:
+            PortLostError: if the port is gone.
+        """
+        values = read_items(self.servo.bus, self.servo.id, self.servo.table, MEASURED)
+        self.is_silent = values is None
+        if values is None:
+            return
+        position, self.values = values["present_position"], values
+        self.positions.append(position)
+        self.range_min = position if self.range_min is None else min(self.range_min, position)
+        self.range_max = position if self.range_max is None else max(self.range_max, position)
+
+    def describe_range(self) -> dict[str, str | int | None]:
+        """Describe the range that it has been through [ticks], for JSON."""
+        return {
+            "model": self.servo.table.model,
+            "range_min": self.range_min,
+            "range_max": self.range_max,
+            "position": self.values.get("present_position"),
+        }
 
 
 def monitor(command: MonitorServos) -> int:
@@ -47,43 +80,47 @@ def monitor(command: MonitorServos) -> int:
         raise BadInputError("standard input is not a terminal: --seconds is missing")
     rates = COMMON_RATES if command.baud is None else (command.baud,)
     with open_bus(command.path, rates[0], command.protocol) as bus, key:
-        gauges = Gauges(bus, find_all(bus, command.id, rates))
-        until = None if command.seconds is None else time.monotonic() + command.seconds
+        gauges = [Gauge(servo) for servo in find_servos(bus, rates, command.id)]
+        until = math.inf if command.seconds is None else time.monotonic() + command.seconds
         live = Live(console=console, get_renderable=lambda: _draw(gauges), transient=True)
         with live if console.is_terminal else threading.Lock():
-            while not key.is_pressed() and (until is None or time.monotonic() < until):
-                gauges.read()
+            while not key.is_pressed() and time.monotonic() < until:
+                for gauge in gauges:
+                    gauge.read()
                 key.wait(PERIOD)
-    ranges = {str(gauge.servo.id): describe_range(gauge) for gauge in gauges.all}
+    ranges = {str(gauge.servo.id): gauge.describe_range() for gauge in gauges}
+    write_json(ranges, command)
+    console.print(_tabulate(gauges))
     if command.save is not None:
         write_atomically(command.save, to_json(ranges))
-    write_json(ranges, command)
-    console.print(tabulate_gauges(gauges.all))
-    if command.save is not None:
         console.print(f"ranges are saved in [bold]{escape(str(command.save))}[/]")
-    return HARDWARE_FAULT if any(gauge.missed for gauge in gauges.all) else DID_IT
+    return HARDWARE_FAULT if any(gauge.is_silent for gauge in gauges) else DID_IT
 
 
-def describe_range(gauge: Gauge) -> SeenRange:
-    """Describe the range that a servo has been through."""
-    return SeenRange(
-        model=gauge.servo.table.model,
-        range_min=gauge.lowest,
-        range_max=gauge.highest,
-        position=gauge.positions[-1] if gauge.positions else None,
-    )
+def _draw(gauges: Sequence[Gauge]) -> Group:
+    plots = (f"id {gauge.servo.id:3d} {draw_bars(list(gauge.positions))}" for gauge in gauges)
+    return Group(f"[dim]{HINT}", _tabulate(gauges), *plots)
 
 
-def _draw(gauges: Gauges) -> Group:
-    plots = (f"id {gauge.servo.id:3d} {draw_bars(list(gauge.positions))}" for gauge in gauges.all)
-    return Group(f"[dim]{HINT}", tabulate_gauges(gauges.all), *plots)
+def _tabulate(gauges: Sequence[Gauge]) -> Table:
+    table = make_table(("id", "model", *HEADINGS, "seen °", "remark"), left=(*LEFT, "remark"))
+    for gauge in gauges:
+        servo, seen = gauge.servo, UNKNOWN
+        if gauge.range_min is not None and gauge.range_max is not None:
+            ends = [
+                math.degrees(servo.table.to_si("present_position", ticks))
+                for ticks in (gauge.range_min, gauge.range_max)
+            ]
+            seen = f"{ends[0]:+.0f} to {ends[1]:+.0f}"
+        cells = list_cells(servo.table, gauge.values)
+        remark = "[yellow]silent[/]" if gauge.is_silent else ""
+        table.add_row(str(servo.id), servo.table.model, *cells, seen, remark)
+    return table
 
 
-def draw_bars(values: list[int]) -> str:
+def draw_bars(values: Sequence[int]) -> str:
     """Draw values as a line of bars between the least and the largest."""
     if not values:
         return ""
     least, span = min(values), max(values) - min(values)
-    if not span:
-        return BARS[0] * len(values)
-    return "".join(BARS[(value - least) * (len(BARS) - 1) // span] for value in values)
+    return "".join(BARS[(v - least) * (len(BARS) - 1) // max(span, 1)] for v in values)

@@ -418,4 +418,4 @@ def test_a_port_without_devices_says_what_to_check(capsys):
     assert code == 3
     out = " ".join(capsys.readouterr().out.split())
     assert "silent: all 2 servos" in out
-    assert "check the robot's power switch" in out
+    assert "check the power switch" in out

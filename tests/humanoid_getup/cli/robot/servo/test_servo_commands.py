@@ -1,4 +1,4 @@
-"""`getup servo`: from an unknown port to a servo that moves, at the virtual bus."""
+"""`getup servo`: registers, ids, ranges and a servo that moves, at the virtual bus."""
 
 import json
 import sys
@@ -7,17 +7,16 @@ from pathlib import Path
 
 import pytest
 from bus_stories import Served, run_json
-from desk import BAUD, make_desk, serving_desk
+from desk import BAUD, make_desk, opening, serving_desk
 
 from drivers.dynamixel import bus as bus_module
-from drivers.service.servos import port_finder
-from drivers.service.servos.gauges import Gauges
-from drivers.service.servos.validation import Check
+from drivers.service.loose_servo import find_servos
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.robot.servo.monitor import draw_bars
+from humanoid_getup.cli.robot.servo.measurements import list_cells
+from humanoid_getup.cli.robot.servo.monitor import Gauge, draw_bars
 
 MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
 
@@ -55,15 +54,6 @@ def port(served: Served) -> tuple[str, ...]:
 
 
 # Registers --------------------------------------------------------------------------------------
-
-
-def test_the_servos_of_a_port_are_listed_with_what_they_measure(desk, capsys):
-    desk.place(servo_3=90.0)
-    assert main(("servo", "list", *port(desk))) == 0
-    out = capsys.readouterr().out
-    assert f"2 servos at {BAUD} bit/s" in out
-    assert "XM430-W350" in out
-    assert "+90.0" in out
 
 
 def test_registers_are_read_in_counts_and_units(desk, capsys):
@@ -146,15 +136,36 @@ def test_a_monitored_range_is_saved_and_nothing_is_changed(desk, tmp_path: Path)
 def test_an_adapter_unplugged_while_servos_are_watched_is_a_hardware_fault(
     desk, capsys, monkeypatch
 ):
-    read = Gauges.read
+    read = Gauge.read
 
-    def read_and_unplug(gauges: Gauges) -> None:
-        read(gauges)
+    def read_and_unplug(gauge: Gauge) -> None:
+        read(gauge)
         desk.unplug()
 
-    monkeypatch.setattr(Gauges, "read", read_and_unplug)
+    monkeypatch.setattr(Gauge, "read", read_and_unplug)
     assert main(("servo", "monitor", *port(desk), "--seconds", "60")) == 3
     assert "lost; is the adapter still plugged in?" in capsys.readouterr().err
+
+
+def test_a_gauge_keeps_the_range_and_the_last_values_of_a_servo_that_falls_silent(desk):
+    with opening(desk) as bus:
+        gauge, other = (Gauge(servo) for servo in find_servos(bus, (BAUD,)))
+        for angle in (0.0, 30.0, -60.0, 10.0):
+            desk.place(servo_1=angle)
+            gauge.read()
+        assert list(gauge.positions) == [2048, 2389, 1365, 2162]
+        desk.virtual.servos[0].powered = False
+        gauge.read()
+        other.read()
+    assert (gauge.range_min, gauge.range_max) == (1365, 2389)
+    assert (gauge.is_silent, other.is_silent) == (True, False)
+    assert list_cells(gauge.servo.table, gauge.values)[:7] == [
+        "position", "off", "+10.0", "+0", "0%", "11.1", "25",
+    ]  # fmt: skip
+    assert list_cells(other.servo.table, other.values)[4] == "0.00 A", "it has a current sensor"
+    assert list_cells(other.servo.table, {}) == ["-"] * 7 + [""]
+    error = {"torque_enable": 1, "hardware_error_status": 32}
+    assert list_cells(other.servo.table, error)[1::6] == ["[bold red]on[/]", "[red]overload[/]"]
 
 
 def test_bars_go_from_the_least_to_the_largest_value():
@@ -164,23 +175,6 @@ def test_bars_go_from_the_least_to_the_largest_value():
 
 
 # With a person ----------------------------------------------------------------------------------
-
-
-def test_the_port_that_a_person_unplugs_is_named(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setattr(port_finder, "list_serial_ports", lambda: ())
-    ports = [tmp_path / "a", tmp_path / "b"]
-    for path in ports:
-        path.touch()
-
-    class Unplugging(Person):
-        def readline(self) -> str:
-            ports[0].unlink()
-            return "\n"
-
-    monkeypatch.setattr(sys, "stdin", Unplugging())
-    among = ",".join(map(str, ports))
-    assert main(("servo", "find-port", "--among", among)) == 0
-    assert f"{ports[0]} is the adapter's port" in capsys.readouterr().out.replace("\n", "")
 
 
 def test_a_robot_is_set_up_one_servo_after_the_other(tmp_path: Path, capsys, monkeypatch):
@@ -230,52 +224,30 @@ def test_a_servo_moves_to_an_angle_and_back_and_is_limp_afterwards(moving, capsy
     where = ("--port", moving.paths["main"], "--id", "3", "--speed", "120", "--hold", "0", "--yes")
     code, there = run_json("servo", "move", "--to", "-20", *where, capsys=capsys)
     assert code == 0
-    assert there["servo_3"]["reached_deg"][0] == pytest.approx(-20.0, abs=3.0)
+    assert there["reached_deg"] == pytest.approx(-20.0, abs=3.0)
+    assert not there["current_is_estimated"]
     code, back = run_json("servo", "move", "--by", "20", *where, capsys=capsys)
     assert code == 0
-    assert back["servo_3"]["start_deg"] == pytest.approx(-20.0, abs=3.0)
-    assert back["servo_3"]["reached_deg"][0] == pytest.approx(0.0, abs=4.0)
+    assert back["start_deg"] == pytest.approx(-20.0, abs=3.0)
+    assert back["reached_deg"] == pytest.approx(0.0, abs=4.0)
     code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
     assert torque["torque_enable"]["value"] == 0
 
 
-def test_a_target_beyond_the_range_is_refused_before_torque_comes_on(moving, capsys):
-    where = ("--port", moving.paths["main"], "--id", "3", "--yes")
+def test_a_target_beyond_the_range_is_refused_before_anything_is_asked(moving, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    where = ("--port", moving.paths["main"], "--id", "3")
     assert main(("servo", "move", "--to", "300", *where)) == 2
     assert "target is +300.0°, expected -180.0° to +179.9°" in capsys.readouterr().err
 
 
-@pytest.mark.realtime
-def test_every_servo_that_follows_a_wiggle_is_named(moving, capsys):
-    where = ("--port", moving.paths["main"], "--speed", "180", "--yes")
-    code, moved = run_json("servo", "wiggle", "--swing", "6", *where, capsys=capsys)
-    assert code == 0
-    assert list(moved) == ["servo_1", "servo_3"]
-    assert [joint["current_is_estimated"] for joint in moved.values()] == [True, False]
-    for joint in moved.values():
-        up, down, _ = (angle - joint["start_deg"] for angle in joint["reached_deg"])
-        assert 3.0 < up < 9.0
-        assert -9.0 < down < -3.0
-        assert joint["moved"]
-
-
-@pytest.mark.realtime
-def test_a_servo_on_a_port_is_validated_by_name_and_limp_afterwards(moving, capsys):
-    where = ("--port", moving.paths["main"], "--id", "3", "--yes")
-    fast = ("--swing", "10", "--speed", "120")
-    code, found = run_json("servo", "validate", *where, *fast, capsys=capsys)
-    checks = found["servo_3"]
-    assert list(checks) == [check.name.lower() for check in Check]
-    failed = [name for name, check in checks.items() if not check["passed"]]
-    assert code == int(failed != [])
-    assert set(failed) <= {"reply_time"}, "a busy computer may be late, a servo not"
-    code, torque = run_json("servo", "read", "torque_enable", *where[:4], capsys=capsys)
-    assert torque["torque_enable"]["value"] == 0
-
-
-def test_a_virtual_servo_that_cannot_hold_its_load_fails_by_name(capsys):
-    line = ("servo", "validate", "--servos", "XL430-W250:1", "--load", "2:0.2")
-    assert main((*line, "--swing", "10", "--speed", "120", "--torque-limit", "0.2")) == 1
-    shown = capsys.readouterr().out
-    assert "failed: joint 'servo_1':" in shown
-    assert "holds against its load" in shown[shown.index("failed:") :]
+def test_a_wrong_supply_or_torque_is_found_before_anything_is_asked(desk, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)  # a question would be refused
+    desk.poke("servo_3", "min_voltage_limit", 130)
+    assert main(("servo", "move", "--by", "5", "--id", "3", *port(desk))) == 3
+    error = capsys.readouterr().err
+    assert "supply is 11.1 V, expected 13.0 to 14.8 V; charge or change the supply" in error
+    desk.poke("servo_3", "torque_enable", 1)
+    for words in (("id", "9"), ("baud", "57600"), ("reset",)):
+        assert main(("servo", *words, "--id", "3", *port(desk))) == 2
+        assert "has torque, expected none" in capsys.readouterr().err

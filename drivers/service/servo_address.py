@@ -1,17 +1,21 @@
-"""Changes the id, the baud rate and the stored settings of one servo."""
+"""Changes the id, the baud rate and the stored settings of a servo, or of a robot's servos."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.dynamixel.bus import TRIES
-from drivers.dynamixel.diagnostics import GARBLED, read_items
+from drivers.dynamixel.bus import TRIES, DynamixelBus
+from drivers.dynamixel.control_table import ControlTable, table_named, types_of
+from drivers.dynamixel.diagnostics import GARBLED, name_of, read_items
 from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
+from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.serial_port import PortRefusedError
+from drivers.service.loose_servo import NOT_LOCKED, LooseServo, ServoError, find_servos
 from drivers.service.scan import TELLTALES
-from drivers.service.servos.loose_servo import NOT_LOCKED, LooseServo, ServoError
+from robots import Joint, Robot
+from robots.bus_settings import BAUD_RATES
 
 FACTORY_ID = 1  # as shipped (e-manual)
 READS = 3  # of registers that differ between two servos
@@ -22,17 +26,22 @@ def check_new_id(servo: LooseServo, new: int) -> None:
     """Check that a servo may have an id; nothing is written.
 
     Raises:
-        SetupError: if there is no such id, or another device has it.
+        SetupError: if there is no such id, another device has it or that of the servo, or the servo
+            has torque.
     """
     if not 0 <= new <= servo.bus.wire.max_id:
         raise SetupError(f"{servo.name}: id is {new}, expected 0 to {servo.bus.wire.max_id}")
-    if new != servo.id and any(servo.bus.ping(new) is not None for _ in range(MISSED)):
+    if new == servo.id:
+        return
+    if any(servo.bus.ping(new) is not None for _ in range(MISSED)):
         raise SetupError(
             f"port {servo.bus.port.path}: a device has the id {new}, expected a free id"
         )
+    _check_alone(servo)
+    servo.check_released()
 
 
-def check_alone(servo: LooseServo) -> None:
+def _check_alone(servo: LooseServo) -> None:
     """Check that no other device has a servo's id: what differs between them is garbled.
 
     Raises:
@@ -57,13 +66,12 @@ def change_id(servo: LooseServo, new: int) -> LooseServo:
     check_new_id(servo, new)
     if new == servo.id:
         return servo
-    check_alone(servo)
     _write_unconfirmed(servo, "id", new)
     moved = replace(servo, id=new)
     if servo.bus.ping(new, TRIES) is None:
         moved.try_lock()
         servo.try_lock()
-        raise ServoError(f"{servo.name}: silent at its new id {new}; look for it: getup scan")
+        raise ServoError(f"{servo.name}: silent at its new id {new}; look for it: getup servo list")
     return _lock(moved)
 
 
@@ -71,7 +79,7 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
     """Check that a servo and its adapter have a baud rate [bit/s]; return its register value.
 
     Raises:
-        SetupError: if one of them does not.
+        SetupError: if one of them does not, or the servo has torque.
     """
     item = servo.table["baud_rate"]
     rates = {rate: code for code, rate in servo.table.bauds.items() if item.accepts(code)}
@@ -86,6 +94,8 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
         raise SetupError(f"{error}; nothing is written") from error
     finally:
         port.set_baud(before)
+    if new != before:
+        servo.check_released()
     return rates[new]
 
 
@@ -108,36 +118,75 @@ def change_baud(servo: LooseServo, new: int) -> LooseServo:
         port.set_baud(before)
         servo.try_lock()
         raise ServoError(
-            f"{servo.name}: silent at {new} bit/s; look for it: getup scan --all-bauds"
+            f"{servo.name}: silent at {new} bit/s; look for it: getup servo list --all-bauds"
         )
     return _lock(servo)
+
+
+def check_reset(servo: LooseServo, kept: Reset) -> None:
+    """Check that a servo may be reset; nothing is written.
+
+    Raises:
+        SetupError: if it knows no such reset, has torque, or if another device would have its id.
+    """
+    instead = "write its registers one by one"
+    servo.check_instruction(Instruction.FACTORY_RESET, "reset", instead)
+    if kept is not Reset.ALL and servo.bus.wire is PROTOCOL_1:
+        raise SetupError(f"{servo.name}: a reset sets its id and baud rate too: --keep nothing")
+    servo.check_released()
+    if kept is Reset.ALL:
+        check_new_id(servo, FACTORY_ID)
 
 
 def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
     """Set a servo's stored settings to those as shipped; return it where it replies now.
 
     Raises:
-        SetupError: if it has torque, or if another device would have its id.
+        SetupError: if it may not be reset.
         ServoError: if it does not confirm, or does not reply afterwards.
     """
-    instead = "write its registers one by one"
-    servo.check_instruction(Instruction.FACTORY_RESET, "reset", instead)
-    if kept is not Reset.ALL and servo.bus.wire is PROTOCOL_1:
-        raise SetupError(f"{servo.name}: a reset sets its id and baud rate too: --keep nothing")
-    _check_released(servo)
-    new_id = FACTORY_ID if kept is Reset.ALL else servo.id
-    shipped = servo.table.bauds[servo.table["baud_rate"].default or 0]
-    new_baud = servo.bus.port.baud if kept is Reset.ALL_BUT_ID_AND_BAUD else shipped
-    check_new_id(servo, new_id)
+    check_reset(servo, kept)
     if not is_confirmed(servo.bus.factory_reset(servo.id, kept)):
         raise ServoError(f"{servo.name}: the reset is not confirmed")
-    servo.bus.port.set_baud(new_baud)
-    return servo.await_reply(new_id)
+    if kept is not Reset.ALL_BUT_ID_AND_BAUD:
+        servo.bus.port.set_baud(_shipped_baud(servo.table))
+    return servo.await_reply(FACTORY_ID if kept is Reset.ALL else servo.id)
+
+
+def set_up_servo(bus: DynamixelBus, robot: Robot, joint: Joint) -> tuple[int, int]:
+    """Give the only servo on a bus the id of a joint and the baud rate of its robot.
+
+    Returns:
+        Its id and its baud rate [bit/s] before.
+
+    Raises:
+        SetupError: if no servo or several reply, it is of another model, or has torque.
+        ServoError: if it does not reply afterwards.
+    """
+    baud, table = find_bus(robot).baud, table_named(robot.joints[0].servo.model.name)
+    bus.searched = (table.wire,)
+    rates = dict.fromkeys((baud, _shipped_baud(table), *BAUD_RATES))
+    servo, *others = find_servos(bus, list(rates))
+    if others:
+        listed = ", ".join(str(each.id) for each in (servo, *others))
+        raise SetupError(
+            f"port {bus.port.path}: servos {listed} reply, expected one: unplug the others"
+        )
+    if joint.servo.model.name not in types_of(servo.table):
+        raise SetupError(
+            f"{servo.name} is on the bus, expected a {joint.servo.model.name} for {name_of(joint)}"
+        )
+    before = servo.id, bus.port.baud
+    change_baud(change_id(servo, joint.servo.id), baud)
+    return before
+
+
+def _shipped_baud(table: ControlTable) -> int:
+    return table.bauds[table["baud_rate"].default or 0]
 
 
 def _write_unconfirmed(servo: LooseServo, register: str, value: int) -> None:
     """Write a register after which a servo may reply at its old or at its new address."""
-    _check_released(servo)
     item = servo.table[register]
     servo.unlock()
     servo.bus.write(servo.id, item.address, item.encode(value))
@@ -152,11 +201,3 @@ def _lock(servo: LooseServo) -> LooseServo:
     if not servo.try_lock():
         raise ServoError(f"{servo.name}: {NOT_LOCKED}")
     return servo
-
-
-def _check_released(servo: LooseServo) -> None:
-    if servo.read("torque_enable"):
-        raise SetupError(
-            f"{servo.name} has torque, expected none: "
-            f"getup servo write torque_enable=0 --id {servo.id}"
-        )

@@ -42,10 +42,6 @@ class ServoError(DriverError):
     """A servo does not do what it was sent."""
 
 
-class NoServoError(SetupError):
-    """No servo, or more than one, is at a port as it was named."""
-
-
 @dataclass(frozen=True)
 class LooseServo:
     """A servo on a port that is open at its baud rate."""
@@ -129,11 +125,8 @@ class LooseServo:
             ServoError: if it does not confirm, or reads back another value.
         """
         item = self.check_write(register, value)
-        if register not in HARMLESS and self.read("torque_enable"):
-            raise SetupError(
-                f"{self.name} has torque, expected none: "
-                f"getup servo write torque_enable=0 --id {self.id}"
-            )
+        if register not in HARMLESS:
+            self.check_released()
         with self.unlocked(item):
             status = self.bus.write(self.id, item.address, item.encode(value), TRIES)
             if status is not None:  # it may be set to reply to reads alone
@@ -181,6 +174,18 @@ class LooseServo:
         if lock is None or self.bus.write_item(self.id, self.table[lock], value):
             return True
         return self.bus.read_item(self.id, self.table[lock]) == value
+
+    def check_released(self) -> None:
+        """Check that it has no torque.
+
+        Raises:
+            SetupError: if it has.
+        """
+        if self.read("torque_enable"):
+            raise SetupError(
+                f"{self.name} has torque, expected none: "
+                f"getup servo write torque_enable=0 --id {self.id}"
+            )
 
     def check_instruction(self, instruction: Instruction, what: str, instead: str) -> None:
         """Check that it knows an instruction.
@@ -259,28 +264,28 @@ def find_servo(bus: DynamixelBus, servo_id: int | None, rates: Sequence[int]) ->
     """Find a servo on an open port at one of several baud rates [bit/s], and stay at its rate.
 
     Raises:
-        NoServoError: if there is none, or if it is not named and there are several.
+        SetupError: if there is none, or if it is not named and there are several.
     """
-    found = find_any(bus, rates, servo_id)
+    found = find_servos(bus, rates, () if servo_id is None else (servo_id,))
     if len(found) > 1:
         listed = ", ".join(str(servo.id) for servo in found)
-        raise NoServoError(
+        raise SetupError(
             f"port {bus.port.path}: servos {listed} reply, expected --id with one of them"
         )
     return found[0]
 
 
-def find_any(
-    bus: DynamixelBus, rates: Sequence[int], servo_id: int | None = None
+def find_servos(
+    bus: DynamixelBus, rates: Sequence[int], ids: Sequence[int] = ()
 ) -> list[LooseServo]:
-    """Find all servos, or one, at the first of several baud rates [bit/s] with a reply.
+    """Find the servos of some ids, or all, at the first of several baud rates with a reply.
 
     The port stays at that rate.
 
     Raises:
-        NoServoError: if there is none at any rate, or replies are garbled.
+        SetupError: if there is none at any rate, or replies are garbled; naming those of ``ids``
+            that do not reply.
     """
-    ids = None if servo_id is None else (servo_id,)
     for find in (_find_by_ping, _find_by_sweep):  # which takes longer: a wait for each silent id
         for rate in rates:
             try:
@@ -288,29 +293,32 @@ def find_any(
             except PortRefusedError:
                 continue  # the adapter does not have it
             if found := find(bus, ids):
+                missing = set(ids) - {servo.id for servo in found}
+                if missing:
+                    raise _no_servo(bus, sorted(missing), (rate,))
                 return found
-    raise _no_servo(bus, servo_id, rates)
+    raise _no_servo(bus, ids, rates)
 
 
-def _find_by_ping(bus: DynamixelBus, ids: Sequence[int] | None) -> list[LooseServo]:
-    """Find all servos, or those of some ids, that speak Protocol 2.0."""
+def _find_by_ping(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
+    """Find the servos that speak Protocol 2.0."""
     if PROTOCOL_2 not in bus.searched:
         return []
     bus.wire, damaged = PROTOCOL_2, bus.statistics.damaged
-    if ids is not None:
-        return list_present(bus, [i for i in ids if i <= PROTOCOL_2.max_id])
-    found = list_present(bus, sorted(bus.ping_all()))
+    if ids:
+        return _list_present(bus, [i for i in sorted(ids) if i <= PROTOCOL_2.max_id])
+    found = _list_present(bus, sorted(bus.ping_all()))
     if not found and bus.statistics.damaged > damaged:
-        raise NoServoError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
+        raise SetupError(f"port {bus.port.path}: {GARBLED[0]}; {GARBLED[1]}")
     return found
 
 
-def _find_by_sweep(bus: DynamixelBus, ids: Sequence[int] | None) -> list[LooseServo]:
-    """Find all servos, or those of some ids, that speak another protocol."""
-    return list_present(bus, sweep(bus, bus.searched, ids))
+def _find_by_sweep(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
+    """Find the servos that speak another protocol."""
+    return _list_present(bus, sweep(bus, bus.searched, ids or None))
 
 
-def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
+def _list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
     """List the servos of some ids that reply; boards are left out.
 
     Raises:
@@ -326,12 +334,12 @@ def list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
     return found
 
 
-def _no_servo(bus: DynamixelBus, servo_id: int | None, rates: Sequence[int]) -> NoServoError:
-    who = "no servo replies" if servo_id is None else f"no servo of id {servo_id} replies"
+def _no_servo(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> SetupError:
+    who = f"no servo of id {', '.join(map(str, ids))} replies" if ids else "no servo replies"
     at = ", ".join(map(str, rates))
-    return NoServoError(
+    return SetupError(
         f"port {bus.port.path}: {who} at {at} bit/s; check its power and its cable, "
-        "getup scan --all-bauds tries every baud rate"
+        "getup servo list --all-bauds tries every baud rate"
     )
 
 

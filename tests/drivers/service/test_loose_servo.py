@@ -5,14 +5,7 @@ from desk import BAUD
 
 from drivers.dynamixel.control_table import table_named
 from drivers.errors import SetupError
-from drivers.service.servos.loose_servo import (
-    MOTION,
-    NoServoError,
-    ServoError,
-    find_any,
-    find_servo,
-    open_servo,
-)
+from drivers.service.loose_servo import MOTION, ServoError, find_servo, find_servos, open_servo
 
 
 def test_a_servo_is_found_by_its_id_at_the_baud_rate_that_it_has(desk):
@@ -21,17 +14,23 @@ def test_a_servo_is_found_by_its_id_at_the_baud_rate_that_it_has(desk):
 
 
 def test_the_only_servo_needs_no_id_and_one_of_several_does(bus):
-    with pytest.raises(NoServoError, match="servos 1, 3 reply, expected --id"):
+    with pytest.raises(SetupError, match="servos 1, 3 reply, expected --id"):
         find_servo(bus, None, (BAUD,))
-    assert [servo.id for servo in find_any(bus, (BAUD,))] == [1, 3]
+    assert [servo.id for servo in find_servos(bus, (BAUD,))] == [1, 3]
 
 
 def test_a_servo_that_is_not_there_is_named_with_the_rates_that_were_tried(desk):
     with (
-        pytest.raises(NoServoError, match=f"no servo of id 7 replies at {BAUD} bit/s"),
+        pytest.raises(SetupError, match=f"no servo of id 7 replies at {BAUD} bit/s"),
         open_servo(desk.path, 7, BAUD),
     ):
         pass
+
+
+def test_servos_are_found_by_their_ids_and_those_that_are_silent_are_named(bus):
+    assert [servo.id for servo in find_servos(bus, (BAUD,), (3,))] == [3]
+    with pytest.raises(SetupError, match=f"no servo of id 7, 8 replies at {BAUD} bit/s"):
+        find_servos(bus, (BAUD,), (8, 1, 7))
 
 
 def test_a_baud_rate_that_no_servo_has_is_refused_before_the_port_is_opened():

@@ -1,12 +1,12 @@
-"""Id, baud rate and factory reset of one servo."""
+"""Id, baud rate and factory reset of one servo; the servos of a robot, one at a time."""
 
 import pytest
-from desk import BAUD
+from desk import BAUD, make_desk, opening, serving_desk
 
 from drivers.dynamixel.protocol2 import Reset
 from drivers.errors import SetupError
-from drivers.service.servos.loose_servo import find_any, find_servo
-from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
+from drivers.service.loose_servo import find_servo, find_servos
+from drivers.service.servo_address import change_baud, change_id, reset_servo, set_up_servo
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 
@@ -14,7 +14,7 @@ def test_a_servo_with_a_new_id_replies_there_and_no_longer_at_the_old_one(desk, 
     servo = change_id(find_servo(bus, 1, (BAUD,)), 9)
     assert servo.id == 9
     assert servo.read("id") == 9
-    assert [found.id for found in find_any(bus, (BAUD,))] == [3, 9]
+    assert [found.id for found in find_servos(bus, (BAUD,))] == [3, 9]
     assert desk.peek("id") == [9, 3]
 
 
@@ -42,8 +42,8 @@ def test_a_servo_at_a_new_baud_rate_replies_there_and_no_longer_at_the_old_one(b
     servo = change_baud(find_servo(bus, 1, (BAUD,)), 2_000_000)
     assert servo.bus.port.baud == 2_000_000
     assert servo.read("baud_rate") == 4
-    assert [found.id for found in find_any(bus, (BAUD,))] == [3]
-    assert [found.id for found in find_any(bus, (2_000_000,))] == [1]
+    assert [found.id for found in find_servos(bus, (BAUD,))] == [3]
+    assert [found.id for found in find_servos(bus, (2_000_000,))] == [1]
 
 
 def test_a_baud_rate_that_the_model_lacks_is_refused(bus):
@@ -84,3 +84,29 @@ def test_a_reset_keeps_what_it_says_and_the_servo_is_found_again(bus, kept, plac
     again = reset_servo(servo, kept)
     assert (again.id, again.bus.port.baud) == place
     assert again.read("temperature_limit") == 80
+
+
+# The servos of a robot ---------------------------------------------------------------------------
+
+ROBOT = make_desk((4, "XL430-W250"), (5, "XM430-W350"), baud=2_000_000)
+
+
+def test_a_servo_as_shipped_gets_the_id_and_the_baud_rate_of_its_joint():
+    with serving_desk((1, "XM430-W350")) as served, opening(served) as bus:
+        assert set_up_servo(bus, ROBOT, ROBOT.joints[1]) == (1, BAUD)
+        assert served.peek("id") == [5]
+        assert served.peek("baud_rate") == [4]
+        served.poke("servo_1", "torque_enable", 1)  # what is set up already is left alone
+        assert set_up_servo(bus, ROBOT, ROBOT.joints[1]) == (5, 2_000_000)
+
+
+def test_another_model_or_two_servos_are_refused_and_left_as_they_are():
+    expected = r"XM430-W350 .* is on the bus, expected a XL430-W250"
+    with serving_desk((1, "XM430-W350")) as served, opening(served) as bus:
+        with pytest.raises(SetupError, match=expected):
+            set_up_servo(bus, ROBOT, ROBOT.joints[0])
+        assert served.peek("id") == [1]
+    with serving_desk() as served, opening(served) as bus:
+        with pytest.raises(SetupError, match="servos 1, 3 reply, expected one"):
+            set_up_servo(bus, ROBOT, ROBOT.joints[0])
+        assert served.peek("id") == [1, 3]

@@ -1,4 +1,4 @@
-"""`getup scan`: who answers on a port, whatever hangs there."""
+"""`getup servo list`: which ports there are, and who answers on them, whatever hangs there."""
 
 import json
 import os
@@ -11,10 +11,10 @@ from bus_stories import TINY, run_json, serving
 from drivers.dynamixel import bus
 from drivers.serial_port import SerialPort
 from drivers.service import scan
-from drivers.service.scan import PortFacts, scan_port
+from drivers.service.scan import PortFacts
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.robot import scan as command
+from humanoid_getup.cli.robot.servo import device_list
 
 MEGABIT = ("--baud", "1000000")
 
@@ -33,35 +33,39 @@ def tiny():
 
 
 def look(port: str, capsys, *options: str) -> tuple[int, dict]:
-    return run_json("scan", "--port", port, *options, capsys=capsys)
+    return run_json("servo", "list", "--port", port, *options, capsys=capsys)
 
 
-def test_each_device_that_answers_is_listed_with_model_and_firmware(tiny, capsys):
+def test_each_device_that_answers_is_listed_with_what_it_measures_and_nothing_changes(tiny, capsys):
+    writable = [item.name for item in tiny.virtual.servos[0].table if item.writable]
+    before = {name: tiny.peek(name) for name in writable}
     code, message = look(tiny.path, capsys, *MEGABIT)
     assert code == 0
-    (scan,) = message["scans"]
-    assert [d["id"] for d in scan["found"]] == [1, 2, 200]
-    assert [d["model"] for d in scan["found"]] == ["XM430-W350", "XM430-W350", "OpenCR"]
-    assert [d["firmware"] for d in scan["found"]] == [46, 46, 1]
-    assert {d["baud"] for d in scan["found"]} == {1_000_000}
-    assert scan["found"][0]["voltage"] == pytest.approx(12.0)
-    assert scan["found"][0]["temperature"] == 25.0
-    assert not any(d["doubled"] for d in scan["found"])
-
-
-def test_a_person_sees_a_table(tiny, capsys):
-    assert main(("scan", "--port", tiny.path, *MEGABIT)) == 0
+    (scanned,) = message["scans"]
+    found = scanned["found"]
+    assert [(d["id"], d["model"], d["firmware"]) for d in found] == [
+        (1, "XM430-W350", 46),
+        (2, "XM430-W350", 46),
+        (200, "OpenCR", 1),
+    ]
+    assert [d["is_board"] for d in found] == [False, False, True]
+    assert {d["baud"] for d in found} == {1_000_000}
+    assert found[0]["values"]["present_input_voltage"] == pytest.approx(12.0)
+    assert found[0]["values"]["present_temperature"] == 25.0
+    assert found[0]["values"]["torque_enable"] == 0
+    assert not any(d["doubled"] for d in found)
+    assert {name: tiny.peek(name) for name in writable} == before
+    assert main(("servo", "list", "--port", tiny.path, *MEGABIT)) == 0
     out = capsys.readouterr().out
     assert "3 devices at 1000000 bit/s" in out
-    assert re.search(r"2 +1000000 +XM430-W350 +46 +12.0 +25", out)
+    assert re.search(r"2 +1000000 +XM430-W350 +46 .* off .* 12.0 +25", out)
 
 
 def test_devices_at_several_speeds_are_found_in_one_scan(tiny):
-    found = []
     port = SerialPort(tiny.path, 57_600)
     tiny.poke("r_hip", "baud_rate", 4)  # 2 Mbit/s
     try:
-        found = scan_port(port, (1_000_000, 2_000_000)).found
+        found = scan.scan_port(port, (1_000_000, 2_000_000)).found
     finally:
         tiny.poke("r_hip", "baud_rate", 3)
     assert [(d.id, d.baud) for d in found] == [(1, 1_000_000), (200, 1_000_000), (2, 2_000_000)]
@@ -72,7 +76,7 @@ def test_at_a_wrong_speed_no_device_answers_and_the_advice_says_what_to_check(ti
     code, message = look(tiny.path, capsys, "--baud", "4000000")
     assert code == 3
     assert message["scans"][0]["found"] == []
-    for words in ("power switch", "cable", "--all-bauds"):
+    for words in ("power switch", "supply", "cable", "--all-bauds"):
         assert words in message["advice"]
 
 
@@ -80,7 +84,7 @@ def test_two_servos_of_one_id_are_named(capsys):
     double = VirtualServo(1, baud=1_000_000)
     with serving(TINY) as served:
         served.add(double)
-        code = main(("scan", "--port", served.path, *MEGABIT))
+        code = main(("servo", "list", "--port", served.path, *MEGABIT))
     out = capsys.readouterr().out
     assert code == 0
     assert "id 1 at 1000000 bit/s: replies are garbled, as by two devices of one id" in out
@@ -101,7 +105,7 @@ def test_an_adapter_that_gives_back_what_was_sent_doubles_no_device(tiny):
             echo, self.echo = self.echo, b""
             return echo or super().read(deadline)
 
-    found = scan_port(Echoing(tiny.path, 1_000_000), (1_000_000,)).found
+    found = scan.scan_port(Echoing(tiny.path, 1_000_000), (1_000_000,)).found
     assert [(d.id, d.doubled) for d in found] == [(1, False), (2, False), (200, False)]
 
 
@@ -113,26 +117,18 @@ def test_servos_without_power_are_explained_where_their_board_answers(capsys):
     assert "only a board answers" in message["advice"]
 
 
-def test_scanning_changes_nothing(tiny, capsys):
-    writable = [item.name for item in tiny.virtual.servos[0].table if item.writable]
-    before = {name: tiny.peek(name) for name in writable}
-    look(tiny.path, capsys, *MEGABIT)
-    assert {name: tiny.peek(name) for name in writable} == before
-
-
 # Ports ---------------------------------------------------------------------------------------
-
-
-def facts(path: str, is_adapter: bool = True) -> PortFacts:
-    return PortFacts(path=path, description="a port", latency_timer=16, is_adapter=is_adapter)
 
 
 def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothing(
     tiny, capsys, monkeypatch
 ):
-    ports = (facts("/dev/gone"), facts("/dev/ttyS0", is_adapter=False), facts(tiny.path))
-    monkeypatch.setattr(command, "list_serial_ports", lambda: ports)
-    assert main(("scan", *MEGABIT)) == 0
+    ports = [
+        PortFacts(path=path, description="a port", latency_timer=16, is_adapter=is_adapter)
+        for path, is_adapter in (("/dev/gone", True), ("/dev/ttyS0", False), (tiny.path, True))
+    ]
+    monkeypatch.setattr(device_list, "list_serial_ports", lambda: ports)
+    assert main(("servo", "list", *MEGABIT)) == 0
     out = capsys.readouterr().out
     assert "/dev/ttyS0  a port, latency timer 16 ms (not scanned: name it with --port)" in out
     assert "port /dev/gone: does not exist" in out
@@ -141,41 +137,34 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
 
 def test_a_computer_without_any_port_gets_advice(capsys, monkeypatch):
     monkeypatch.setattr(scan.list_ports, "comports", list)
-    assert main(("scan",)) == 3
+    assert main(("servo", "list")) == 3
     assert "plug the adapter in" in capsys.readouterr().out
 
 
-def refuse(capsys, *arguments: str) -> str:
-    assert main(("scan", *arguments)) == 2
-    out, error = capsys.readouterr()
-    assert out == "" and error.startswith("getup: ") and error.count("\n") == 1
-    return error
-
-
-def test_a_port_that_is_missing_or_no_serial_port_is_refused_in_one_line(capsys, tmp_path):
-    assert "port /dev/nowhere: does not exist" in refuse(capsys, "--port", "/dev/nowhere")
+def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tmp_path, tiny):
     (tmp_path / "file").write_text("no port")
-    assert "is not a serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
-
-
-def test_a_port_that_another_program_uses_is_refused_in_one_line(capsys, tiny):
     other = SerialPort(tiny.path, 1_000_000)
     other.open()
     try:
-        assert "in use by another program" in refuse(capsys, "--port", tiny.path)
+        for arguments, expected in (
+            (("--port", "/dev/nowhere"), "port /dev/nowhere: does not exist"),
+            (("--port", str(tmp_path / "file")), "is not a serial port"),
+            (("--port", tiny.path), "in use by another program"),
+            (("--baud", "12345"), "baud is 12345 bit/s, expected 9600, 57600"),
+            (("--baud", "57600", "--all-bauds"), "exclude each other"),
+        ):
+            assert main(("servo", "list", *arguments)) == 2
+            out, error = capsys.readouterr()
+            assert expected in error and not out and error.count("\n") == 1
     finally:
         other.close()
 
 
-def test_impossible_speeds_are_refused(capsys):
-    assert "baud is 12345 bit/s, expected 9600, 57600" in refuse(capsys, "--baud", "12345")
-    assert "exclude each other" in refuse(capsys, "--baud", "57600", "--all-bauds")
-
-
 def test_a_silent_line_is_no_crowd(capsys):
     master, slave = pty.openpty()
+    line = ("servo", "list", "--port", os.ttyname(slave), "--baud", "4000000", "--json", "-")
     try:
-        code = main(("scan", "--port", os.ttyname(slave), "--baud", "4000000", "--json", "-"))
+        code = main(line)
     finally:
         os.close(master)
         os.close(slave)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from desk import BAUD, make_desk, opening, serving_desk
-from found_devices import find_devices
 from memory_rig import Rig
 
 from drivers.dynamixel import startup
@@ -18,18 +17,11 @@ from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import SetupError
 from drivers.serial_port import SerialPort
 from drivers.service import sweep as sweep_module
+from drivers.service.loose_servo import LooseServo, ServoError, find_servo, find_servos, open_bus
+from drivers.service.moved_servo import find_bench
 from drivers.service.scan import scan_port
-from drivers.service.servos.found_bench import find_bench
-from drivers.service.servos.loose_servo import (
-    LooseServo,
-    NoServoError,
-    ServoError,
-    find_any,
-    find_servo,
-    open_bus,
-)
-from drivers.service.servos.maintenance import change_baud, change_id, reset_servo
-from drivers.service.sweep import ProtocolError, sweep
+from drivers.service.servo_address import change_baud, change_id, reset_servo
+from drivers.service.sweep import sweep
 from drivers.state import Command
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -49,13 +41,14 @@ def _few_ids(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("model", "protocol"), KINDS.items())
 def test_a_servo_is_found_whatever_it_speaks(model: str, protocol: str):
-    with serving_desk((1, model), (3, model)) as desk, opening(desk) as bus:
-        assert [servo.id for servo in find_any(bus, (BAUD,))] == [1, 3]
-        assert bus.wire.name == protocol
-        assert find_servo(bus, 3, (BAUD,)).table.model in model
-        found = find_devices(bus)
-        assert [(device.id, device.protocol) for device in found] == [(1, protocol), (3, protocol)]
-        assert found[0].model is not None and found[0].model in model
+    with serving_desk((1, model), (3, model)) as desk:
+        with opening(desk) as bus:
+            assert [servo.id for servo in find_servos(bus, (BAUD,))] == [1, 3]
+            assert bus.wire.name == protocol
+            assert find_servo(bus, 3, (BAUD,)).table.model in model
+        found = scan_port(SerialPort(desk.path, BAUD), (BAUD,)).found
+    assert [(device.id, device.protocol) for device in found] == [(1, protocol), (3, protocol)]
+    assert found[0].model is not None and found[0].model in model
 
 
 @pytest.mark.parametrize(("model", "protocol"), KINDS.items())
@@ -65,7 +58,7 @@ def test_only_the_protocol_that_is_named_is_tried(model: str, protocol: str):
         with opening(desk, protocol) as bus:
             assert find_servo(bus, 1, (BAUD,)).id == 1
         if protocol != "1.0":  # which shares its frame with Feetech's
-            with opening(desk, other) as bus, pytest.raises(NoServoError):
+            with opening(desk, other) as bus, pytest.raises(SetupError):
                 find_servo(bus, 1, (BAUD,))
     with pytest.raises(SetupError, match=r"protocol is '3.0', expected 2\.0, 1\.0"):
         open_bus("none", BAUD, "3.0").__enter__()
@@ -233,7 +226,7 @@ def test_what_a_servo_cannot_is_refused_with_what_to_do():
 @pytest.mark.parametrize("model", KINDS)
 def test_a_bench_of_found_servos_has_the_range_of_their_positions(model: str):
     with serving_desk((1, model)) as desk:
-        bench = find_bench(desk.path, (1,), BAUD).bench
+        bench = find_bench(desk.path, 1, BAUD, None)[0]
         (joint,) = bench.joints
         assert joint.servo.model.name == model
         assert (joint.lower, joint.upper) == pytest.approx(joint.servo.model.ends)
@@ -244,7 +237,7 @@ def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.Monk
     data = bytes((12, 0, 9, 9, 3, 9))  # an AX-12A (12) of id 9, or a Feetech 777 of id 9
     monkeypatch.setattr(sweep_module, "_read_first", lambda *_: Status(9, 0, data))
     with serving_desk((9, "AX-12A")) as desk, opening(desk) as bus:
-        with pytest.raises(ProtocolError, match=r"id 9 may be .*--protocol 1\.0 or --"):
+        with pytest.raises(SetupError, match=r"id 9 may be .*--protocol 1\.0 or --"):
             sweep(bus, bus.searched, (9,))
         assert sweep(bus, [sweep_module.FEETECH], (9,)) == [9]
         assert bus.wire is sweep_module.FEETECH
@@ -253,14 +246,14 @@ def test_a_reply_that_fits_two_protocols_is_not_guessed(monkeypatch: pytest.Monk
 def test_a_scan_lists_a_servo_of_an_unknown_model_and_one_whose_protocol_is_unclear(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    with serving_desk((1, "AX-12A"), (3, "AX-12A"), (4, "AX-12A")) as desk, opening(desk) as bus:
+    with serving_desk((1, "AX-12A"), (3, "AX-12A"), (4, "AX-12A")) as desk:
         desk.poke("servo_3", "model_number", 300)  # an AX-12W
         read = sweep_module._read_first
         unclear = Status(4, 0, bytes((44, 1, 9, 4, 3, 4)))  # an AX-12W, or a Feetech 772
         monkeypatch.setattr(
             sweep_module, "_read_first", lambda bus, i: unclear if i == 4 else read(bus, i)
         )
-        found = find_devices(bus)
+        found = scan_port(SerialPort(desk.path, BAUD), (BAUD,)).found
         assert [(d.id, d.number, d.model, d.protocol) for d in found] == [
             (1, 12, "AX-12A", "1.0"),
             (3, 300, None, "1.0"),
@@ -276,7 +269,7 @@ def test_no_id_is_swept_where_a_servo_speaks_protocol_2_at_another_rate(
     with serving_desk((1, "XL430-W250")) as desk:
         rates = (57_600, BAUD)
         with opening(desk) as bus:
-            assert [servo.id for servo in find_any(bus, rates)] == [1]
+            assert [servo.id for servo in find_servos(bus, rates)] == [1]
             assert find_servo(bus, 1, rates).id == 1
         found = scan_port(SerialPort(desk.path, BAUD), rates).found
         assert [(device.id, device.baud) for device in found] == [(1, BAUD)]
@@ -287,7 +280,7 @@ def test_servos_of_another_protocol_are_found_at_the_second_rate():
         found = scan_port(SerialPort(desk.path, BAUD), (57_600, BAUD)).found
         assert [(device.id, device.baud) for device in found] == [(1, BAUD), (3, BAUD)]
         with opening(desk) as bus:
-            assert [servo.id for servo in find_any(bus, (57_600, BAUD))] == [1, 3]
+            assert [servo.id for servo in find_servos(bus, (57_600, BAUD))] == [1, 3]
 
 
 def test_servos_of_two_protocols_on_a_port_are_refused_in_one_line():

@@ -1,1 +1,0 @@
-"""Service of servos without a robot's description: registers, ids, guarded motion."""

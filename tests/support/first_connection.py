@@ -4,10 +4,10 @@ import select
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
-from terminal import Terminal, in_terminal
+from terminal import Terminal
 from waiting import LONGEST_WAIT
 
 STEP_TIME = 240.0  # s that the longest step may take
@@ -50,18 +50,6 @@ def serving(link: Path, *arguments: str) -> Iterator[Bus]:
             program.terminate()
 
 
-def find_port(link: Path, other: Path, *arguments: str) -> None:
-    """Find the port of a virtual bus beside another path, by unplugging it: the bus ends."""
-    with ExitStack() as adapter:
-        adapter.enter_context(serving(link, *arguments))
-        with in_terminal("servo", "find-port", "--among", f"{link},{other}") as person:
-            person.see("unplug the adapter, then Enter:")
-            adapter.close()
-            person.type("\n")
-            person.see(rf"{link} is the adapter's port")
-            assert person.wait() == 0
-
-
 def begin(steps: Terminal, name: str, prepare: Callable[[], None] = lambda: None) -> None:
     """Begin a step by Enter, once the robot is prepared for it."""
     answer(steps, name, "", prepare)
@@ -81,13 +69,13 @@ def answer(
     steps: Terminal, name: str, text: str, prepare: Callable[[], None] = lambda: None
 ) -> None:
     """Answer what a step asks before it runs."""
-    steps.see(rf"step \d+ of \d+, {name}:.*", STEP_TIME)
+    steps.see(rf"step \d+, {name}:.*", STEP_TIME)
     steps.see("q leaves:")
     prepare()
     steps.type(f"{text}\n")
 
 
-def complete(steps: Terminal, name: str, end: str = r"step \d+ of") -> None:
+def complete(steps: Terminal, name: str, end: str = r"step \d+, ") -> None:
     """Begin a step, agree to what it asks, and repeat it where a busy computer fails it.
 
     Ends when the next step comes, or what the last one ends with; that is still to be seen.
@@ -122,7 +110,7 @@ def save(steps: Terminal) -> None:
 
 def rise(steps: Terminal, bus: Bus) -> None:
     """Rise, then sit or go limp; what a busy computer ends gets another try, by the same words."""
-    steps.see(r"step \d+ of \d+, rise:.*", STEP_TIME)
+    steps.see(r"step \d+, rise:.*", STEP_TIME)
     for _ in range(TRIES):
         bus.do("lay supine")
         steps.see("q leaves:")

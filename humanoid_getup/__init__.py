@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.import_robot import import_robot
     from humanoid_getup.jobs.make_prior import make_prior
     from humanoid_getup.jobs.measure_robot import measure_robot
-    from humanoid_getup.jobs.pack_policy import pack_policy
     from humanoid_getup.jobs.plan_path import plan
     from humanoid_getup.jobs.preflight_motion import preflight
     from humanoid_getup.jobs.preview_motion import preview
@@ -87,7 +86,6 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.requests.policies import (
         CheckPolicyRequest,
         ImportPolicyRequest,
-        PackPolicyRequest,
     )
     from humanoid_getup.jobs.requests.replay import ReplayRequest
     from humanoid_getup.jobs.requests.rise import (
@@ -160,7 +158,6 @@ _HOMES = {
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
-    "PackPolicyRequest": "humanoid_getup.jobs.requests.policies",
     "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
@@ -210,7 +207,6 @@ _HOMES = {
     "load_style": "humanoid_getup.style.style_file",
     "make_prior": "humanoid_getup.jobs.make_prior",
     "measure_robot": "humanoid_getup.jobs.measure_robot",
-    "pack_policy": "humanoid_getup.jobs.pack_policy",
     "plan": "humanoid_getup.jobs.plan_path",
     "play_motion": "humanoid_getup.jobs.get_up.rise",
     "preflight": "humanoid_getup.jobs.preflight_motion",
@@ -261,7 +257,6 @@ __all__ = [
     "LearnedRise",
     "Motion",
     "OnnxPolicy",
-    "PackPolicyRequest",
     "PlanCache",
     "PlanRequest",
     "PlannedRise",
@@ -311,7 +306,6 @@ __all__ = [
     "load_style",
     "make_prior",
     "measure_robot",
-    "pack_policy",
     "plan",
     "play_motion",
     "preflight",

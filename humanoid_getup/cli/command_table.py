@@ -83,7 +83,7 @@ COMMANDS = {
     "export": TableEntry(
         "Export the policy of a training.", "requests.learning.ExportRequest", "training.export"
     ),
-    "policy": TableEntry("Import, check or pack policies, also those of other projects."),
+    "policy": TableEntry("Import and check policies of other projects."),
     "policy import": TableEntry(
         "Make a policy that was trained elsewhere run here.",
         "requests.policies.ImportPolicyRequest",
@@ -94,12 +94,6 @@ COMMANDS = {
         "Compare an imported policy with a trace from where it was trained.",
         "requests.policies.CheckPolicyRequest",
         "policies.check_policy",
-        json=True,
-    ),
-    "policy pack": TableEntry(
-        "Pack a policy with a manifest and checksums.",
-        "requests.policies.PackPolicyRequest",
-        "policies.pack_policy",
         json=True,
     ),
     "motions": TableEntry(

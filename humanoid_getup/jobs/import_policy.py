@@ -15,8 +15,7 @@ from humanoid_getup.jobs.requests.policies import (
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignPolicyError
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
-from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError, read_contract
-from humanoid_getup.policy.pack import MANIFEST, POLICY, PackError, check_manifest, read_pack
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
 from robots.storage.encoding import to_json
@@ -40,7 +39,7 @@ class PolicyImport(msgspec.Struct, frozen=True, kw_only=True):
     fields: tuple[DescribedField, ...]
     joints: dict[str, str]
     """The robot's joints by the policy's names."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
     """What differs from the training, or was assumed."""
 
 
@@ -56,8 +55,7 @@ def import_policy(
     ImportPolicyRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading the policy")
-    is_packed = request.network.is_dir() or request.network.name == MANIFEST
-    model, found = (_read_packed if is_packed else _wrap)(request, robot)
+    model, found = _wrap(request, robot)
     monitor.begin("writing the policy")
     with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
         (folder / POLICY_FILE).write_bytes(model)
@@ -69,39 +67,6 @@ def import_policy(
         (folder / DESCRIPTION_FILE).write_text(to_json(found))
         monitor.check()
     return found
-
-
-def _read_packed(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImport]:
-    """Read a packed policy whose checksums are right."""
-    source = request.network if request.network.is_dir() else request.network.parent
-    try:
-        manifest, contents = read_pack(source)
-        check_manifest(manifest, read_contract(source / POLICY))
-    except PolicyError as error:
-        raise BadInputError(str(error)) from error
-    except (PackError, OSError) as error:
-        missing = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
-        raise BadInputError(f"packed policy {source}: {missing}{describe(error)}") from error
-    values = {
-        "name": manifest.name,
-        "robot": f"{manifest.robot.model}, {len(manifest.robot.joints)} joints",
-        "kind": f"{manifest.kind}, from {manifest.entry_pose}",
-        "rate": f"{manifest.robot.control_hz:g} Hz",
-        "observation": f"{manifest.obs_len} numbers",
-        "action": f"{manifest.action_len} numbers",
-        "training": ", ".join(f"{key} {value}" for key, value in manifest.training.items()),
-    }
-    found = PolicyImport(
-        file=str(request.out / POLICY_FILE),
-        format="packed",
-        robot=robot.name,
-        fields=tuple(
-            DescribedField(field=field, value=value, source=f"{MANIFEST} {field}")
-            for field, value in values.items()
-        ),
-        joints={name: name for name in manifest.robot.joints},
-    )
-    return contents[POLICY], found
 
 
 def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImport]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from humanoid_getup.policy.onnx_content import find_content_problems
-from robots.storage.files import read_bounded, write_atomically
+from robots.storage.files import read_bounded
 
 CONTRACT_KEY = "policy_contract"  # of the contract in the model's metadata
 CHECKSUM_KEY = "policy_sha256"  # of the checksum there
@@ -42,10 +42,7 @@ def read_model(file: Path) -> bytes:
             "`getup export`"
         )
     if not entry:
-        raise NetworkError(
-            "it is damaged, or has no checksum: export it again with `getup export`, or, if you "
-            "trust it, add one with humanoid_getup.policy.onnx_file.add_checksum(file)"
-        )
+        raise NetworkError("it is damaged, or has no checksum: export it again with `getup export`")
     if checksum != _compute_checksum(model):
         raise NetworkError("it is damaged: its content does not match its checksum")
     try:
@@ -70,15 +67,6 @@ def describe_refusal(library: ModuleType, error: Exception) -> str:
 def seal_model(model: bytes) -> bytes:
     """Append the checksum of an ONNX model to its metadata."""
     return model + CHECKSUM_ENTRY + _compute_checksum(model)
-
-
-def add_checksum(file: Path) -> None:
-    """Give a policy file of contract format 4 its checksum, which makes it format 5.
-
-    Only the metadata changes: the network stays the same to the last bit.
-    """
-    model = file.read_bytes().replace(b'"format": 4', b'"format": 5', 1)
-    write_atomically(file, seal_model(model))
 
 
 def _compute_checksum(model: bytes) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,20 +58,6 @@ def read_contract(file: Path) -> PolicyContract:
         raise PolicyError(file, [str(error)]) from error
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Decision:
-    """What a policy decided in a policy step."""
-
-    observation: NDArray[np.float32]
-    """Input of the network, (size,)."""
-    action: Array
-    """Output of the network, not clipped, (k,)."""
-    memory: Array
-    """What the network remembers of it, (m,)."""
-    target: Array
-    """Joint targets at the end of the step [rad], (n,)."""
-
-
 class OnnxPolicy:
     """Runs a trained policy with the same code as training: observation, action, interpolation.
 
@@ -99,14 +85,10 @@ class OnnxPolicy:
         self.action = contract.action
         self.failure: str | None = None
         """Reason of a failure; ``None`` without one."""
-        self.decision: Decision | None = None
-        """The last decision; ``None`` before the first one."""
         self._network, self.torque_limit = network, torque_limit
         limit = np.inf if torque_limit is None else torque_limit
         self.torque_share = compute_torque_share(robot, self.action, limit)
-        self.imu_in_torso = imu_in_torso(robot, robot.spec().compile())
-        """Orientation of the IMU in the torso, (4,)."""
-        self._sense_gravity = GravitySense(self.imu_in_torso)
+        self._sense_gravity = GravitySense(imu_in_torso(robot, robot.spec().compile()))
         self._step_time = contract.control_period * contract.action.cycles
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
@@ -263,8 +245,7 @@ class OnnxPolicy:
         sensed = self.sense(state)
         if self._follower and self._follower.update(sensed, self._step_time).size:
             self._memory = np.zeros_like(self._memory)
-        observation = self.observe(sensed)
-        (action,), (memory,) = self.act(observation[None])
+        (action,), (memory,) = self.act(self.observe(sensed)[None])
         self._target = self._following
         if not np.isfinite(action).all():
             names = self.action.names
@@ -279,9 +260,6 @@ class OnnxPolicy:
             sensed.joint_pos,
             sensed.gravity,
             np.clip(action, -1.0, 1.0),
-        )
-        self.decision = Decision(
-            observation=observation, action=action, memory=memory, target=self._following
         )
         moved = float(np.abs(self._following - self._target).max())
         upright = -sensed.gravity[2] >= math.cos(MAX_TILT)

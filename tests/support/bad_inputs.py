@@ -468,7 +468,7 @@ GROUPS: dict[str, list[Case]] = {
             case(f"policy import {line} --out mine", *message, extra="yaml")
             for line, *message in (
                 ("none.onnx", "none.onnx: No such file"),
-                ("folder", "packed policy folder: folder/manifest.json: No such file"),
+                ("folder", "folder"),
                 ("empty.onnx", "empty.onnx: it is not an ONNX file: it holds no network"),
                 ("text.onnx", "text.onnx: it is not"),
                 ("their.pt", "their.pt: it is a pickle of torch, which is never opened"),
@@ -501,14 +501,6 @@ GROUPS: dict[str, list[Case]] = {
             )
         ),
         case("policy import half.onnx --out mine", "half.onnx", extra="yaml"),
-        case("policy pack moonwalk --out mine", "unknown policy 'moonwalk'"),
-        case("policy pack robust --out text.txt", "text.txt is not a folder"),
-        case("policy pack robust --out mine --kind eternal", "--kind is 'eternal', expected"),
-        case("policy pack robust --out mine --entry flying", "--entry is 'flying', expected"),
-        case("policy pack robust --out mine --evaluation none", "none: No such file"),
-        case(
-            "policy pack robust --out mine --evaluation trace.json", "it holds no result of `eval`"
-        ),
         case("policy check moonwalk --trace trace.npz", "unknown policy 'moonwalk'"),
     ],
     "ports": [

@@ -1,4 +1,4 @@
-"""`getup policy import`, `check` and `pack`: policies, also those of other projects."""
+"""`getup policy import` and `check`: policies of other projects."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.check_policy import check_policy as compare
 from humanoid_getup.jobs.import_policy import import_policy as read_and_write
-from humanoid_getup.jobs.pack_policy import pack_policy as pack
 from humanoid_getup.jobs.requests.policies import (
     CheckPolicyRequest,
     ImportPolicyRequest,
-    PackPolicyRequest,
 )
 
 
@@ -41,21 +39,3 @@ def check_policy(command: CheckPolicyRequest) -> int:
     for compared in found.comparisons:
         console.print(compared.describe(), markup=False, soft_wrap=True)
     return DID_IT if found.agrees else DID_NOT_STAND
-
-
-def pack_policy(command: PackPolicyRequest) -> int:
-    """Pack a policy; print the checksums of its files."""
-    with showing(command) as report:
-        manifest = pack(command, report)
-    write_json(manifest, command)
-    console = console_for(command)
-    for each in manifest.files:
-        console.print(f"{command.out / each.file}: sha256 {each.sha256}", markup=False)
-    console.print(
-        f"{manifest.name}: {manifest.kind}, from {manifest.entry_pose}, robot "
-        f"'{manifest.robot.model}', {manifest.obs_len} observations, {manifest.action_len} actions "
-        f"at {manifest.robot.control_hz:.4g} Hz",
-        markup=False,
-        soft_wrap=True,
-    )
-    return DID_IT

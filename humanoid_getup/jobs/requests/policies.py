@@ -1,10 +1,10 @@
-"""Requests about policies of others: import, check, pack."""
+"""Requests about policies of others: import and check."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
@@ -13,7 +13,6 @@ from humanoid_getup.jobs.requests.shared import PolicyName, RobotOption
 from humanoid_getup.jobs.requests.values import Items, between
 
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"
-PACKED_FILES = (POLICY_FILE, "eval.json", "manifest.json")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +24,7 @@ class ImportPolicyRequest(RobotOption):
     """
 
     network: Annotated[Positional[Path], READ, arg(metavar="FILE")]
-    """Network that was trained elsewhere (.onnx), or the folder of a packed policy."""
+    """Network that was trained elsewhere (.onnx)."""
     out: Annotated[Path, Written((POLICY_FILE, DESCRIPTION_FILE)), arg(metavar="DIR")]
     """Folder for policy.onnx and description.json."""
     config: Annotated[Path | None, READ, arg(metavar="FILE.yaml")] = None
@@ -60,27 +59,3 @@ class CheckPolicyRequest(RobotOption):
     """What the program that trained it measured, observed and did, policy step by policy step."""
     robot: Annotated[str, ROBOT] = ""
     """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PackPolicyRequest(RobotOption):
-    """Pack a policy for others: a folder with its file, a manifest, and all their checksums.
-
-    `getup policy import` compares the checksums.
-    """
-
-    policy: Positional[PolicyName]
-    out: Annotated[Path, Written(PACKED_FILES), arg(metavar="DIR")]
-    """Folder for policy.onnx, manifest.json and eval.json."""
-    robot: Annotated[str, ROBOT] = ""
-    """Name of a robot, or a folder with a robot.toml; default: that of a policy file, else op3."""
-    name: str = ""
-    """Name of the packed policy; default: that of the file."""
-    description: str = ""
-    """What it does, in one line."""
-    kind: Literal["episodic", "perpetual"] = "episodic"
-    """Whether it ends by itself, or goes on until it is stopped."""
-    entry: Literal["lying", "supine", "prone", "left", "right", "standing", "any"] = "lying"
-    """How the robot is when it begins."""
-    evaluation: Annotated[Path | None, READ, arg(metavar="FILE.json")] = None
-    """What `getup eval --json` wrote about it."""

@@ -20,7 +20,7 @@ from tiny_policies import save_policy, weights_of
 
 from humanoid_getup.policy import onnx_network
 from humanoid_getup.policy.onnx_content import find_content_problems, read_metadata
-from humanoid_getup.policy.onnx_file import NetworkError, add_checksum
+from humanoid_getup.policy.onnx_file import NetworkError, seal_model
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from robots import Robot
@@ -34,8 +34,7 @@ def save_changed(file: Path, robot: Robot, change: Callable[[onnx.ModelProto], N
     model = onnx.load_model_from_string(save_policy(file, robot).read_bytes())
     change(model)
     del model.metadata_props[1:]  # the checksum
-    file.write_bytes(model.SerializeToString())
-    add_checksum(file)
+    file.write_bytes(seal_model(model.SerializeToString()))
     return file
 
 

@@ -188,7 +188,6 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
     [
         f"robots import {REPOSITORY}/robots/op3/model.xml --out out",
         "robots export op3 --ros2-control out",
-        "policy pack robust --out out",
         "play squat_to_stand --out out",
         f"log export {REPOSITORY}/README.md --rosbag2 out",
         "bench all --out out",

@@ -14,7 +14,6 @@ MAIN_PORT = "main"  # name of the port when all joints share one
 WATCHDOG = 0.1  # s of silence after which servos stop by themselves; a dozen cycles
 
 
-FACTORY_BAUD = 57_600  # bit/s, as servos are shipped (e-manual)
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """Baud rates of X-series servos [bit/s] (e-manual, Baud Rate)."""
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 from functools import cache, cached_property
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any
 
 from drivers.dynamixel.protocol2 import Instruction, Span
 from drivers.dynamixel.wire import WIRES, Wire
@@ -88,14 +88,12 @@ class Item:
     sign_bit: int | None = None
     """Bit that says that a number is negative, above those of its amount; None for two's
     complement."""
-    big_endian: bool = False
 
     @property
     def kind(self) -> str:
         """Return its numpy type, such as "<i4"; a number with a sign bit is unsigned there."""
-        order = ">" if self.big_endian else "<"
         letter = "i" if self.signed and self.sign_bit is None else "u"
-        return f"{order}{letter}{self.size}"
+        return f"<{letter}{self.size}"
 
     def to_si(self, count: int) -> float:
         """Convert a count to its SI unit.
@@ -125,7 +123,7 @@ class Item:
                 raise OverflowError(f"{self.name} is {value}: too large for its bits")
             value = abs(value) | (value < 0) << self.sign_bit
         signed = self.signed and self.sign_bit is None
-        return value.to_bytes(self.size, self._order, signed=signed)
+        return value.to_bytes(self.size, "little", signed=signed)
 
     def decode(self, data: bytes) -> int:
         """Convert register bytes to a value.
@@ -136,12 +134,8 @@ class Item:
         if len(data) != self.size:
             raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
         if self.sign_bit is None:
-            return int.from_bytes(data, self._order, signed=self.signed)
-        return apply_sign(int.from_bytes(data, self._order), self.sign_bit)
-
-    @property
-    def _order(self) -> Literal["big", "little"]:
-        return "big" if self.big_endian else "little"
+            return int.from_bytes(data, "little", signed=self.signed)
+        return apply_sign(int.from_bytes(data, "little"), self.sign_bit)
 
     def accepts(self, value: int) -> bool:
         """Return whether a value may be written."""
@@ -436,7 +430,6 @@ def _build_item(name: str, row: dict[str, Any], source: dict[str, Any], *, eepro
         scale=unit["scale"],
         signed=row.get("signed", sign_bit is not None),
         sign_bit=sign_bit,
-        big_endian=source.get("big_endian", False),
     )
 
 

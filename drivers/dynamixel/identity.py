@@ -12,8 +12,6 @@ PING_DATA = 3  # bytes: model number, firmware
 FIRST = Span(0, 6)
 """Registers that name a device where a ping does not: AX and MX have model, firmware and id at 0,
 2 and 3, Feetech's have firmware, model and id at 0, 3 and 5."""
-SCS_SERIES = 5
-"""First byte of the model of an SCS, whose registers are big endian."""
 AT_ID = {"1.0": 3, "feetech": 5}
 """Place of the id in those registers, by protocol."""
 
@@ -25,11 +23,5 @@ def decode_identity(wire: Wire, status: Status) -> Status:
         return status
     number, firmware = data[0] | data[1] << 8, data[2]
     if wire is FEETECH:
-        number, firmware = number_feetech(data), data[0]
+        number, firmware = data[3] | data[4] << 8, data[0]
     return Status(status.id, status.error, struct.pack("<HB", number, firmware), status.alarms)
-
-
-def number_feetech(data: bytes) -> int:
-    """Return the model number of a Feetech servo in the byte order of its series."""
-    series, model = data[3], data[4]
-    return series << 8 | model if series == SCS_SERIES else series | model << 8

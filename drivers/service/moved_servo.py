@@ -54,12 +54,10 @@ def find_bench(
 
 
 def _make_joint(servo: LooseServo) -> Joint:
-    known = [servo_models()[name] for name in types_of(servo.table) if name in servo_models()]
-    if not known:
-        raise SetupError(f"{servo.name} has no figures in servos.toml: its torque is unknown")
+    types = [servo_models()[name] for name in types_of(servo.table)]  # for different supplies
     counts = servo.read("present_input_voltage")
     supply = servo.table["present_input_voltage"].to_si(counts)
-    model = next((model for model in known if model.accepts_supply(supply)), known[0])
+    model = next((model for model in types if model.accepts_supply(supply)), types[0])
     first, last = servo.read("min_position_limit"), servo.read("max_position_limit")
     if first >= last:
         raise SetupError(

@@ -275,10 +275,10 @@ class Simulation:
         return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value
 
 
-def build_flat_world(robot: Robot, friction: float = GROUND_FRICTION) -> mujoco.MjModel:
+def build_flat_world(robot: Robot) -> mujoco.MjModel:
     """Compile a robot on a horizontal plane at z = 0."""
     spec = robot.spec()
-    add_ground(spec, friction)
+    add_ground(spec, GROUND_FRICTION)
     return spec.compile()
 
 

@@ -166,8 +166,7 @@ def codec_of(item: Item) -> Codec:
     if item.sign_bit is not None:
         return SignCodec(item)
     letter = {1: "b", 2: "h", 4: "i"}[item.size]
-    order = ">" if item.big_endian else "<"
-    return struct.Struct(order + (letter if item.signed else letter.upper()))
+    return struct.Struct("<" + (letter if item.signed else letter.upper()))
 
 
 def _field_of(item: Item, offset: int, codec: Codec) -> Field:

@@ -18,6 +18,8 @@ import serial
 
 from drivers.errors import DriverError, SetupError
 
+SDK = "sdk:"
+"""Before the path of a device that the maker's own library opens."""
 CHUNK = 4096  # bytes, more than any reply
 # Longest wait for the system to accept bytes to send [s]. It accepts them at once unless the
 # adapter hangs.
@@ -57,8 +59,10 @@ class SerialPort:
     """
 
     def __init__(self, path: str, baud: int) -> None:
-        self.path = path
+        """Prepare to open a device file, with `SDK` before it through dynamixel-sdk."""
+        self.path = path.removeprefix(SDK)
         """Device file."""
+        self._is_by_sdk = path.startswith(SDK)
         self.baud = baud
         """Baud rate [bit/s]; `set_baud` changes it."""
         self._serial: serial.Serial | None = None
@@ -161,6 +165,8 @@ class SerialPort:
         return count
 
     def _open_serial(self) -> serial.Serial:
+        if self._is_by_sdk:
+            return open_by_sdk(self.path, self.baud)
         return serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
 
 
@@ -168,23 +174,28 @@ MakePort = Callable[[str, int], SerialPort]
 """Makes a port of a path and a baud rate [bit/s]."""
 
 
-class SdkPort(SerialPort):
-    """A port over the port handler of ROBOTIS' dynamixel-sdk."""
+def open_by_sdk(path: str, baud: int) -> serial.Serial:
+    """Open a device through the port handler of ROBOTIS' dynamixel-sdk.
 
-    def _open_serial(self) -> serial.Serial:
-        from dynamixel_sdk import PortHandler  # an optional dependency
-
-        handler = PortHandler(self.path)
-        if not handler.setBaudRate(self.baud):
-            raise ValueError(f"dynamixel-sdk cannot set {self.baud} bit/s; use pyserial")
-        device = handler.ser
-        assert device is not None
-        try:
-            fcntl.flock(device.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            device.close()
-            raise
-        return device
+    Raises:
+        PortRefusedError: if that package is not installed.
+    """
+    try:
+        from dynamixel_sdk import PortHandler
+    except ModuleNotFoundError as error:
+        text = "there is no package 'dynamixel_sdk': pip install 'humanoid-getup[sdk]'"
+        raise PortRefusedError(path, text) from error
+    handler = PortHandler(path)
+    if not handler.setBaudRate(baud):
+        raise ValueError(f"dynamixel-sdk cannot set {baud} bit/s; use pyserial")
+    device = handler.ser
+    assert device is not None
+    try:
+        fcntl.flock(device.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        device.close()
+        raise
+    return device
 
 
 def explain_refusal(path: str, baud: int, error: Exception) -> str:
@@ -214,14 +225,14 @@ def _explain_permission(path: str) -> str:
 def is_pseudo_terminal(path: str) -> bool:
     """Return whether a port is a Linux pseudo-terminal, as that of a virtual bus is."""
     with contextlib.suppress(OSError):
-        status = Path(path).stat()
+        status = Path(path.removeprefix(SDK)).stat()
         return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in UNIX98_SLAVES
     return False
 
 
 def read_latency_timer(path: str) -> int | None:
     """Read how long a USB adapter holds back a short reply [ms]; ``None`` if it has no timer."""
-    name = Path(path).resolve().name
+    name = Path(path.removeprefix(SDK)).resolve().name
     with contextlib.suppress(OSError, ValueError):
         return int(Path(f"/sys/bus/usb-serial/devices/{name}/latency_timer").read_text())
     return None

@@ -68,7 +68,7 @@ class DriverOptions:
     """How long a reply may take beyond its bytes' own time [s]; None for `ANSWER_MARGIN`, or
     `LOCK_STEP_MARGIN` with simulated time."""
     make_port: MakePort = SerialPort
-    """`SerialPort` or `SdkPort`."""
+    """Makes the port of a path and a baud rate [bit/s]."""
 
 
 class DynamixelBackend(Backend):

@@ -13,6 +13,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import full_scale
 from drivers.errors import CommandError, NotConnectedError
+from drivers.serial_port import SDK
 from drivers.twin.servo_model import CURRENT_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
@@ -37,11 +38,20 @@ def guarded_virtual(robot: Robot) -> Iterator[Backend]:
         yield SafetyGuard(backend)
 
 
+@contextmanager
+def by_sdk(robot: Robot) -> Iterator[Backend]:
+    """The driver over a port that the maker's own library opens."""
+    with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
+        paths = {name: SDK + path for name, path in ports.paths.items()}
+        yield DynamixelBackend(robot, paths, clock=CycleClock(), imu=ports.imu)
+
+
 BACKENDS: dict[str, Make] = {
     "twin": lambda robot: nullcontext(Twin(robot)),
     "guarded twin": lambda robot: nullcontext(SafetyGuard(Twin(robot))),
     "virtual bus": virtual,
     "guarded virtual bus": guarded_virtual,
+    "sdk": by_sdk,
 }
 
 
@@ -49,7 +59,8 @@ ROBOTS = ("tiny", "geared", "coupled")
 PLAIN = ("AX-12A", "MX-28(1.0)", "XL-320", "STS3215-C018")
 """Servos without modes and watchdog; on a bus alone, for a twin rounds as an X servo does."""
 CASES = [
-    *((robot, backend) for robot in ROBOTS for backend in BACKENDS),
+    *((robot, backend) for robot in ROBOTS for backend in BACKENDS if backend != "sdk"),
+    ("tiny", "sdk"),
     *((servo, backend) for servo in PLAIN for backend in ("virtual bus", "guarded virtual bus")),
 ]
 

@@ -3,21 +3,22 @@
 import errno
 import fcntl
 import os
+import sys
 import time
 
 import pytest
 import serial
 
 from drivers.serial_port import (
+    SDK,
     PortError,
     PortLostError,
-    SdkPort,
     SerialPort,
     is_pseudo_terminal,
 )
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
-PORTS = (SerialPort, SdkPort)
+PORTS = ("", SDK)
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def wire(tmp_path):
 
 @pytest.fixture(params=PORTS)
 def port(request, wire):
-    port = request.param(wire.path, 1_000_000)
+    port = SerialPort(request.param + wire.path, 1_000_000)
     port.open()
     yield port
     port.close()
@@ -91,7 +92,7 @@ def test_a_virtual_buss_port_is_distinguished_from_a_serial_adapter(wire, tmp_pa
 
 @pytest.mark.parametrize("kind", PORTS)
 def test_a_port_in_use_is_refused(port, wire, kind):
-    other = kind(wire.path, 1_000_000)
+    other = SerialPort(kind + wire.path, 1_000_000)
     with pytest.raises(PortError, match="in use by another program"):
         other.open()
     port.close()
@@ -102,7 +103,7 @@ def test_a_port_in_use_is_refused(port, wire, kind):
 @pytest.mark.parametrize("kind", PORTS)
 def test_a_missing_port_is_named(kind, tmp_path):
     with pytest.raises(PortError, match=r"nothing: does not exist; plug the adapter in"):
-        kind(str(tmp_path / "nothing"), 1_000_000).open()
+        SerialPort(kind + str(tmp_path / "nothing"), 1_000_000).open()
 
 
 @pytest.mark.parametrize("kind", PORTS)
@@ -110,7 +111,7 @@ def test_a_file_that_is_no_port_is_named(kind, tmp_path):
     path = tmp_path / "file"
     path.write_text("")
     with pytest.raises(PortError, match="is not a serial port"):
-        kind(str(path), 1_000_000).open()
+        SerialPort(kind + str(path), 1_000_000).open()
 
 
 def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
@@ -133,7 +134,7 @@ def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
 
 def test_a_speed_that_the_sdk_does_not_know_is_refused(wire):
     with pytest.raises(PortError, match="4500000 bit/s is refused"):
-        SdkPort(wire.path, 4_500_000).open()
+        SerialPort(SDK + wire.path, 4_500_000).open()
 
 
 def test_an_unplugged_port_is_lost_for_reading_and_for_writing(wire):
@@ -175,3 +176,10 @@ def test_programs_that_ignore_locks_are_kept_out_while_it_is_open():
     finally:
         os.close(master)
         os.close(slave)
+
+
+def test_without_the_makers_library_it_says_how_to_install_it(wire, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
+    with pytest.raises(PortError, match=r"no package .*: pip install 'humanoid-getup\[sdk\]'"):
+        SerialPort(SDK + wire.path, 1_000_000).open()
+    assert is_pseudo_terminal(SDK + wire.path)

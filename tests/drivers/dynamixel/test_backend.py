@@ -18,7 +18,7 @@ from drivers.dynamixel.cyclic_read import GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
 from drivers.errors import CommandError, UnreleasedError
-from drivers.serial_port import PortError, SdkPort, SerialPort
+from drivers.serial_port import SDK, PortError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
@@ -565,16 +565,16 @@ def test_time_is_taken_to_wait_only_if_the_servos_clocks_stand_still(rig, monkey
     assert not rig.backend.waits_for_commands()
 
 
-@pytest.fixture(params=[SerialPort, SdkPort])
+@pytest.fixture(params=["", SDK], ids=["pyserial", "sdk"])
 def plugged(request, tiny):
     """Drive the tiny robot over a pseudo-terminal."""
     virtual = VirtualRobot(Simulation(tiny), powered=True)
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
         backend = DynamixelBackend(
             tiny,
-            ports.paths,
+            {name: request.param + path for name, path in ports.paths.items()},
             clock=CycleClock(),
-            options=DriverOptions(answer_margin=0.1, make_port=request.param),
+            options=DriverOptions(answer_margin=0.1),
         )
         with backend:
             yield backend, virtual, ports.main

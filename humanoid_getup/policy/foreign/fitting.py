@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from humanoid_getup.policy.action import (
-    CALM_AWAY,
-    CALM_TILT,
-    CALMEST,
     HOMING_SHARE,
     SPEED_SHARE,
     ActionMode,
     ActionSpec,
-    StanceScaling,
+    build_posture_spec,
 )
 from humanoid_getup.policy.foreign.description import COMMAND, ForeignPolicy, ForeignPolicyError
 from humanoid_getup.policy.foreign.joint_names import map_joints
@@ -106,21 +104,17 @@ def _build_action_spec(
 ) -> ActionSpec:
     """Build actions that reach every angle of a joint; the network limits them further."""
     moved = [places[name] for name in policy.moved]
-    home, reach = robot.standing.joint_pos, robot.max_velocity * robot.control_period * cycles
-    width = np.maximum(robot.upper - home, home - robot.lower)
-    if policy.mode is not ActionMode.ABSOLUTE:
-        width = robot.upper - robot.lower
-    return ActionSpec(
+    reach = robot.max_velocity * robot.control_period * cycles
+    spec = build_posture_spec(robot)
+    return replace(
+        spec,
         mode=policy.mode,
         names=tuple(robot.joint_names[i] for i in moved),
         directions=np.eye(robot.n)[moved],
-        scale=width,
+        scale=spec.scale if policy.mode is ActionMode.ABSOLUTE else robot.upper - robot.lower,
         reach=SPEED_SHARE * reach,
         lead=NO_LEAD,
-        pwm_limit=1.0,
-        home=home,
         homing=HOMING_SHARE * SPEED_SHARE * reach,
-        calm=StanceScaling(tilt=CALM_TILT, away=CALM_AWAY, least=CALMEST),
         cycles=cycles,
         holds=True,
         gain_share=() if np.all(shares == 1.0) else tuple(shares.tolist()),

@@ -73,13 +73,11 @@ class Config:
         value: Any = self._values
         for depth, key in enumerate(path):
             if not isinstance(value, dict):
-                raise ForeignPolicyError(
-                    f"{self.name(*path[:depth])} is {value!r:.40}, expected a table"
-                )
-            value = value.get(key)
-            if value is None and default is not None:
-                return default
-            if value is None:
+                found = f"{self.name(*path[:depth])} is {value!r:.40}"
+                raise ForeignPolicyError(f"{found}, expected a table")
+            if (value := value.get(key)) is None:
+                if default is not None:
+                    return default
                 raise ForeignPolicyError(f"{self.name(*path[: depth + 1])} is missing")
         try:
             return msgspec.convert(value, kind)
@@ -222,7 +220,12 @@ def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm,
     check_terms(names)
     history = config.get(Table, *place).get("history_length")
     for label in terms:
-        _check_whole(config, (*place, label, "params"))
+        asset = (*place, label, "params", "asset_cfg", "joint_names")
+        if (joint_names := config.get(Any, *asset, default=".*")) not in ([".*"], ".*"):
+            raise ForeignPolicyError(
+                f"{config.name(*place, label, 'params')} has joint_names {joint_names!r:.40}, "
+                "expected all joints"
+            )
     return tuple(
         make_term(
             name,
@@ -235,15 +238,6 @@ def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm,
         )
         for name, (label, term) in zip(names, terms.items(), strict=True)
     )
-
-
-def _check_whole(config: Config, place: tuple[str, ...]) -> None:
-    """Refuse a term of some joints only."""
-    names = config.get(Any, *place, "asset_cfg", "joint_names", default=[".*"])
-    if names not in ([".*"], ".*"):
-        raise ForeignPolicyError(
-            f"{config.name(*place)} has joint_names {names!r:.40}, expected all joints"
-        )
 
 
 def _last_word(function: Any) -> str:

@@ -120,9 +120,9 @@ def _read_terms(
 ) -> tuple[ForeignTerm, ...]:
     """Read the terms; their sizes are not stated, and that of one command is what is left."""
     count, key = len(names), "observation_terms_history_length"
-    scales = _read_values(data.get("observation_terms_scale"), count)
-    clips = _read_values(data.get("observation_terms_clip"), count)
-    steps = [0.0 if step is None else step for step in _read_values(data.get(key), count)]
+    scales = _read_a_term(data, "observation_terms_scale", count)
+    clips = _read_a_term(data, "observation_terms_clip", count)
+    steps = [0.0 if step is None else step for step in _read_a_term(data, key, count)]
     if not all(isinstance(step, float) and 0 <= step <= MOST_HISTORY for step in steps):
         raise ForeignPolicyError(f"{key} is {data[key]!r:.40}, expected 0 to {MOST_HISTORY} steps")
     histories = [max(1, int(step)) for step in steps]
@@ -162,25 +162,25 @@ def _split(text: str) -> tuple[str, ...]:
 
 
 def _numbers(data: dict[str, str], key: str, size: int) -> Array:
+    values = _read_values(data, key)
+    return spread(values[0] if len(values) == 1 else values, size, key)
+
+
+def _read_values(data: dict[str, str], key: str) -> list[Any]:
+    """Read numbers, and lists of them in brackets, with commas."""
+    parts = [part.strip() for part in re.findall(r"\[[^\[\]]*\]|[^,\[\]]+", data[key])]
     try:
-        values = [float(part) for part in _split(data[key].strip("[]"))]
+        return [
+            [float(number) for number in _split(part[1:-1])] if part[0] == "[" else float(part)
+            for part in filter(None, parts)
+        ]
     except ValueError:
         raise ForeignPolicyError(f"{key} is {data[key]!r:.60}, expected numbers") from None
-    return spread(values, size, key)
 
 
-def _read_values(text: str | None, count: int) -> list[Any]:
-    """Read a number, or a list of numbers, for each term; ``None`` for all if none is stated."""
-    if text is None:
-        return [None] * count
-    parts = [part.strip() for part in re.findall(r"\[[^\[\]]*\]|[^,\[\]]+", text)]
-    values: list[Any] = []
-    for part in filter(None, parts):
-        try:
-            numbers = [float(number) for number in _split(part.strip("[]"))]
-        except ValueError:
-            raise ForeignPolicyError(f"its metadata has {part!r:.40}, expected a number") from None
-        values.append(numbers if part.startswith("[") else numbers[0])
+def _read_a_term(data: dict[str, str], key: str, count: int) -> list[Any]:
+    """Read a value for each term; ``None`` for all if none is stated."""
+    values = _read_values(data, key) if key in data else [None] * count
     if len(values) != count:
         raise ForeignPolicyError(f"its metadata has {len(values)} values for {count} observations")
     return values

@@ -145,24 +145,19 @@ def _load_weights(model: ModelProto, folder: Path) -> None:
     for tensor in model.graph.initializer:
         if not external_data_helper.uses_external_data(tensor):
             continue
-        for entry in tensor.external_data:
-            if entry.key == "location":
-                _check_beside(folder, entry.value)
+        name = {entry.key: entry.value for entry in tensor.external_data}.get("location", "")
+        if not name or Path(name).name != name:
+            raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
+        try:
+            check_file(folder / name, MAX_BYTES)
+        except (OSError, ValueError) as error:
+            raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
         external_data_helper.load_external_data_for_tensor(tensor, str(folder))
         size += len(tensor.raw_data)
         if size > MAX_BYTES:  # many tensors may name the same bytes of a file
             raise ForeignPolicyError(f"its weights have more than {MAX_BYTES} bytes")
         tensor.data_location = TensorProto.DEFAULT
         del tensor.external_data[:]
-
-
-def _check_beside(folder: Path, name: str) -> None:
-    if not name or Path(name).name != name:
-        raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
-    try:
-        check_file(folder / name, MAX_BYTES)
-    except (OSError, ValueError) as error:
-        raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
 
 
 def _measure(what: str, values: list[Any]) -> int:

@@ -170,9 +170,9 @@ def _observe(graph: _GraphBuilder, wrapping: Wrapping) -> str:
         return present
     newest, shift, first = wrapping.windows()
     start = wrapping.find_starts()["last_action"]
-    begun = graph.take("obs", np.arange(start, start + 1))
+    begun = graph.add("Gather", "obs", np.arange(start, start + 1), axis=1)
     seen = start + 1 + len(wrapping.policy.moved)
-    last = graph.take("obs", np.arange(seen, start + wrapping.memory))
+    last = graph.add("Gather", "obs", np.arange(seen, start + wrapping.memory), axis=1)
     is_first = graph.add("Sub", np.ones(1), begun)
     past = graph.add("Mul", graph.matmul(present, first), is_first)
     held = graph.add("Add", graph.matmul(last, shift), past)
@@ -210,10 +210,6 @@ class _GraphBuilder:
     def matmul(self, vector: str, matrix: Array) -> str:
         """Multiply a vector by a constant matrix."""
         return self.add("MatMul", vector, matrix)
-
-    def take(self, vector: str, places: NDArray[np.int_]) -> str:
-        """Take entries of a vector."""
-        return self.add("Gather", vector, places, axis=1)
 
     def clip(self, vector: str, lower: Array, upper: Array) -> str:
         """Clip a vector to ranges, if any is finite."""

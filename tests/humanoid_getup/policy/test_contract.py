@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 from tiny_policies import change
 
-from humanoid_getup.policy.action import ActionMode, build_action_spec
+from humanoid_getup.policy.action import build_action_spec
 from humanoid_getup.policy.contract import ContractError, PolicyContract
 from humanoid_getup.policy.observation import Term, list_terms
 from robots import Body, load_robot, reshape
@@ -28,12 +29,8 @@ def test_a_contract_survives_the_trip_through_json_to_the_last_bit():
     back = PolicyContract.from_json(CONTRACT.to_json())
     assert back.to_json() == CONTRACT.to_json()
     assert back.provenance == {"recipe": "quick", "seed": 3, "hours": 0.25}
-    spec = back.action
-    for name in ("directions", "scale", "reach", "home", "homing"):
-        np.testing.assert_array_equal(getattr(spec, name), getattr(ACTION, name))
-    assert (spec.mode, spec.names) == (ActionMode.RATE, ACTION.names)
-    assert (spec.lead, spec.pwm_limit) == (ACTION.lead, ACTION.pwm_limit)
-    assert (spec.cycles, spec.calm) == (ACTION.cycles, ACTION.calm)
+    for name, value in vars(ACTION).items():
+        np.testing.assert_array_equal(getattr(back.action, name), value)
 
 
 def swapped(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -70,10 +67,10 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "message"), WRONG)
-def test_what_does_not_fit_is_reported(changes: dict, message: str):
-    mismatches = change(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
-    assert any(message in line for line in mismatches), mismatches
+def test_what_does_not_fit_is_reported():
+    for changes, message in nonempty(WRONG):
+        mismatches = change(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
+        assert any(message in line for line in mismatches), mismatches
 
 
 def test_all_that_does_not_fit_is_reported_at_once():
@@ -81,18 +78,17 @@ def test_all_that_does_not_fit_is_reported_at_once():
     changes = {key: value for change, _ in WRONG for key, value in change.items() if key in keys}
     changes["max_torque"] = 0.5 * OP3.max_torque
     mismatches = change(CONTRACT, **changes).find_mismatches(OP3, PERIOD)
-    begins = [
-        "robot",
-        "action mode",
-        "rate",
-        "IMU frame",
-        "joints",
-        "gains",
-        "torque",
-        "home angles",
-        "speed",
-    ]
-    assert [line.split(":")[0] for line in mismatches] == begins
+    begins = ["robot", "action mode", "rate", "IMU frame", "joints", "gains", "torque"]
+    assert [line.split(":")[0] for line in mismatches] == [*begins, "home angles", "speed"]
+
+
+def test_what_is_no_contract_is_refused():
+    for text, message in (
+        *(("", "not JSON"), ("{", "not JSON"), ("[1]", "expected a JSON object")),
+        *(("{}", "format None, expected 5"), ('{"format": 1}', "format 1, expected 5")),
+    ):
+        with pytest.raises(ContractError, match=message):
+            PolicyContract.from_json(text)
 
 
 def test_gains_and_torques_may_differ_by_a_hundredth():
@@ -108,21 +104,6 @@ def test_a_robot_with_other_joints_is_refused_by_all_that_it_lacks():
     mismatches = "; ".join(CONTRACT.find_mismatches(load_robot("tests/robots/tiny"), PERIOD))
     for message in ("made for 'op3'", "it lacks l_hip, r_hip", "joint_pos[20]", "here gravity[3]"):
         assert message in mismatches
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "not JSON"),
-        ("{", "not JSON"),
-        ("[1]", "expected a JSON object"),
-        ("{}", "format None, expected 5"),
-        ('{"format": 1}', "format 1, expected 5"),
-    ],
-)
-def test_what_is_no_contract_is_refused(text: str, message: str):
-    with pytest.raises(ContractError, match=message):
-        PolicyContract.from_json(text)
 
 
 def test_all_that_is_missing_or_wrong_in_the_text_is_reported_at_once():

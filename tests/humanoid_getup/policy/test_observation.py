@@ -21,48 +21,43 @@ ACTION = build_action_spec(OP3, OP3.rising_joints, ("l_knee",))
 SIZE = sum(term.size for term in list_terms(OP3, ACTION))
 
 
-def sample_sensed(rng: np.random.Generator, *shape: int) -> Sensed:
-    return Sensed(
+def sample_terms(*shape: int) -> tuple:
+    """Sample what a policy senses, its targets, its last action and its torque share."""
+    rng = np.random.default_rng(0)
+    sensed = Sensed(
         gravity=rng.normal(size=(*shape, 3)),
         gyro=rng.normal(size=(*shape, 3)),
         joint_pos=rng.normal(size=(*shape, OP3.n)),
         joint_vel=rng.normal(size=(*shape, OP3.n)),
     )
-
-
-def observe_some(rng: np.random.Generator, *shape: int) -> np.ndarray:
     target, last = rng.normal(size=(*shape, OP3.n)), rng.normal(size=(*shape, ACTION.size))
-    return observe(OP3, sample_sensed(rng, *shape), target, last, rng.random((*shape, 1)))
+    return sensed, target, last, rng.random((*shape, 1))
 
 
 def test_one_robot_and_many_see_the_same():
-    rng = np.random.default_rng(0)
-    sensed = sample_sensed(rng, 5)
-    target, last = rng.normal(size=(5, OP3.n)), rng.normal(size=(5, ACTION.size))
-    share = rng.random((5, 1))
-    many = observe(OP3, sensed, target, last, share)
+    sensed, *others = sample_terms(5)
+    many = observe(OP3, sensed, *others)
     assert many.shape == (5, SIZE)
     assert many.dtype == np.float32
     for i in range(5):
-        one = Sensed(
-            gravity=sensed.gravity[i],
-            gyro=sensed.gyro[i],
-            joint_pos=sensed.joint_pos[i],
-            joint_vel=sensed.joint_vel[i],
-        )
-        assert np.array_equal(observe(OP3, one, target[i], last[i], share[i]), many[i])
+        one = Sensed(**{name: value[i] for name, value in vars(sensed).items()})
+        assert np.array_equal(observe(OP3, one, *(values[i] for values in others)), many[i])
 
 
-def test_a_torque_limit_is_observed_as_a_share_and_no_more_than_all():
+def test_mirroring_twice_changes_nothing():
+    mirror = mirror_of_observation(OP3, mirror_of_actions(OP3, ACTION))
+    seen = observe(OP3, *sample_terms(4))
+    assert len(mirror.index) == SIZE
+    assert not np.array_equal(mirror(seen), seen)
+    assert np.array_equal(mirror(mirror(seen)), seen)
+
+
+def test_a_torque_limit_is_observed_as_a_share_and_no_more_than_the_policy_asks_for():
     limits = np.array([2.05, 4.1, 9.0])
     assert compute_torque_share(OP3, ACTION, limits).tolist() == [[0.5], [1.0], [1.0]]
     assert compute_torque_share(OP3, ACTION, np.inf).tolist() == [1.0]
-
-
-def test_a_policy_that_asks_for_less_observes_no_more():
     gentle = replace(ACTION, pwm_limit=0.55)
-    limits = np.array([2.05, 4.1])
-    assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55]]
+    assert compute_torque_share(OP3, gentle, limits).tolist() == [[0.5], [0.55], [0.55]]
 
 
 def test_every_term_is_where_the_list_says():
@@ -80,16 +75,6 @@ def test_every_term_is_where_the_list_says():
     assert [len(part) for part in parts] == sizes
     for value, part in enumerate(parts, start=1):
         assert part == pytest.approx(np.full(len(part), value))
-
-
-def test_mirroring_twice_changes_nothing():
-    mirror, seen = (
-        mirror_of_observation(OP3, mirror_of_actions(OP3, ACTION)),
-        observe_some(np.random.default_rng(2), 4),
-    )
-    assert len(mirror.index) == SIZE
-    assert not np.array_equal(mirror(seen), seen)
-    assert np.array_equal(mirror(mirror(seen)), seen)
 
 
 def test_lying_on_one_side_is_the_mirror_of_lying_on_the_other(op3: Robot):

@@ -38,56 +38,35 @@ def begin(file: Path, robot: Robot, state: State | None = None, **options) -> On
     return policy
 
 
-def test_a_policy_that_fits_is_loaded(tiny: Robot, tmp_path: Path):
-    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", tiny), tiny, PERIOD)
-    assert policy.contract.provenance == {"seed": 0}
-    assert policy.action.names == ("l_hip together",)
-
-
 def test_every_mismatch_of_contract_and_network_is_reported_at_once(tiny: Robot, tmp_path: Path):
     contract = contract_of(tiny, robot="nao", mode="torque", imu_frame="askew").to_json()
     file = save_policy(tmp_path / "p.onnx", tiny, weight=np.zeros((5, 3)), contract=contract)
     with pytest.raises(PolicyError) as refusal:
         OnnxPolicy.load(file, tiny, 0.01)
-    assert [problem.split(":")[0] for problem in refusal.value.problems] == [
-        "robot",
-        "action mode",
-        "rate",
-        "IMU frame",
-        "network input",
-        "network output",
-    ]
+    begins = ["robot", "action mode", "rate", "IMU frame", "network input", "network output"]
+    assert [problem.split(":")[0] for problem in refusal.value.problems] == begins
     assert str(file) in str(refusal.value)
     assert all(problem in str(refusal.value) for problem in refusal.value.problems)
 
 
-@pytest.mark.parametrize("kept", [0.0, 0.3, 0.9])
-def test_a_truncated_file_is_refused(tiny: Robot, tmp_path: Path, kept: float):
-    file = save_policy(tmp_path / "p.onnx", tiny)
-    content = file.read_bytes()
-    file.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(PolicyError, match=r"not a complete ONNX file|no policy contract|damaged"):
-        OnnxPolicy.load(file, tiny, PERIOD)
+def test_a_file_that_holds_no_policy_is_refused(tiny: Robot, tmp_path: Path):
+    """Truncated, without a contract, with one that is none, with weights that are no numbers."""
+    content = save_policy(tmp_path / "p.onnx", tiny).read_bytes()
+    for share in (0.0, 0.3, 0.9):
+        (tmp_path / "p.onnx").write_bytes(content[: int(share * len(content))])
+        refuse(tmp_path, tiny, r"not a complete ONNX file|no policy contract|damaged")
+    save_policy(tmp_path / "p.onnx", tiny, contract=None)
+    refuse(tmp_path, tiny, "has no policy contract: export it with")
+    save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 5}')
+    refuse(tmp_path, tiny, r"robot is missing.*action is missing")
+    for value in (np.nan, np.inf):
+        save_policy(tmp_path / "p.onnx", tiny, weight=weights_of(tiny, gyro=value))
+        refuse(tmp_path, tiny, "returns NaN or infinity")
 
 
-def test_a_file_without_a_contract_is_refused(tiny: Robot, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", tiny, contract=None)
-    with pytest.raises(PolicyError, match="has no policy contract: export it with"):
-        OnnxPolicy.load(file, tiny, PERIOD)
-
-
-def test_a_contract_that_is_none_is_refused(tiny: Robot, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", tiny, contract='{"format": 5}')
-    with pytest.raises(PolicyError, match=r"robot is missing.*action is missing"):
-        OnnxPolicy.load(file, tiny, PERIOD)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_weights_that_are_no_numbers_are_refused(tiny: Robot, tmp_path: Path, value: float):
-    weight = weights_of(tiny, gyro=value)
-    file = save_policy(tmp_path / "p.onnx", tiny, weight=weight)
-    with pytest.raises(PolicyError, match="returns NaN or infinity"):
-        OnnxPolicy.load(file, tiny, PERIOD)
+def refuse(folder: Path, robot: Robot, message: str) -> None:
+    with pytest.raises(PolicyError, match=message):
+        OnnxPolicy.load(folder / "p.onnx", robot, PERIOD)
 
 
 def test_targets_move_evenly_from_one_decision_to_the_next(tiny: Robot, tmp_path: Path):
@@ -193,17 +172,15 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
             np.testing.assert_allclose(command.joint_pos, message[0, cycle], atol=1e-6)
 
 
-@pytest.mark.parametrize("limit", [1.0, 0.55])
-def test_a_gentle_policy_asks_its_servos_for_less_of_the_supply(
-    tiny: Robot, tmp_path: Path, limit: float
-):
-    contract = contract_of(tiny, pwm_limit=limit).to_json()
-    file = save_policy(tmp_path / "p.onnx", tiny, contract=contract)
-    policy = begin(file, tiny, torque_limit=4.1)
-    command = policy.step(state_of(tiny))
-    assert command.pwm_limit.tolist() == [limit, limit]
-    assert command.torque_limit.tolist() == [4.1, 4.1]
-    assert policy.observe(policy.sense(state_of(tiny)))[-1] == pytest.approx(limit)
+def test_a_gentle_policy_asks_its_servos_for_less_of_the_supply(tiny: Robot, tmp_path: Path):
+    for limit in (1.0, 0.55):
+        contract = contract_of(tiny, pwm_limit=limit).to_json()
+        file = save_policy(tmp_path / "p.onnx", tiny, contract=contract)
+        policy = begin(file, tiny, torque_limit=4.1)
+        command = policy.step(state_of(tiny))
+        assert command.pwm_limit.tolist() == [limit, limit]
+        assert command.torque_limit.tolist() == [4.1, 4.1]
+        assert policy.observe(policy.sense(state_of(tiny)))[-1] == pytest.approx(limit)
 
 
 def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(

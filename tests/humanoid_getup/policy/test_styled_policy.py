@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("onnx")
 
-from tiny_policies import save_policy, save_styled_policy, state_of
+from tiny_policies import save_styled_policy, state_of
 
 from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_file import CHECKSUM_ENTRY, seal_model
@@ -76,13 +76,6 @@ def test_what_it_remembers_is_what_it_observes_next(op3, tmp_path, monkeypatch):
     assert again[0] == pytest.approx([0.0, 0.0])  # a new rise begins without memory
 
 
-def test_a_second_rise_enters_its_curves_from_their_beginning(op3, tmp_path, monkeypatch):
-    policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
-    first = observe_all(policy, op3, monkeypatch, 30)
-    second = observe_all(policy, op3, monkeypatch, 30)
-    assert np.array_equal(first, second)
-
-
 def test_without_a_style_the_nearest_of_all_is_followed(op3, tmp_path):
     policy = OnnxPolicy.load(save_styled_policy(tmp_path / "p.onnx", op3), op3)
     assert policy.style.name == "any"
@@ -100,11 +93,6 @@ def test_a_memory_of_another_size_is_refused(op3, tmp_path: Path, memory: int):
     file.write_bytes(seal_model(spoilt.rpartition(CHECKSUM_ENTRY)[0]))
     with pytest.raises(PolicyError, match="memory"):
         OnnxPolicy.load(file, op3)
-
-
-def test_a_policy_without_style_has_no_guidance(op3, tmp_path):
-    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", op3), op3)
-    assert (policy.style, policy.guidance) == (None, None)
 
 
 def test_a_robot_that_stays_lying_begins_again_without_memory(op3, tmp_path, monkeypatch):

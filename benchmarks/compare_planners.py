@@ -10,10 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import tyro
-from path_planning.comparison import bench_planner
+from path_planning.comparison import SEARCH_FIGURES, bench_planner
 from path_planning.limited_checker import Budget
 from path_planning.planning_problems import OWN_PLANNERS, Planner
-from path_planning.table import SEARCH_FIGURES, write_results
+from script import write_results
 
 from humanoid_getup.cli.shared.console import counting
 from robots import load_robot

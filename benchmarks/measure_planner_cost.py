@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import tyro
+from path_planning.comparison import SEARCH_FIGURES
 from path_planning.cost import OBSTACLES, bench_planner_cost
 from path_planning.generic_humanoid import JOINT_COUNTS
 from path_planning.limited_checker import Budget
 from path_planning.plot import save_planner_cost
-from path_planning.table import SEARCH_FIGURES, write_results
+from script import write_results
 
 from humanoid_getup.cli.shared.console import counting
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from rise_in_scenes import SCENES
 from strips import get_up
 
 import humanoid_getup as hg
-from humanoid_getup.benchmarks.scenes import SCENES
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import load_scene
 

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from checked_driver import CheckedDriver
 
 import humanoid_getup as hg
 from drivers import Cycle, SafetyGuard
@@ -34,7 +35,6 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from humanoid_getup.benchmarks.checked_driver import CheckedDriver
 from humanoid_getup.execution.after_stand import AfterStand
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult

@@ -53,17 +53,7 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.replay_flight import replay_flight
     from humanoid_getup.jobs.requests.bench import (
         BenchAll,
-        BenchBodies,
-        BenchDisturbed,
-        BenchFaults,
-        BenchFilter,
-        BenchKill,
-        BenchMethods,
-        BenchMotions,
         BenchRise,
-        BenchScenes,
-        BenchSit,
-        BenchSoak,
     )
     from humanoid_getup.jobs.requests.learning import (
         EvaluateRequest,
@@ -101,10 +91,8 @@ if TYPE_CHECKING:
         ImportRequest,
     )
     from humanoid_getup.jobs.requests.style import ExtractRequest
-    from humanoid_getup.jobs.requests.sweep import SweepRequest
     from humanoid_getup.jobs.requests.watch import WatchRequest
     from humanoid_getup.jobs.retarget_motions import retarget
-    from humanoid_getup.jobs.sweep_designs import sweep
     from humanoid_getup.jobs.train_policy import export, train
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
@@ -125,17 +113,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BenchAll": "humanoid_getup.jobs.requests.bench",
-    "BenchBodies": "humanoid_getup.jobs.requests.bench",
-    "BenchDisturbed": "humanoid_getup.jobs.requests.bench",
-    "BenchFaults": "humanoid_getup.jobs.requests.bench",
-    "BenchFilter": "humanoid_getup.jobs.requests.bench",
-    "BenchKill": "humanoid_getup.jobs.requests.bench",
-    "BenchMethods": "humanoid_getup.jobs.requests.bench",
-    "BenchMotions": "humanoid_getup.jobs.requests.bench",
     "BenchRise": "humanoid_getup.jobs.requests.bench",
-    "BenchScenes": "humanoid_getup.jobs.requests.bench",
-    "BenchSit": "humanoid_getup.jobs.requests.bench",
-    "BenchSoak": "humanoid_getup.jobs.requests.bench",
     "Body": "robots.proportions",
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
     "CachedRise": "humanoid_getup.strategies.cache.cached_rise",
@@ -178,7 +156,6 @@ _HOMES = {
     "Style": "humanoid_getup.style.style",
     "StyleCurves": "humanoid_getup.style.curves",
     "StyledRise": "humanoid_getup.strategies.styled_rise",
-    "SweepRequest": "humanoid_getup.jobs.requests.sweep",
     "TorqueLimit": "robots.torque_limit",
     "TrainRequest": "humanoid_getup.jobs.requests.learning",
     "Twin": "drivers.twin.backend",
@@ -217,24 +194,13 @@ _HOMES = {
     "run_policy": "humanoid_getup.jobs.get_up.rise",
     "sample_fall": "humanoid_getup.experiments.starts.falls",
     "sit": "humanoid_getup.jobs.get_up.stand",
-    "sweep": "humanoid_getup.jobs.sweep_designs",
     "train": "humanoid_getup.jobs.train_policy",
     "watch": "humanoid_getup.jobs.get_up.watch",
 }
 
 __all__ = [
     "BenchAll",
-    "BenchBodies",
-    "BenchDisturbed",
-    "BenchFaults",
-    "BenchFilter",
-    "BenchKill",
-    "BenchMethods",
-    "BenchMotions",
     "BenchRise",
-    "BenchScenes",
-    "BenchSit",
-    "BenchSoak",
     "Body",
     "BuildRequest",
     "CachedRise",
@@ -277,7 +243,6 @@ __all__ = [
     "Style",
     "StyleCurves",
     "StyledRise",
-    "SweepRequest",
     "TorqueLimit",
     "TrainRequest",
     "Twin",
@@ -316,7 +281,6 @@ __all__ = [
     "run_policy",
     "sample_fall",
     "sit",
-    "sweep",
     "train",
     "watch",
 ]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
+from rise_in_scenes import list_scene_falls
 
-from humanoid_getup.benchmarks.scenes import sample_scene_falls
 from humanoid_getup.experiments.judging.summary import summarize, wilson_interval
 from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.simulation.world import World
 from path_planning.limited_checker import Budget
 from path_planning.planning_problems import (
     Planner,
@@ -21,6 +24,8 @@ from robots import Robot
 REFERENCE = "RRTConnect"
 """The planner beside which the others are timed."""
 ALL = "all"
+SEARCH_FIGURES = ("n", "found", "found_interval_95", "time_s", "checks_median")
+"""Figures of every search."""
 
 Records = list[dict[str, Any]]
 
@@ -52,10 +57,12 @@ def bench_planner(
     records: Records = []
     falls = dict.fromkeys(scenes, 0)
     for scene in scenes:
-        for group in sample_scene_falls(robot, scene, each, seed):
-            maker = ProblemMaker(group.world)
-            for fall in group.falls:
-                number, falls[scene] = falls[scene], falls[scene] + 1
+        lying = list_scene_falls(robot, scene, each, seed)
+        for ground, own in groupby(lying, lambda piece: piece.ground):
+            maker = ProblemMaker(World(robot, load_scene(scene, robot, ground)))
+            for piece in own:
+                fall, number = piece.fall, piece.number
+                falls[scene] += 1
                 goals = database.select(fall.posture, len(database.rising))
                 rng = np.random.default_rng([seed, 1, number])
                 problem = maker.pose_nearest(fall.posture, (g.posture for g in goals), rng)

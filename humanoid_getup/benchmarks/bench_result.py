@@ -11,7 +11,7 @@ from msgspec import UNSET, Struct, StructMeta, UnsetType
 
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.execution.result import RiseFigures, RiseResult
-from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary, SummarizedRise
+from humanoid_getup.experiments.judging.summary import RiseSummary, SummarizedRise
 from robots.servo import LimitMode
 
 Case = TypeVar("Case")
@@ -104,13 +104,6 @@ class RiseBench(BenchHead, frozen=True, kw_only=True):
     def table(self) -> Mapping[str, Any]:
         """Return the classes."""
         return self.classes
-
-
-class MethodSummary(RiseSummary, frozen=True, kw_only=True):
-    """Rises by one of several methods."""
-
-    hottest_after_ten_rises_c: Quantiles | UnsetType = UNSET
-    """Temperature of the hottest servo [°C]; unset where it is not measured."""
 
 
 class RefusableSummary(RiseSummary, frozen=True, kw_only=True):

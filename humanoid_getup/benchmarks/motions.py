@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
 from drivers import RunReport, SafetyGuard, Twin
-from humanoid_getup.benchmarks.bench_result import CaseBench
-from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.summary import wilson_interval
@@ -63,39 +59,6 @@ class MotionPiece:
     seed: int
     each: int
     """Disturbed plays."""
-
-
-RunMotions: TypeAlias = RunPieces[MotionPiece, MotionSummary]
-
-
-def bench_motions(
-    world: World,
-    motions: Sequence[Motion],
-    *,
-    seed: int,
-    each: int = 50,
-    report: Callable[[MotionSummary], object] = lambda _: None,
-    run: RunMotions | None = None,
-) -> CaseBench[MotionSummary]:
-    """Play each motion undisturbed, under falling torque limits, and ``each`` times disturbed.
-
-    Disturbed: start angles by 3 deg and the root by 5 deg (standard deviations),
-    friction 0.4 to 1.2, supply 11.0 to 12.6 V (uniform); through loop and guard on the twin.
-
-    Args:
-        world: Robot and scene.
-        motions: Motions of the robot.
-        seed: Of the disturbances.
-        each: Disturbed plays of each motion.
-        report: Called after each motion.
-        run: Measures the motions; None: one after another, here.
-    """
-    pieces = {
-        motion.name: MotionPiece(motion=motion, number=number, seed=seed, each=each)
-        for number, motion in enumerate(motions)
-    }
-    cases = collect(pieces, run or one_by_one(partial(measure_motion, world)), report)
-    return CaseBench(name="motions", seed=seed, n=each, robot=world.robot.name, cases=cases)
 
 
 def measure_motion(world: World, piece: MotionPiece, *, threads: int = 0) -> MotionSummary:

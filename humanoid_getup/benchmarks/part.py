@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import msgspec
 
 from humanoid_getup.benchmarks.bench_result import KeptRise, RefusableSummary
-from humanoid_getup.benchmarks.bodies.body_rise import BodyRises
 from humanoid_getup.benchmarks.motions import MotionSummary
 
 
@@ -30,7 +29,7 @@ class DisturbedRises(msgspec.Struct, frozen=True, kw_only=True):
 
 Step = Callable[[object], None]
 """Called after each step of a part, with its result."""
-PartResult = MethodRises | MotionSummary | DisturbedRises | BodyRises
+PartResult = MethodRises | MotionSummary | DisturbedRises
 
 
 @dataclass(frozen=True, kw_only=True)

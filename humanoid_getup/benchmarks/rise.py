@@ -1,4 +1,4 @@
-"""Rises from many falls: one strategy by class, or several strategies on the same falls."""
+"""Rises from many falls by one strategy."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from msgspec import UNSET, UnsetType, convert
+from msgspec import convert
 
 from drivers import Twin
 from humanoid_getup.benchmarks.bench_result import (
-    CaseBench,
     KeptRise,
     MeasuredRise,
-    MethodSummary,
     RiseBench,
 )
-from humanoid_getup.benchmarks.pieces import RunPieces, collect, one_by_one
+from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.judging.summary import RiseSummary, summarize
+from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
@@ -31,8 +29,6 @@ from humanoid_getup.strategies.planned_rise import PlannedRise
 
 BENCH_CLASSES = ("supine", "prone", "lateral")
 """Start classes of benchmarks; left and right count as one."""
-IN_A_ROW = 10  # rises whose heat adds up
-REST = 5.0  # s between them, torque off
 
 Report = Callable[[MeasuredRise], None]
 """Called after each rise, with its figures."""
@@ -49,21 +45,9 @@ class RisePiece:
     """Of all rises; each has its own generator by its number."""
     preflight: bool = True
     """Whether the preflight may refuse it."""
-    way: str | UnsetType = UNSET
-    """Name of the strategy, if several are compared."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeatPiece:
-    """Rises in a row by which the servos of one robot heat up, with a rest after each."""
-
-    falls: tuple[Fall, ...]
-    seed: int
-    way: str
 
 
 RunRises: TypeAlias = RunPieces[RisePiece, MeasuredRise]
-RunMethods: TypeAlias = RunPieces[RisePiece | HeatPiece, MeasuredRise | float]
 
 
 def bench_rise(
@@ -116,56 +100,6 @@ def summarize_classes(rises: Sequence[KeptRise], classes: Sequence[str]) -> dict
     }
 
 
-def bench_methods(
-    strategies: Mapping[str, Strategy],
-    *,
-    seed: int,
-    each: int,
-    heat: bool = True,
-    report: Report = lambda _: None,
-    run: RunMethods | None = None,
-) -> CaseBench[MethodSummary]:
-    """Get up from the same settled falls by several strategies, on the twin.
-
-    Args:
-        strategies: Strategies to compare, by name, for one world and one torque limit.
-        seed: Seed of the falls and the plans.
-        each: Falls of each of `BENCH_CLASSES`.
-        heat: Whether to measure how hot the servos become in ten rises in a row, too.
-        report: Called after each rise.
-        run: Does the pieces by equal strategies; None: one after another, here.
-    """
-    first = next(iter(strategies.values()))
-    falls = _sample(first.world, each, seed)
-    pieces = {
-        f"{name}: {number}": piece
-        for name in strategies
-        for number, piece in _list_method_pieces(falls, seed, name, heat=heat).items()
-    }
-
-    def end(result: MeasuredRise | float) -> None:
-        if isinstance(result, MeasuredRise):
-            report(result)
-
-    found = collect(pieces, run or one_by_one(partial(measure_method, strategies)), end)
-    cases: dict[str, MethodSummary] = {}
-    for name in strategies:
-        own = [found[key] for key, piece in pieces.items() if piece.way == name]
-        rises = [result for result in own if isinstance(result, MeasuredRise)]
-        hottest = summarize(result for result in own if isinstance(result, float))
-        cases[name] = MethodSummary.of(rises, hottest_after_ten_rises_c=hottest if heat else UNSET)
-    return CaseBench(
-        name="methods",
-        seed=seed,
-        n=len(falls),
-        robot=first.world.robot.name,
-        scene=first.world.scene.name,
-        torque_limit_nm=first.torque_limit.value,
-        limit_by=first.torque_limit.by,
-        cases=cases,
-    )
-
-
 def _sample(world: World, each: int, seed: int) -> list[Fall]:
     rng = np.random.default_rng(seed)
     return sample_falls(world, dict.fromkeys(BENCH_CLASSES, each), rng)
@@ -177,7 +111,6 @@ def list_pieces(
     *,
     classes: Sequence[str] = BENCH_CLASSES,
     preflight: bool = True,
-    way: str | UnsetType = UNSET,
 ) -> dict[str, RisePiece]:
     """List a rise from every fall; the falls are in the order of the classes, as many of each."""
     return {
@@ -187,7 +120,6 @@ def list_pieces(
             bench_class=classes[number * len(classes) // len(falls)],
             seed=seed,
             preflight=preflight,
-            way=way,
         )
         for number, fall in enumerate(falls)
     }
@@ -212,34 +144,10 @@ def rise_all(
     return [rises[name] for name in pieces]
 
 
-def _list_method_pieces(
-    falls: Sequence[Fall], seed: int, way: str, *, heat: bool
-) -> dict[str, RisePiece | HeatPiece]:
-    """List the rises of a method, and the rows of rises that heat its servos up."""
-    rows = range(0, len(falls) - IN_A_ROW + 1, IN_A_ROW) if heat else ()
-    return {
-        **list_pieces(falls, seed, way=way),
-        **{
-            f"heat {k}": HeatPiece(falls=tuple(falls[k : k + IN_A_ROW]), seed=seed, way=way)
-            for k in rows
-        },
-    }
-
-
-def measure_method(
-    strategies: Mapping[str, Strategy], piece: RisePiece | HeatPiece
-) -> MeasuredRise | float:
-    """Rise by the strategy of a piece; return its figures, or the hottest servo's temperature."""
-    strategy = strategies[str(piece.way)]
-    if isinstance(piece, HeatPiece):
-        return _heat_up(strategy, piece.falls, piece.seed)
-    return measure_rise(strategy, piece)
-
-
 def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:
-    """Rise on a fresh twin, by a method that may have a name."""
+    """Rise on a fresh twin."""
     rise = rise_from(strategy, piece.fall, piece.number, piece.seed, preflight=piece.preflight)
-    return MeasuredRise(**vars(rise.figures()), bench_class=piece.bench_class, way=piece.way)
+    return MeasuredRise(**vars(rise.figures()), bench_class=piece.bench_class)
 
 
 def rise_from(
@@ -260,21 +168,3 @@ def rise_once(
     """Try once to rise on a twin."""
     rng = np.random.default_rng(seed)
     return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
-
-
-def _heat_up(strategy: Strategy, falls: Sequence[Fall], seed: int) -> float:
-    """Rise and rest repeatedly; return the hottest servo's temperature at the end [°C]."""
-    twin = Twin(strategy.world)
-    simulation = twin.simulation
-    temperature = simulation.temperature.copy()
-    for number, fall in enumerate(falls):
-        twin.place(fall.posture)
-        simulation.temperature[:] = temperature
-        options = SessionOptions(start_class=fall.start_class)
-        rise_once(twin, strategy, [seed, 1, number], options)
-        simulation.release()
-        for _ in range(round(REST / twin.period)):
-            simulation.step(simulation.steps_per_period)
-            simulation.update_sensors(twin.period)
-        temperature = simulation.temperature.copy()
-    return float(temperature.max())

@@ -15,9 +15,14 @@ import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType, convert
 
-from humanoid_getup.benchmarks.bench_result import CaseBench, KeptRise, RefusableSummary
+from humanoid_getup.benchmarks.bench_result import (
+    CaseBench,
+    KeptRise,
+    MeasuredRise,
+    RefusableSummary,
+)
 from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
-from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays, bench_disturbed
+from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays
 from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
 from humanoid_getup.benchmarks.pieces import one_by_one
@@ -41,15 +46,7 @@ from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots.servo import LimitMode
 
-CASES = (
-    "nominal",
-    "friction 0.3",
-    "slope +5 deg",
-    "one servo at 60 %",
-    "mass +10 %",
-    "start 10 deg off",
-)
-"""Disturbances of the whole benchmark, which every robot permits."""
+CASES = tuple(DISTURBANCES)
 QUICK_CASES = CASES[:2]
 FEWER = 4  # times fewer falls of each class are disturbed
 PLAYED, DISTURBED = "motion ", "disturbed "
@@ -185,15 +182,15 @@ class Whole:
         each = -(-self.each // FEWER)
 
         def rise(case: str, report: Report) -> DisturbedRises:
-            result = bench_disturbed(
-                ways,
-                seed=self.seed,
-                each=each,
-                classes=self.falls.classes,
-                cases=(case,),
-                report=report,
-            )
-            return DisturbedRises(cases=result.cases)
+            counts = dict.fromkeys(self.falls.classes, each)
+            falls = sample_falls(self.world, counts, np.random.default_rng(self.seed))
+            rises = list[MeasuredRise]()
+            for number, fall in enumerate(falls):
+                changes = {case: DISTURBANCES[case]}
+                rises += ways.measure(fall, number, self.seed, changes)
+                for rise in rises[-len(ways.names) :]:
+                    report(rise)
+            return DisturbedRises(cases=RefusableSummary.table(rises, (case,), ways.names))
 
         by_name = {method.name: method.fingerprint for method in self.methods}
         for case in self.disturbances:

@@ -15,9 +15,10 @@ SECTIONS = {
         "doctor",
         "calibrate",
         "watch",
+        "health",
         "bus",
     ),
-    "look": ("studio", "replay", "log", "bench", "sweep"),
+    "look": ("studio", "replay", "log", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
 
@@ -145,62 +146,8 @@ COMMANDS = {
         "bench.bench_all",
         json=True,
     ),
-    "bench bodies": TableEntry(
-        "Measure the bodies of others beside what they publish.",
-        "requests.bench.BenchBodies",
-        "bench.bench_bodies",
-        json=True,
-    ),
     "bench rise": TableEntry(
         "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench_rise", json=True
-    ),
-    "bench methods": TableEntry(
-        "Compare plans and policies.",
-        "requests.bench.BenchMethods",
-        "bench.bench",
-        json=True,
-    ),
-    "bench disturbed": TableEntry(
-        "Rise in disturbed worlds.",
-        "requests.bench.BenchDisturbed",
-        "bench.bench",
-        json=True,
-    ),
-    "bench scenes": TableEntry(
-        "Rise in every scene.", "requests.bench.BenchScenes", "bench.bench", json=True
-    ),
-    "bench motions": TableEntry(
-        "Play every motion disturbed.",
-        "requests.bench.BenchMotions",
-        "bench.bench",
-        json=True,
-    ),
-    "bench sit": TableEntry(
-        "Sit and lie down from many stands.",
-        "requests.bench.BenchSit",
-        "bench.bench",
-        json=True,
-    ),
-    "bench filter": TableEntry(
-        "Time the filter's physics.", "requests.bench.BenchFilter", "bench.bench", json=True
-    ),
-    "bench faults": TableEntry(
-        "Inject faults during a rise.",
-        "requests.bench.BenchFaults",
-        "bench.bench",
-        json=True,
-    ),
-    "bench kill": TableEntry(
-        "Kill the program during a rise.", "requests.bench.BenchKill", "bench.bench", json=True
-    ),
-    "bench soak": TableEntry(
-        "Rise and fall for a long time.", "requests.bench.BenchSoak", "bench.bench", json=True
-    ),
-    "sweep": TableEntry(
-        "Get up with many designs, to see where one stops getting up.",
-        "requests.sweep.SweepRequest",
-        "sweep.sweep",
-        json=True,
     ),
     "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
@@ -268,6 +215,12 @@ COMMANDS = {
         "Show a limp robot while a person turns it by hand.",
         "requests.watch.WatchRequest",
         "watch.watch",
+        json=True,
+    ),
+    "health": TableEntry(
+        "Check the robot of a running program.",
+        "requests.health.HealthRequest",
+        "health.health",
         json=True,
     ),
     "plan-cache": TableEntry(

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from humanoid_getup.benchmarks import disturbed
 from humanoid_getup.benchmarks.part import MethodRises, Part, PartResult
 from humanoid_getup.benchmarks.rise_method import find_policies, list_methods
 from humanoid_getup.benchmarks.torque_cap import QUICK_SHARES, SHARES, make_caps
@@ -78,7 +77,7 @@ def measure_robot(
     monitor.begin("drawing")
     with staging(request.out, WHOLE_ARTEFACTS) as folder:
         pictures = _draw(whole, results, result, folder, monitor.begin)
-        result = replace(result, pictures=pictures)
+        result = replace(result, body=str(world.robot.body), pictures=pictures)
         write_atomically(folder / FIGURES, to_json(result))
         write_atomically(folder / PAGE, write_page(result))
     return result
@@ -118,7 +117,7 @@ def _load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
             name: make_strategy(world, name, torque_limit=full, threads=threads)
             for name in policies
         },
-        disturbances=disturbed.select(robot, QUICK_CASES if request.quick else CASES),
+        disturbances=QUICK_CASES if request.quick else CASES,
         seed=request.seed,
         each=request.each,
         threads=threads,

@@ -16,7 +16,7 @@ from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import hash_program
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.pieces.spreading import starting
-from humanoid_getup.jobs.requests.bench import PARTS, BenchAll, BenchBodies
+from humanoid_getup.jobs.requests.bench import PARTS, BenchAll
 from humanoid_getup.jobs.requests.shared import EngineOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
@@ -26,7 +26,7 @@ RESULT = "result"
 Results = dict[str, PartResult]
 
 
-def is_begun(request: BenchAll | BenchBodies) -> bool:
+def is_begun(request: BenchAll) -> bool:
     """Return whether there is a stored part of a benchmark."""
     return any((request.out / PARTS).glob("*.jsonl"))
 

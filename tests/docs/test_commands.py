@@ -34,7 +34,7 @@ def test_a_command_of_the_documentation_is_understood(line: str, page: str, op3:
             "docs/tutorial/first_connection.md",
             ("servo", "doctor", "calibrate", "rise"),
         ),
-        ("docs/how-to/train.md", ("train", "export", "eval", "bench")),
+        ("docs/how-to/train.md", ("train", "export", "eval")),
         ("docs/how-to/virtual_bus.md", ("bus", "servo", "doctor", "rise")),
     ],
 )

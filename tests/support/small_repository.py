@@ -8,11 +8,10 @@ import mujoco
 import numpy as np
 from small_humanoid import small_humanoid
 
-from humanoid_getup.benchmarks.bodies.published_body import PublishedBody
 from humanoid_getup.jobs.import_robot import import_robot
 from humanoid_getup.jobs.requests.robots import ImportRequest
 
-SMALL = PublishedBody(name="small", head_height=0.58, specialists=(0.25, 0.75, 0.5), unseen=(0.1,))
+NAME, PACKAGE = "small", "unified_humanoid_get_up_env"
 
 
 def add_sites(spec: mujoco.MjSpec) -> None:
@@ -32,27 +31,21 @@ class Repository:
     robots: Path
     model: mujoco.MjModel
 
-    def pickle_starts(self, count: int, seed: int = 0) -> np.ndarray:
-        """Write start states of random joints, on the back; return their positions (count, nq)."""
-        rng = np.random.default_rng(seed)
-        qpos = np.tile(self.model.qpos0, (count, 1))
-        qpos[:, 2] = 0.2
-        qpos[:, 3:7] = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]
-        qpos[:, 7:] = rng.uniform(-3.0, 3.0, (count, self.model.nq - 7))
-        path = SMALL.find_starts(self.folder)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        states = [[row.copy(), np.zeros(self.model.nu)] for row in qpos]
-        path.write_bytes(pickle.dumps(states, protocol=4))
-        return qpos
-
 
 def make_repository(folder: Path) -> Repository:
-    """Make it in a new folder, with the robot that is imported from it."""
-    path = SMALL.find_model(folder / "theirs")
+    """Make it in a new folder, with five starts on the back, and the robot imported from it."""
+    package = folder / "theirs" / PACKAGE
+    path = package / "mujoco_simulator" / "model" / f"{NAME}.xml"
     path.parent.mkdir(parents=True)
     path.write_text(small_humanoid(change=add_sites))
-    import_robot(ImportRequest(model=path, out=folder / "robots" / SMALL.name))
+    import_robot(ImportRequest(model=path, out=folder / "robots" / NAME))
     model = mujoco.MjModel.from_xml_path(str(path))
-    found = Repository(folder / "theirs", folder / "robots", model)
-    found.pickle_starts(5)
-    return found
+    qpos = np.tile(model.qpos0, (5, 1))
+    qpos[:, 2] = 0.2
+    qpos[:, 3:7] = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]
+    qpos[:, 7:] = np.random.default_rng(0).uniform(-3.0, 3.0, (5, model.nq - 7))
+    starts = package / "env" / NAME / "standup_initial_configurations.pkl"
+    starts.parent.mkdir(parents=True)
+    states = [[row.copy(), np.zeros(model.nu)] for row in qpos]
+    starts.write_bytes(pickle.dumps(states, protocol=4))
+    return Repository(folder / "theirs", folder / "robots", model)

@@ -7,17 +7,19 @@ import pytest
 from msgspec import convert
 
 from humanoid_getup.benchmarks.bench_result import RiseBench
-from humanoid_getup.benchmarks.motions import LIMITS, bench_motions, find_lowest_limit
-from humanoid_getup.benchmarks.rise import bench_methods, bench_rise
+from humanoid_getup.benchmarks.motions import (
+    LIMITS,
+    MotionPiece,
+    find_lowest_limit,
+    measure_motion,
+)
+from humanoid_getup.benchmarks.rise import bench_rise
 from humanoid_getup.cli.main import main
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from humanoid_getup.strategies.stored_motion import StoredMotion
-from robots import FULL_TORQUE
 
 
 @pytest.mark.slow
@@ -41,35 +43,13 @@ def check_classes(result):
         assert 0.0 <= low < high <= 1.0
 
 
-class NothingPlanned:
-    """A way of getting up that finds nothing to do."""
-
-    def __init__(self, world):
-        self.world, self.torque_limit = world, FULL_TORQUE
-
-    def plan(self, _start, _rng):
-        return RisePlan(status=RiseStatus.NOT_PLANNED)
-
-
-def test_ways_of_getting_up_are_compared_from_the_same_falls(world, one_motion):
-    seen = []
-    ways = {"motion": StoredMotion(world, one_motion), "nothing": NothingPlanned(world)}
-    result = bench_methods(ways, seed=4, each=1, report=seen.append)
-    assert result.n == 3
-    assert [r.way for r in seen] == ["motion"] * 3 + ["nothing"] * 3
-    assert [r.start_class for r in seen[:3]] == [r.start_class for r in seen[3:]]
-    assert result.cases["nothing"].stood == 0
-    assert result.cases["motion"].stood == sum(r.stood for r in seen[:3])
-
-
 @pytest.fixture
 def one_motion(op3):
     return next(m for m in load_database(op3).motions if m.name == "prone_push_up_gentle")
 
 
-def test_the_motions_benchmark_plays_and_disturbs(op3, world, one_motion):
-    result = bench_motions(world, [one_motion], seed=0, each=2)
-    case = result.cases[one_motion.name]
+def test_a_motion_is_played_and_disturbed(op3, world, one_motion):
+    case = measure_motion(world, MotionPiece(motion=one_motion, number=0, seed=0, each=2))
     assert case.succeeded
     assert case.disturbed_n == 2
     assert case.disturbed_succeeded == 2  # a gentle motion bears what is drawn from this seed

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 
 from drivers import Command, GuardLimits, SafetyGuard, State, Twin
-from humanoid_getup.benchmarks.world_change import WorldChange, disturb_start, disturb_world
+from humanoid_getup.benchmarks.disturbed import WorldChange
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_lying_down, load_database
@@ -242,8 +242,8 @@ def test_a_motion_that_ends_lying_is_not_balanced(op3: Robot, world: World):
 @pytest.mark.parametrize("slope", [-10.0, 12.0])
 def test_on_a_steep_slope_a_stand_lasts_only_with_balance(op3: Robot, world: World, slope: float):
     tilted = WorldChange(slope=math.radians(slope))
-    start = disturb_start(world, op3.standing, tilted, np.random.default_rng(0))
-    scene, held = disturb_world(world, tilted, 0.0), op3.standing.joint_pos
+    start = tilted.lay(world, op3.standing, np.random.default_rng(0))
+    scene, held = tilted.build_world(world, 0.0), op3.standing.joint_pos
 
     def stands(controller: MotionPlayer | Supervisor) -> bool:
         twin = Twin(scene, start)

@@ -1,1 +1,0 @@
-"""Benchmark over the bodies of others, from their start states and from falls."""

@@ -1,1 +1,0 @@
-"""Sweeps over designs: where does a robot stop getting up?"""

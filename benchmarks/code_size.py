@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import ast
 import inspect
-import os
+import re
 import resource
 import statistics
 import subprocess
 import sys
-import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -38,6 +38,22 @@ from robots.storage.files import write_atomically
 
 HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
+PLUGINS = "plugins"
+_HG = {
+    "application": ("cli", "jobs", "__init__.py", "library_environment.py"),
+    "studio": ("studio",),
+    "reporting, benchmarks": ("reporting", "benchmarks"),
+    "planning, filtering, strategies": ("planning", "filtering", "strategies"),
+    "posture_chains": ("posture_chains",),
+    "playback, execution": ("playback", "execution"),
+    "motions, clips, style": ("motions", "clips", "style"),
+    "policy": ("policy",),
+    "experiments, simulation, scenes": ("experiments", "simulation", "scenes"),
+    "engines, progress": ("engines", "progress"),
+    "robot_check, ros": ("robot_check", "ros"),
+}
+"""What the parts of the product hold, of its largest package."""
+PROSE = {"docs": "docs/**/*.md", "top": "*.md", "plugins": "plugins/*/*.md", "README": "README.md"}
 MOST_LISTED = 12  # files that a walk comes back to most often
 
 
@@ -49,13 +65,15 @@ class Options:
     """The checkout to count."""
     walks: bool = True
     """Trace the three walks as well."""
+    test: bool = False
+    """Run `make test` in the counted checkout and time it, what it installs included."""
     json: Path | None = None
     """Where figures are written."""
 
 
 def count(tree: Path) -> dict[str, Any]:
     """Count lines, files, folders, functions and documented names of a checkout."""
-    files = [file for name in PACKAGES for file in (tree / name).rglob("*.py")]
+    files = list_files(tree)
     texts = {file: file.read_text("utf-8").splitlines() for file in files}
     nodes = [node for text in texts.values() for node in ast.walk(ast.parse("\n".join(text)))]
     functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
@@ -65,12 +83,19 @@ def count(tree: Path) -> dict[str, Any]:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_")
     ]
     folders = Counter(file.parent for file in files if file.name != "__init__.py")
-    tests = (tree / "tests").rglob("*.py")
+    tests = [
+        file.read_text("utf-8")
+        for folder in ("tests", *(str(f.relative_to(tree)) for f in tree.glob("plugins/*/tests")))
+        for file in (tree / folder).rglob("*.py")
+    ]
     return {
         "files": len(files),
         "lines": sum(map(len, texts.values())),
         "lines_not_blank": sum(bool(line.strip()) for text in texts.values() for line in text),
-        "test_lines": sum(len(file.read_text("utf-8").splitlines()) for file in tests),
+        "test_lines": sum(len(text.splitlines()) for text in tests),
+        "test_functions": sum(len(re.findall(r"^ *def test_", text, re.M)) for text in tests),
+        "words": {name: count_words(tree, pattern) for name, pattern in PROSE.items()},
+        "parts": count_parts(tree, texts),
         "folders": len(folders),
         "files_of_largest_folder": max(folders.values()),
         "depth": max(len(file.relative_to(tree).parts) - 1 for file in files),
@@ -86,6 +111,40 @@ def count(tree: Path) -> dict[str, Any]:
             "\n".join(text).count("dict[str, Any]") for text in texts.values()
         ),
     }
+
+
+def list_files(tree: Path) -> list[Path]:
+    """List the files of Python that are installed, those of plugins included."""
+    packages = [file for name in PACKAGES for file in (tree / name).rglob("*.py")]
+    plugins = (tree / PLUGINS).rglob("*.py")
+    return packages + [file for file in plugins if "tests" not in file.relative_to(tree).parts]
+
+
+def count_words(tree: Path, pattern: str) -> int:
+    """Count the words of the documents that a pattern names."""
+    return sum(len(file.read_text("utf-8").split()) for file in tree.glob(pattern))
+
+
+def count_parts(tree: Path, texts: dict[Path, list[str]]) -> dict[str, int]:
+    """Count the lines of each part of the product."""
+    of_folder = {folder: part for part, folders in _HG.items() for folder in folders}
+    lines = Counter()
+    for file, text in texts.items():
+        package, below, *_ = file.relative_to(tree).parts
+        part = of_folder.get(below, package) if package == "humanoid_getup" else package
+        lines[part] += len(text)
+    return dict(lines)
+
+
+def time_tests(tree: Path) -> float:
+    """Run `make test` in a checkout; return how long it takes [s].
+
+    Raises:
+        subprocess.CalledProcessError: if a test fails.
+    """
+    begin = time.perf_counter()
+    subprocess.run(["make", "test"], cwd=tree, check=True)
+    return time.perf_counter() - begin
 
 
 def count_by_folder(tree: Path, texts: dict[Path, list[str]]) -> dict[str, int]:
@@ -177,10 +236,8 @@ def walk_through_rise() -> dict[str, Any]:
     """Trace `getup rise --from prone`: fall, plan, filter, preflight, play, judge."""
     from humanoid_getup.cli.main import main
 
-    with tempfile.TemporaryDirectory() as folder:  # a plan that is kept needs no search
-        os.environ["HUMANOID_GETUP_PLAN_CACHE"] = folder
-        with traced(HERE) as walk:
-            code = main(("rise", "--from", "prone"))
+    with traced(HERE) as walk:
+        code = main(("rise", "--from", "prone"))
     return walk | {"exit_code": code}
 
 
@@ -225,6 +282,8 @@ def main(options: Options) -> None:
             for name in ("--help", "robots")
         }
         cases |= {name: walk() for name, walk in WALKS.items()}
+    if options.test:
+        cases["make test"] = {"wall_s": time_tests(options.tree)}
     for name, case in cases.items():
         print(f"{name}:")
         for key, value in case.items():

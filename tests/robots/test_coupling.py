@@ -10,7 +10,6 @@ from spoiling import complaint, spoil
 from drivers import Command, GuardLimits, Twin
 from drivers.servo_units import ServoUnits
 from robots import Robot, load_robot
-from robots.body.statics import Statics
 from robots.drive import Drive
 from robots.transmission import Coupling, Transmission
 
@@ -168,15 +167,6 @@ def test_targets_lead_and_lag_by_the_servos_own_laws(coupled: Robot):
     assert coupled.compute_lag(speed) == pytest.approx(lag * speed)
 
 
-def test_a_squat_is_judged_by_the_torques_of_coupled_servos(tiny: Robot, coupled: Robot):
-    bent = np.array([0.4, 0.1])
-    alone = Statics(tiny).measure_torques(bent)
-    assert np.abs(alone).min() > 0.005
-    inverse = np.linalg.inv(np.array([[0.9, -0.5], [0.6, 0.7]]))
-    needed = inverse.T @ alone
-    assert Statics(coupled).measure_torques(bent) == pytest.approx(needed)
-
-
 def test_a_coupling_is_read_from_a_robots_file(own_robot, coupled: Robot):
     spoil(own_robot, "[standing]", DIFFERENTIAL + "\n[standing]")
     robot = load_robot(own_robot)
@@ -202,14 +192,6 @@ def test_a_coupling_is_read_from_a_robots_file(own_robot, coupled: Robot):
 def test_a_wrong_coupling_is_refused(own_robot, old, new, words):
     spoil(own_robot, "[standing]", DIFFERENTIAL.replace(old, new) + "\n[standing]")
     assert words in complaint(own_robot)
-
-
-def test_a_coupled_joint_has_its_gear_in_the_matrix(own_robot):
-    spoil(own_robot, "zero_ticks = 2048", "zero_ticks = 2048, gear = 1.5")
-    spoil(own_robot, "[standing]", DIFFERENTIAL + "\n[standing]")
-    assert "joint 'l_hip': gear is 1.5, expected none: it is in its coupling" in complaint(
-        own_robot
-    )
 
 
 @given(torque=PAIRS, velocity=PAIRS)

@@ -10,7 +10,6 @@ from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import (
     GravitySense,
-    center_of_mass,
     imu_in_torso,
     lowest_point,
     lowest_points,
@@ -58,12 +57,6 @@ def test_a_posture_comes_back_from_its_positions(op3: Robot, world: World, seed:
     assert back.joint_pos == pytest.approx(posture.joint_pos)
 
 
-def test_joints_beyond_their_limits_are_read_at_them(op3: Robot, world: World):
-    qpos = place(op3, world.model, op3.standing)
-    qpos[op3.layout(world.model).qpos] = op3.upper + 0.5
-    assert read_posture(op3, world.model, qpos).joint_pos == pytest.approx(op3.upper)
-
-
 @given(seed=SEEDS)
 def test_a_mirror_image_of_a_mirror_image_is_the_robot(op3: Robot, world: World, seed: int):
     qpos = place(op3, world.model, draw_posture(op3, np.random.default_rng(seed)))
@@ -94,19 +87,6 @@ def test_positions_go_from_one_model_to_another_and_back(op3: Robot, world: Worl
     assert site_positions(world.model, there, sole) == pytest.approx(
         site_positions(bare, qpos, sole)
     )
-
-
-def test_the_center_of_mass_is_that_of_all_bodies(op3: Robot, world: World):
-    model, rng = world.model, np.random.default_rng(0)
-    posture = draw_posture(op3, rng)
-    (found,) = center_of_mass(
-        op3, model, posture.position[None], posture.orientation[None], posture.joint_pos[None]
-    )
-    data = mujoco.MjData(model)
-    data.qpos[:] = place(op3, model, posture)
-    mujoco.mj_forward(model, data)
-    own = model.body_rootid == model.body(op3.torso).rootid
-    assert found == pytest.approx(np.average(data.xipos[own], axis=0, weights=model.body_mass[own]))
 
 
 def test_postures_are_placed_all_at_once_as_one_by_one(op3: Robot, world: World):

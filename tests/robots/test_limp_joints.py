@@ -8,9 +8,8 @@ import pytest
 from recording_backend import RecordingBackend
 from spoiling import complaint, spoil
 
-from drivers import Command, FaultKind, GuardLimits, SafetyGuard, Twin
+from drivers import Command, GuardLimits, SafetyGuard, Twin
 from drivers.servo_units import ServoUnits
-from drivers.state import HardwareError
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.motions.motion import Motion
@@ -40,11 +39,6 @@ def test_limp_joints_of_a_description_have_no_strength(own_robot: Path, tiny: Ro
     assert load_robot(own_robot).strength.tolist() == [1.0, 0.0]
 
 
-def test_an_unknown_limp_joint_is_reported(own_robot: Path):
-    spoil(own_robot, PERIOD, f'{PERIOD}\nlimp_joints = ["l_toe"]')
-    assert "limp_joints: unknown joint 'l_toe'" in complaint(own_robot)
-
-
 def test_a_coupled_joint_cannot_be_limp(own_robot: Path):
     spoil(own_robot, PERIOD, f'{PERIOD}\nlimp_joints = ["l_hip"]')
     rows = "[[couplings]]\njoints = ['l_hip', 'r_hip']\nmatrix = [[0.9, -0.5], [0.6, 0.7]]\n"
@@ -68,19 +62,6 @@ def test_the_guard_never_drives_a_limp_joint_and_counts_no_clip(
     assert sent.torque_limit[1] == limp.max_torque[1]
     assert sent.joint_pos[0] == 0.0, "its target is its measured angle"
     assert guard.clips.torque.tolist() == [0, 0]
-
-
-@pytest.mark.parametrize(("joint", "fault"), [(0, None), (1, FaultKind.SERVO_ERROR)])
-def test_errors_of_a_limp_servo_alone_are_no_fault(
-    limp: Robot, joint: int, fault: FaultKind | None
-):
-    backend = RecordingBackend(limp)
-    alert = np.zeros(2, dtype=int)
-    alert[joint] = HardwareError.OVERLOAD
-    backend.state = replace(backend.state, alert=alert)
-    with SafetyGuard(backend) as guard:
-        guard.write(Command.position(limp, np.zeros(2)))
-        assert (guard.fault and guard.fault.kind) == fault
 
 
 def test_twin_and_rollouts_agree_on_a_robot_with_a_limp_joint(limp_op3: Robot):

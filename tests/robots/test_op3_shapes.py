@@ -44,37 +44,6 @@ def test_shapes_overlap_where_the_meshes_do(world: World, mesh_world: World, op3
     assert np.sum((mesh > deep) & (own < clear)) <= 0.003 * SAMPLES
 
 
-def test_torso_ends_where_its_mesh_does(world: World, mesh_world: World):
-    """Support functions of the convex hulls: the planes that touch the torso from outside."""
-    rng = np.random.default_rng(0)
-    direction = rng.normal(size=(1000, 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    error = support(world, "body_link", direction) - support(mesh_world, "body_link", direction)
-    assert np.abs(error).mean() < 0.002  # 8.8 mm with a bounding box
-    assert error.min() > -0.006
-
-
-def support(world: World, link: str, direction: np.ndarray) -> np.ndarray:
-    """Measure how far a link reaches in each direction of its frame (N, 3) [m], (N,)."""
-    model = world.model
-    body, reach = model.body(link), np.full(len(direction), -np.inf)
-    for geom in range(body.geomadr[0], body.geomadr[0] + body.geomnum[0]):
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-        own = direction @ turn.reshape(3, 3)
-        size, kind = model.geom_size[geom], model.geom_type[geom]
-        if kind == mujoco.mjtGeom.mjGEOM_BOX:
-            far = np.abs(own) @ size
-        elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            far = size[0] + np.abs(own[:, 2]) * size[1]
-        else:
-            mesh = model.mesh(model.geom_dataid[geom])
-            first = mesh.vertadr[0]
-            far = (own @ model.mesh_vert[first : first + mesh.vertnum[0]].T).max(axis=1)
-        reach = np.maximum(reach, far + direction @ model.geom_pos[geom])
-    return reach
-
-
 def test_the_exchanged_shapes_are_the_only_difference(world: World, mesh_world: World):
     own, mesh = world.model, mesh_world.model
     np.testing.assert_array_equal(own.body_mass, mesh.body_mass)

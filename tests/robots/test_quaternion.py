@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from robots import quaternion
 
 numbers = st.floats(-1.0, 1.0)
-vectors = st.tuples(numbers, numbers, numbers).map(np.array)
 quaternions = (
     st.tuples(numbers, numbers, numbers, numbers)
     .filter(lambda q: np.linalg.norm(q) > 0.1)
@@ -25,19 +24,9 @@ def matrix(q):
     return R.reshape(3, 3)
 
 
-def same_rotation(p, q):
-    return quaternion.angle_between(p, q) == pytest.approx(0.0, abs=1e-6)
-
-
 @given(p=quaternions, q=quaternions)
 def test_products_are_those_of_matrices(p, q):
     assert matrix(quaternion.multiply(p, q)) == pytest.approx(matrix(p) @ matrix(q), abs=1e-9)
-
-
-@given(q=quaternions, v=vectors)
-def test_rotation_is_that_of_the_matrix(q, v):
-    assert quaternion.rotate(q, v) == pytest.approx(matrix(q) @ v, abs=1e-9)
-    assert quaternion.rotate(quaternion.inverse(q), v) == pytest.approx(matrix(q).T @ v, abs=1e-9)
 
 
 @given(p=quaternions, q=quaternions, t=st.floats(0.0, 1.0))
@@ -62,11 +51,6 @@ def test_gravity_and_tilt_do_not_know_the_yaw(q, yaw):
         quaternion.gravity_in_body(q), abs=1e-9
     )
     assert quaternion.tilt(q) == pytest.approx(math.acos(np.clip(matrix(q)[2, 2], -1, 1)), abs=1e-6)
-
-
-def test_a_quarter_turn_about_y_takes_z_to_x():
-    q = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), math.pi / 2)
-    assert quaternion.rotate(q, np.array([0.0, 0.0, 1.0])) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_many_quaternions_are_handled_as_one():

@@ -3,8 +3,6 @@
 import pytest
 from spoiling import complaint, spoil
 
-from robots import load_robot
-
 PERIOD = "control_period = 0.008"
 
 
@@ -12,18 +10,8 @@ def say(folder, value: str) -> None:
     spoil(folder, PERIOD, f"{PERIOD}\nrising_joints = {value}")
 
 
-def test_the_rising_joints_of_a_description_are_read(own_robot):
-    say(own_robot, '["r_hip"]')
-    assert load_robot(own_robot).rising_joints == ("r_hip",)
-
-
 def test_without_a_word_one_joint_of_each_pair_of_limbs_rises(tiny):
     assert tiny.rising_joints == ("l_hip",)
-
-
-def test_the_head_and_joints_without_a_pair_do_not_rise_by_themselves(own_robot):
-    spoil(own_robot, 'segment = "foot"', 'segment = "head"')
-    assert load_robot(own_robot).rising_joints == ()
 
 
 def test_op3_rises_by_six_pairs_and_spreads_its_legs(op3):
@@ -32,10 +20,6 @@ def test_op3_rises_by_six_pairs_and_spreads_its_legs(op3):
     assert len(rows) == 6
     assert {int(mirror[row]) for row in rows}.isdisjoint(rows)
     assert op3.spreading_joints == ("l_hip_roll",)
-
-
-def test_spreading_joints_are_none_unless_said(tiny):
-    assert tiny.spreading_joints == ()
 
 
 @pytest.mark.parametrize(
@@ -64,14 +48,4 @@ def test_wrong_spreading_joints_are_reported_with_what_is_expected(own_robot, va
 )
 def test_wrong_rising_joints_are_reported_with_what_is_expected(own_robot, value, words):
     say(own_robot, value)
-    assert words in complaint(own_robot)
-
-
-def test_a_joint_that_is_its_own_mirror_cannot_rise_as_a_pair(own_robot):
-    for name, mirror in (("l_hip", "r_hip"), ("r_hip", "l_hip")):
-        spoil(own_robot, f'mirror = "{mirror}"', f'mirror = "_{name}"')
-    for name in ("l_hip", "r_hip"):
-        spoil(own_robot, f'mirror = "_{name}"', f'mirror = "{name}"')
-    say(own_robot, '["l_hip"]')
-    words = "rising_joints: 'l_hip', expected one joint of a mirrored pair"
     assert words in complaint(own_robot)

@@ -1,7 +1,6 @@
 """Ticks and radians, and the servo's figures worked out by hand."""
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -44,35 +43,6 @@ def test_zero_ticks_are_angle_zero_and_the_sign_gives_the_direction(servo: Servo
 def test_a_wrong_servo_cannot_be_built(id: int, sign: int):
     with pytest.raises(ValueError, match="expected"):
         Servo(id=id, model=XM430, sign=sign, zero_ticks=2048)
-
-
-def test_position_mode_has_the_manuals_stiffness():
-    # P 800 / 128 = 6.25 PWM counts a tick of 885: full duty, 4.1 N·m, at 141.6 ticks or
-    # 0.21721 rad: 18.876 N·m/rad.
-    assert XM430.position_gain(800) == pytest.approx(18.876, abs=1e-3)
-
-
-def test_the_gain_divisor_of_a_type_divides_its_stiffness():
-    half = replace(XM430, gain_divisor=256)
-    assert half.position_gain(800) == pytest.approx(18.876 / 2, abs=1e-3)
-    assert half.damping_gain(100) == pytest.approx(XM430.damping_gain(100)), "D has its own"
-
-
-@pytest.mark.parametrize(
-    ("voltage", "is_accepted"),
-    [
-        (10.0, True),
-        (14.8, True),
-        (14.800000000000002, True),  # 14.8 V averaged over servos
-        (9.999999999999998, True),
-        (14.81, False),
-        (9.99, False),
-        (math.nan, False),
-        (math.inf, False),
-    ],
-)
-def test_a_supply_is_in_its_range_up_to_rounding(voltage: float, is_accepted: bool):
-    assert XM430.accepts_supply(voltage) == is_accepted
 
 
 def test_motor_constants_follow_from_the_datasheet():
@@ -154,13 +124,6 @@ def test_a_current_loop_keeps_its_stiffness_at_any_supply(op3):
     for by, stiffness in (("current", 1.8876), ("pwm", 1.8876 * 11.0 / 12.0)):
         drive = limit_servos(op3, 2.5, by)
         assert drive_torque(op3, drive, 11.0, 0.0, 0.1) == pytest.approx(stiffness, abs=1e-3)
-
-
-@pytest.mark.parametrize("by", ["current", "pwm", "ideal"])
-def test_no_limit_and_no_share_of_the_supply_are_torque_off(op3, by):
-    assert not limit_servos(op3, 0.0, by).torque.any()
-    assert not limit_servos(op3, 2.0, by, pwm_limit=0.0).torque.any()
-    assert np.array_equal(limit_servos(op3, 2.0, by, pwm_limit=0.2).pwm, np.full(op3.n, 177 / 885))
 
 
 def test_the_d_gain_replaces_the_damping_of_back_emf(op3):

@@ -19,14 +19,11 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, MAX_TILT, is_upright
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.motions.key_transfer import KeyTransfer
-from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.optimization import SWAY_TIME
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
-from robots.body.limbs import Limbs
 from robots.kinematics import place
 
 FACTS = SHARED / "robots" / "toddlerbot.json"
@@ -165,30 +162,6 @@ def test_its_stored_motions_end_in_a_held_stand(toddlerbot: Robot, name: str):
     assert stance.neck_height[0, 0] < 0.85 * toddlerbot.standing_neck_height
     held = round(HOLD_TIME / toddlerbot.control_period)
     assert is_upright(stance, toddlerbot)[0, -held:].all()
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_its_limbs_are_found_below_the_waist_and_by_the_joints_that_bend_them(toddlerbot, side):
-    limbs, names = Limbs(toddlerbot), toddlerbot.joint_names
-    by_name = {str(name): limb for name, limb in limbs.all.items()}
-    leg, arm = by_name[f"{side}_leg"], by_name[f"{side}_arm"]
-    assert names[leg.joints[0]] == f"{side}_hip_pitch"
-    assert (names[leg.middle], names[leg.end]) == (f"{side}_knee", f"{side}_ankle_pitch")
-    assert limbs.model.site(leg.sole).name == f"{side[0]}_sole"
-    assert len(arm.joints) == 7
-    assert names[arm.middle] == f"{side}_elbow_roll"  # elbow yaw only turns the forearm
-
-
-def test_keys_of_op3_may_use_as_much_torque_as_their_weight_needs(toddlerbot: Robot, op3: Robot):
-    keyframes = load_keyframes(op3.folder / KEYFRAMES, op3)[0]
-    transfer = KeyTransfer.between(op3, toddlerbot)
-    limit = transfer.transfer(keyframes).torque_limit
-    # OP3 has 3.15 kg and legs of 0.220 m, ToddlerBot 3.45 kg and 0.192 m.
-    assert limit == pytest.approx(
-        keyframes.torque_limit * 3.4536 * 0.1920 / (3.1475 * 0.2202), abs=0.01
-    )
-    strongest = KeyTransfer.between(op3, op3)
-    assert strongest.transfer(keyframes).torque_limit == keyframes.torque_limit
 
 
 def test_driver_and_twin_measure_one_path_of_the_waist(toddlerbot: Robot):

@@ -5,23 +5,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from spoiling import complaint, spoil
 
 from drivers import GuardLimits
 from drivers.servo_units import ServoUnits
-from robots import Robot, load_robot
+from robots import Robot
 from robots.drive import Drive
 from robots.transmission import Transmission
 
 GEARS = st.lists(st.floats(0.1, 10.0), min_size=2, max_size=2).map(np.array)
 PAIRS = st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=2).map(np.array)
-
-
-@given(gear=GEARS, torque=PAIRS, velocity=PAIRS)
-def test_power_is_the_same_on_both_sides(gear, torque, velocity):
-    transmission = Transmission(gear)
-    at_joint = transmission.torque_at_actuator(torque) * velocity
-    assert at_joint == pytest.approx(torque * transmission.to_servo(velocity))
 
 
 @given(gear=GEARS, angle=PAIRS, stiffness=PAIRS)
@@ -81,10 +73,3 @@ def test_a_torque_limit_of_the_guard_holds_at_the_servo(geared):
     assert limits.torque_limit == pytest.approx([2.4, 2.0 * 10 / 11])
     assert GuardLimits.of(geared).torque_limit == pytest.approx([4.1 * 1.2, 4.1 * 10 / 11])
     assert limits.max_velocity == pytest.approx([4.82 / 1.2, 4.82 * 1.1])
-
-
-def test_a_gear_is_read_and_a_wrong_one_refused(own_robot):
-    spoil(own_robot, "zero_ticks = 2048", "zero_ticks = 2048, gear = 1.5")
-    assert load_robot(own_robot).transmission.gear.tolist() == [1.5, 1.0]
-    spoil(own_robot, "gear = 1.5", "gear = -1.5")
-    assert "joint 'l_hip': gear is -1.5, expected 0.01 to 100" in complaint(own_robot)

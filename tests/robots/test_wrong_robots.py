@@ -109,14 +109,6 @@ def test_a_wrong_joint_is_named(own_robot, old, new, words):
     assert words in complaint(own_robot)
 
 
-@pytest.mark.parametrize("joints", ["joints = 3", "joints = []", "joints = [1, 2]", ""])
-def test_joints_that_are_no_tables_are_refused(own_robot, joints):
-    file = own_robot / "robot.toml"
-    head, _, rest = file.read_text("utf-8").partition("joints = [")
-    file.write_text(head + joints + "\n" + rest[rest.index("]") + 1 :], "utf-8")
-    assert "expected a list of tables, one for each joint" in complaint(own_robot)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -153,16 +145,6 @@ def test_a_joint_that_cannot_be_at_zero_must_be_named_in_the_stance(own_robot):
     spoil(own_robot, "[standing]\nl_hip = 0.0", "[standing]")
     words = "standing: joint 'l_hip' (not named, so 0) is +0.000 rad, expected [+0.175, +1.047] rad"
     assert words in complaint(own_robot)
-
-
-def test_an_angle_that_is_no_number_is_reported_once(own_robot):
-    spoil(own_robot, "[standing]\nl_hip = 0.0", '[standing]\nl_hip = "a"')
-    assert complaint(own_robot).count("standing") == 1
-
-
-def test_a_missing_model_is_reported(own_robot):
-    (own_robot / "model.xml").unlink()
-    assert f"{own_robot / 'model.xml'}: no such file" in complaint(own_robot)
 
 
 def test_all_that_is_wrong_is_reported_at_once(own_robot):
@@ -206,13 +188,6 @@ def test_all_that_is_wrong_is_reported_at_once(own_robot):
 def test_a_wrong_bus_is_reported_with_what_is_expected(own_robot, old, new, words):
     spoil(own_robot, old, new)
     assert words in complaint(own_robot)
-
-
-@pytest.mark.parametrize("ports", ["3", "{}"])
-def test_wrong_ports_are_reported_once(own_robot, ports):
-    spoil(own_robot, "baud = 1_000_000", f"baud = 57600\nports = {ports}")
-    message = f"bus.ports is {ports}, expected a table of port names and joints"
-    assert complaint(own_robot) == message
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,6 @@ def human_world() -> World:
     return World(load_robot("human"))
 
 
-def test_a_small_robot_is_searched_for_in_its_own_world(world: World):
-    assert coarsen(world) is world
-
-
 def test_a_big_one_has_longer_steps_and_no_dry_friction_there_alone(human_world: World):
     coarse = coarsen(human_world)
     assert coarse.model.opt.timestep == pytest.approx(0.01 / 3)

@@ -110,18 +110,6 @@ def test_assistance_changes_the_targets_and_only_a_little(rollouts):
     assert 0.001 < difference.max() < 0.8
 
 
-@pytest.mark.parametrize(("of_filter", "of_candidate"), [(1.0, 0.5), (0.5, 1.0), (2.0, 0.25)])
-def test_half_of_the_assistance_is_half_of_it(world, fall, rollouts, of_filter, of_candidate):
-    """In the first cycle, in which all robots are in the same state."""
-    _, candidates, results = rollouts
-    halves = [replace(candidates[0], assistance=share) for share in (of_candidate, 0.0)]
-    half, none = DynamicsFilter(world, assistance=of_filter).roll_out(fall, halves)
-    full, plain = results[0].target[0], results[1].target[0]
-    assert np.abs(full - plain).max() > 1e-4
-    np.testing.assert_allclose(half.target[0] - plain, 0.5 * (full - plain), atol=1e-9)
-    np.testing.assert_array_equal(none.target[0], plain)
-
-
 def test_targets_stand_still_from_the_end_of_the_reference_on(world, rollouts):
     """For a second: the virtual actuator has let go by then."""
     for one in nonempty(rollouts[2]):
@@ -209,11 +197,6 @@ def test_a_prone_fall_has_a_rollout_that_stands_and_survives_disturbance(fall, r
     assert dynamics_filter.check(fall, standing[0].target, np.random.default_rng(0)) >= 0.8
 
 
-def test_lying_still_is_no_stand(world, fall):
-    target = np.tile(fall.joint_pos, (50, 1))
-    assert DynamicsFilter(world).check(fall, target, np.random.default_rng(0)) == 0.0
-
-
 def test_joining_a_motion_begins_at_the_angles_and_ends_on_its_targets(database):
     motion = next(m for m in database.motions if m.start_class == "prone")
     frame = int(motion.entry_frames[len(motion.entry_frames) // 3])
@@ -254,14 +237,6 @@ def test_a_motion_that_slows_down_waits_for_its_servos(world, waiting):
     longest = LONGEST_STRETCH * plain.moving + 1
     assert 1.2 * plain.moving < slowed.moving <= longest
     assert lag[1] < lag[0]
-
-
-def test_a_motion_that_slows_down_visits_the_same_targets(waiting):
-    """Each of its targets lies between two neighbors of the motion at its own speed."""
-    plain, slowed = waiting
-    quick = plain.target[: plain.moving]
-    for target in nonempty(slowed.target[: slowed.moving : 25]):
-        assert np.abs(quick - target).max(axis=1).min() < 0.06
 
 
 def test_at_half_speed_every_second_target_is_in_the_middle_of_two(world, fall, database):

@@ -55,11 +55,6 @@ def test_a_straight_path_takes_the_time_of_its_fastest_joint(path):
     np.testing.assert_allclose(path.position[63], [0.2016, -0.1512, 0.1008])
 
 
-def test_a_straight_path_without_a_way_is_two_periods_long(op3):
-    path = straight_path(op3.standing, op3.standing, 1.0, PERIOD)
-    np.testing.assert_allclose(path.time, [0.0, PERIOD, 2 * PERIOD])
-
-
 @pytest.mark.parametrize(("tempo", "rows"), [(0.5, 251), (1.0, 126), (0.8, 157), (2.0, 63)])
 def test_another_tempo_is_the_same_way_in_another_time(path, tempo, rows):
     played = resample(path, tempo, PERIOD)
@@ -129,10 +124,3 @@ def test_the_center_of_mass_continues_where_the_path_ends(world, op3, path, moti
         np.testing.assert_allclose(reference.com[row + ahead], here[0])
     rest = len(reference.com) - row
     assert rest == len(motion.time) - frame
-
-
-def test_a_posture_of_a_path_is_its_row(path):
-    posture = path.posture(-1)
-    np.testing.assert_allclose(posture.position, [0.4, -0.3, 0.2])
-    np.testing.assert_array_equal(posture.joint_pos, path.joint_pos[-1])
-    np.testing.assert_array_equal(posture.orientation, path.orientation[-1])

@@ -59,19 +59,6 @@ def test_it_follows_its_targets_again_once_they_are_within_its_reach(op3):
     np.testing.assert_array_equal(yielding.ease(target, near, stance), np.zeros_like(near))
 
 
-@pytest.mark.parametrize("limit", [TorqueLimit(2.0, "pwm"), TorqueLimit(3.0, "current")])
-def test_below_its_stall_torque_a_servo_does_not_trip_and_does_not_yield(op3, limit):
-    _, _, target, sent = press(op3, limit)
-    np.testing.assert_array_equal(sent, target)
-
-
-@pytest.mark.parametrize("name", ["human", "wolfgang"])
-def test_servos_that_cannot_saturate_do_not_yield(name):
-    """The human's motors never trip; Wolfgang's supply has more voltage than its servos need."""
-    _, _, target, sent = press(load_robot(name))
-    np.testing.assert_array_equal(sent, target)
-
-
 @pytest.mark.parametrize(("by", "yields"), [("pwm", False), ("current", True)])
 def test_a_weak_supply_saturates_sooner_where_the_gain_does_not_shrink_with_it(op3, by, yields):
     weak = replace(op3, supply_voltage=0.9 * op3.supply_voltage)

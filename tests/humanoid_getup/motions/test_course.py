@@ -36,12 +36,6 @@ def test_a_course_that_plays_a_whole_motion_is_that_motion(op3: Robot, motion: M
     np.testing.assert_allclose(made.joint_target[-1], motion.joint_target[-1])
 
 
-def test_a_motion_ends_at_its_last_frame(op3: Robot, motion: Motion):
-    course = Course.at(motion.posture(10)).play(motion, 10, 30, op3.control_period)
-    assert len(course) == 21
-    np.testing.assert_allclose(course.joint_pos, motion.joint_pos[10:31], atol=1e-9)
-
-
 def test_a_rest_keeps_posture_and_load(op3: Robot, motion: Motion):
     before = Course.at(motion.posture(0)).play(motion, 0, 60, op3.control_period)
     assert np.abs(before.load).max() > 0.01
@@ -59,13 +53,6 @@ def test_a_path_that_is_followed_leads_by_the_lag_and_by_the_load(op3: Robot, pa
     lead = followed.joint_target[1:] - path.joint_pos[1:]
     lag = op3.compute_lag(np.full(op3.n, 0.1 / 0.2))
     np.testing.assert_allclose(lead, np.tile(0.05 + lag, (25, 1)))
-
-
-def test_a_path_of_one_posture_adds_nothing(op3: Robot, path: Trajectory):
-    still = Course.of(path)[:1].to_trajectory(op3.control_period)
-    course = Course.at(path.posture(0))
-    assert len(course.follow(still, op3)) == 1
-    np.testing.assert_array_equal(Course.tracking(still, op3).joint_target, still.joint_pos)
 
 
 def test_a_trajectory_of_a_course_has_its_rows_a_period_apart(op3: Robot, path: Trajectory):

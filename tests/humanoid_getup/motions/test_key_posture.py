@@ -1,7 +1,5 @@
 """Key postures: named by a file, or by a motion and a time."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mirror_images import mirror_posture
@@ -9,7 +7,6 @@ from mirror_images import mirror_posture
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion_database import find_motion
 from robots import Robot
-from robots.description.posture_file import format_posture
 
 
 @pytest.mark.parametrize(("time", "frame"), [(0.0, 0), (0.099, 12), (0.103, 13)])
@@ -25,11 +22,3 @@ def test_a_mirrored_motion_has_key_postures_too(op3: Robot):
         load_key(f"motions:lateral_side_sit{side}@1", op3).posture for side in ("", "_mirrored")
     )
     np.testing.assert_array_equal(mirror_posture(op3, left).joint_pos, right.joint_pos)
-
-
-def test_a_posture_file_is_a_key(op3: Robot, tmp_path: Path):
-    file = tmp_path / "key.json"
-    file.write_text(format_posture(op3.standing, op3))
-    key = load_key(str(file), op3)
-    assert key.name == str(file)
-    np.testing.assert_array_equal(key.posture.joint_pos, op3.standing.joint_pos)

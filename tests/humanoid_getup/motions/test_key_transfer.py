@@ -1,7 +1,6 @@
 """Key transfer: keys of OP3 for OP3 itself, and for OP3 under other names, orders and signs."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,17 +71,6 @@ def test_a_symmetric_motion_stays_symmetric(op3: Robot, renamed: Robot, keyframe
     assert renamed.mirror_joints(moved.keys) == pytest.approx(moved.keys, abs=1e-9)
 
 
-def test_mirrored_keys_become_mirrored_keys(op3: Robot, keyframes):
-    """Left and right are treated alike: mirror, then transfer, is transfer, then mirror."""
-    own = keyframes["lateral_side_sit"]
-    mirrored = replace(own, keys=op3.mirror_joints(own.keys))
-    transfer = KeyTransfer.between(op3, op3)
-    limbs, found = Limbs(op3), transfer.transfer(mirrored).keys
-    expected = op3.mirror_joints(transfer.transfer(own).keys)
-    errors = [measure_error(limbs, limbs, a, b) for a, b in zip(expected, found, strict=True)]
-    assert max(errors) < 2.0 * MOST
-
-
 @pytest.mark.parametrize("factor", [0.5, 1.0, 4.0])
 def test_times_grow_with_the_square_root_of_the_height(factor: float, op3: Robot, keyframes):
     tall = replace(op3, standing_neck_height=factor * op3.standing_neck_height)
@@ -90,12 +78,3 @@ def test_times_grow_with_the_square_root_of_the_height(factor: float, op3: Robot
     assert transfer.time_scale == pytest.approx(np.sqrt(factor))
     own = keyframes["squat_to_stand"]
     assert transfer.transfer(own).duration == pytest.approx(np.sqrt(factor) * own.duration)
-
-
-def test_keys_are_within_the_ranges_of_the_target(op3: Robot, keyframes, tmp_path: Path):
-    text = op3.model_file.read_text("utf-8").replace('range="-138 152"', 'range="-60 152"')
-    (tmp_path / "model.xml").write_text(text.replace('range="-152 138"', 'range="-152 60"'))
-    (tmp_path / "robot.toml").write_text((op3.folder / "robot.toml").read_text("utf-8"))
-    stiff = load_robot(tmp_path)
-    keys = KeyTransfer.between(op3, stiff).transfer(keyframes["prone_push_up_fast"]).keys
-    assert np.all((stiff.lower - 1e-9 <= keys) & (keys <= stiff.upper + 1e-9))

@@ -38,25 +38,6 @@ def test_both_bends_left_and_right_as_mirror_images(tmp_path, op3):
     assert np.degrees(first[op3.joint_names.index("l_knee")]) == pytest.approx(10.0)
 
 
-def test_equal_numbers_left_and_right_mean_equal_bending(tmp_path, op3):
-    second = _read(tmp_path, op3).keys[1]
-    # + bends either knee: the right joint turns the other way.
-    assert np.degrees(second[op3.joint_names.index("l_knee")]) == pytest.approx(40.0)
-    assert np.degrees(second[op3.joint_names.index("r_knee")]) == pytest.approx(-60.0)
-
-
-def test_what_a_key_leaves_out_stays(tmp_path, op3):
-    keys = _read(tmp_path, op3).keys
-    pan = op3.joint_names.index("head_pan")
-    assert keys[1, pan] == keys[0, pan] != 0.0
-
-
-def test_the_last_key_is_the_standing_posture(tmp_path, op3):
-    keyframes = _read(tmp_path, op3)
-    np.testing.assert_array_equal(keyframes.keys[-1], op3.standing.joint_pos)
-    assert keyframes.duration.tolist() == [0.5, 0.5]
-
-
 DOWN = """
 [[motions]]
 name = "down"
@@ -133,16 +114,6 @@ def test_an_improvement_keeps_first_and_last_key_and_symmetry(op3):
     assert not np.allclose(changed.keys[1:-1], symmetric.keys[1:-1])
 
 
-def test_op3_has_the_repertoire_it_claims(op3):
-    authored = load_robot_keyframes(op3)
-    classes = [c.start_class for c in authored]
-    assert classes.count("supine") >= 6
-    assert classes.count("prone") >= 4
-    assert classes.count("left") >= 4
-    assert classes.count("squat") == 1
-    assert len({c.name for c in authored}) == len(authored)
-
-
 def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
     wrong = TEXT.replace('"supine"', '"asleep"').replace("stand_after = 0.5", "stand_after = 0")
     wrong = wrong.replace("knee = 40", "nee = 40").replace("head_pan = 20", "head_pan = nan")
@@ -156,19 +127,6 @@ def test_all_that_is_wrong_is_reported_at_once(tmp_path, op3):
     ):
         assert message in str(refusal.value)
     assert str(refusal.value).isprintable()
-
-
-@pytest.mark.parametrize("text", ["", "motions = 3", "[[motions]", "[[motions]]"])
-def test_a_file_without_keyframes_is_refused(tmp_path, op3, text):
-    with pytest.raises(KeyframesError, match=r"keyframes\.toml: "):
-        _read(tmp_path, op3, text)
-
-
-def test_a_pair_may_be_named_by_its_left_joint(tmp_path, op3):
-    named = TEXT.replace("knee", "l_knee").replace("hip_roll", "l_hip_roll")
-    keyframes, same = _read(tmp_path, op3, named), _read(tmp_path, op3)
-    np.testing.assert_array_equal(keyframes.keys, same.keys)
-    np.testing.assert_array_equal(keyframes.free, same.free)
 
 
 @pytest.mark.parametrize("names", [("LHip", "RHip"), ("hip_left", "hip_right"), ("one", "two")])
@@ -207,11 +165,3 @@ def test_a_mistake_is_named_with_its_place(old, new, problem, tmp_path, op3):
     with pytest.raises(KeyframesError, match="motion") as refusal:
         _read(tmp_path, op3, spoiled(TEXT, old, new))
     assert problem in str(refusal.value)
-
-
-def test_two_motions_of_one_name_and_a_single_key_to_lie_down_are_refused(tmp_path, op3):
-    with pytest.raises(KeyframesError, match="motion 'wave' is there twice"):
-        _read(tmp_path, op3, TEXT + TEXT)
-    lone = DOWN.replace(DOWN[DOWN.index("keys") :], "keys = [{ }]\n")
-    with pytest.raises(KeyframesError, match="motion 'down': it has 1 key, expected 2 or more"):
-        _read(tmp_path, op3, lone)

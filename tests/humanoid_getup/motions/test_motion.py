@@ -1,13 +1,11 @@
 """A motion survives its file, and a damaged file is distinguished from a good one."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from humanoid_getup.motions.motion import KEYS, Motion
-from humanoid_getup.motions.motion_database import load_database
 from robots import load_robot, quaternion
 
 ROBOT = load_robot("op3")
@@ -61,11 +59,6 @@ def test_mirroring_twice_gives_the_motion_back():
     again = mirror.mirrored(ROBOT)
     for key in KEYS:
         np.testing.assert_array_equal(getattr(again, key), getattr(motion, key))
-
-
-def test_a_motion_without_entries_is_entered_at_its_start():
-    assert make(entry=np.zeros(FRAMES, dtype=bool)).entry_frames.tolist() == [0]
-    assert make().entry_frames.tolist() == [0, 2]
 
 
 def test_targets_are_interpolated_and_held_at_the_ends():
@@ -132,25 +125,3 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path, how: str):
     with pytest.raises(ValueError, match=r"m\.npz") as caught:
         Motion.load(path)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["", "../up", "/dev/full", "[/red]x", "a$b$", ".hidden", "a\nb"])
-def test_a_name_that_is_no_file_name_is_refused(op3, name):
-    motion = load_database(op3).motions[0]
-    with pytest.raises(ValueError, match=r"motion name .*: expected 1 to 100 letters"):
-        replace(motion, name=name)
-
-
-def test_a_motion_that_lasts_for_days_or_is_far_away_is_refused(op3):
-    motion = load_database(op3).motions[0]
-    with pytest.raises(ValueError, match=r"it lasts .* s, expected at most 120 s"):
-        replace(motion, time=motion.time * 1e6)
-    with pytest.raises(ValueError, match=r"position is .* m from the origin, expected at most"):
-        replace(motion, position=motion.position + 1e150)
-
-
-@pytest.mark.parametrize("stated", ["abc", -1e9, float("nan"), 0])
-def test_a_stand_time_that_is_no_time_is_unknown(op3, stated):
-    motion = load_database(op3).motions[0]
-    assert motion.stand_time == motion.provenance["stand_time_s"]
-    assert replace(motion, provenance={"stand_time_s": stated}).stand_time is None

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from mirror_images import mirror_posture
 
 from humanoid_getup.motions.posture_metric import (
-    SEGMENT_WEIGHT,
     PostureMetric,
     align,
     aligned_orientation_distance,
@@ -78,12 +77,6 @@ def test_no_yaw_of_a_fine_search_beats_the_closed_form():
         assert abs(np.angle(np.exp(1j * (yaws[tried.argmin()] - best)))) < 1e-3
 
 
-def test_the_logarithm_of_a_quarter_turn_is_a_quarter_of_pi():
-    # The logarithm of a unit quaternion has half the angle of its rotation.
-    quarter = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.pi / 2)
-    assert abs(aligned_orientation_distance(quaternion.IDENTITY, quarter) - np.pi / 4) < 1e-12
-
-
 def test_the_distance_worked_out_by_hand():
     # Knee (weight 1) off by 0.3, head pan (0.5) by 0.4, tilted by 0.2 rad:
     # 5 * 0.1 + sqrt(0.3^2 + 0.5 * 0.4^2) = 0.5 + sqrt(0.17)
@@ -117,9 +110,3 @@ def test_an_aligned_posture_is_turned_by_the_best_yaw_and_keeps_its_height(seed:
     left = 0.5 * quaternion.angle_between(a.orientation, aligned.orientation)
     assert abs(left - aligned_orientation_distance(a.orientation, b.orientation)) < 1e-9
     np.testing.assert_allclose(aligned.gravity_b, b.gravity_b, atol=1e-9)
-
-
-def test_segments_that_the_op3_lacks_weigh_what_the_paper_says():
-    """[Lin12], section 5."""
-    names = ("wrist", "hand", "finger", "thumb", "toes")
-    assert [SEGMENT_WEIGHT[name] for name in names] == [0.5, 0.3, 0.1, 0.1, 0.1]

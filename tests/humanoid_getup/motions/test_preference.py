@@ -1,5 +1,4 @@
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,12 +8,10 @@ from hypothesis import strategies as st
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome
 from humanoid_getup.experiments.rollouts.play import Experiment, play
-from humanoid_getup.jobs.requests.shared import Prefer, PreferenceOptions
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.preference import PREFERENCE_NAMES, Preference
 from humanoid_getup.simulation.domain_parameters import DomainParameters
-from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots.kinematics import place
 
 FIGURES = ("stand_time", "peak_torque", "rms_torque", "neck_delta_v", "overlap")
@@ -70,21 +67,6 @@ def test_touching_itself_firmly_costs_a_second(name):
     free, firm = (make_figures(3.0, 4.0, 0.5, 0.3, share * DEEP_OVERLAP) for share in (0.9, 1.1))
     assert preference.cost(firm)[0] > preference.cost(free)[0] + 0.99
     assert (free.collides[0], firm.collides[0]) == (False, True)
-
-
-def test_a_rise_that_does_not_stand_has_no_cost():
-    assert np.isnan(Preference.of("torque").cost(make_figures(np.nan, 1.0, 1.0, 1.0, 0.0)))[0]
-
-
-def test_an_unknown_preference_is_refused():
-    with pytest.raises(ValueError, match=r"'luck', expected one of time, torque, impact, robus"):
-        Preference.of("luck")  # pyright: ignore[reportArgumentType]
-
-
-def test_the_command_line_knows_every_preference_and_the_planners_budget():
-    """It repeats both, so that `getup --help` need not import the planner."""
-    assert get_args(Prefer) == PREFERENCE_NAMES
-    assert PreferenceOptions().search_budget == SEARCH_BUDGET
 
 
 def test_a_rollout_and_a_disturbed_one_have_the_same_figures(world, op3):

@@ -7,11 +7,11 @@ import pytest
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database
-from humanoid_getup.motions.retargeting import BODY, MOST_OVERLAP, Retargeting, adapt, name_body
+from humanoid_getup.motions.retargeting import BODY, MOST_OVERLAP, Retargeting
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Body, Robot, reshape
-from robots.kinematics import lowest_point, lowest_points, place, place_postures
+from robots.kinematics import lowest_points, place, place_postures
 
 
 @pytest.fixture(scope="module")
@@ -75,29 +75,3 @@ def test_the_database_of_another_body_has_all_motions(op3: Robot, long: Robot):
     assert {m.provenance[BODY] for m in after.motions} == {"arms=1.6"}
     # Ten entry postures reach too deep into the longer arms.
     assert len(before) - len(after) == 10
-
-
-def test_a_motion_file_is_adapted_once(op3: Robot, long: Robot, squat: Motion, tmp_path):
-    adapted = adapt(squat, long)
-    adapted.save(tmp_path / "squat.npz")
-    again = find_motion(long, str(tmp_path / "squat.npz"))
-    assert np.array_equal(again.position, adapted.position)
-    assert name_body(op3) == {}
-    assert adapt(squat, op3) is squat
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"), [("", "expected the original"), ("legs=1.2", "'legs=1.2' or the orig")]
-)
-def test_a_motion_of_a_third_body_is_refused(op3, long, squat, text, expected):
-    adapted = adapt(squat, long)
-    with pytest.raises(ValueError, match=f"was made for the body 'arms=1.6', .*{expected}"):
-        adapt(adapted, reshape(op3, Body.parse(text)))
-
-
-def test_lowest_points_of_many_postures_are_those_of_each(world: World, squat: Motion):
-    qpos = place_postures(
-        world.robot, world.model, squat.position, squat.orientation, squat.joint_pos
-    )[::50]
-    each = [lowest_point(world.model, row) for row in qpos]
-    assert np.array_equal(lowest_points(world.model, qpos), each)

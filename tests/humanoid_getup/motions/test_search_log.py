@@ -11,7 +11,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions import optimization
 from humanoid_getup.motions.build import make_task, settle
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.optimization import TrajectoryOptimizer, count_work
+from humanoid_getup.motions.optimization import TrajectoryOptimizer
 from humanoid_getup.motions.search_log import POPULATION, SearchLog
 from humanoid_getup.simulation.world import World
 from robots import Robot
@@ -125,15 +125,3 @@ def test_a_damaged_log_is_refused_in_one_line(text: str, keyframes, tiny, tmp_pa
     with pytest.raises(ValueError, match=r"bow\.json: ") as refusal:
         SearchLog.resume(tmp_path / "bow.json", make_task(tiny, keyframes, 7, None))
     assert "\n" not in str(refusal.value)
-
-
-def test_a_log_with_a_wrong_population_is_refused(keyframes, tiny, tmp_path: Path):
-    path, task = tmp_path / "bow.json", make_task(tiny, keyframes, 7, None)
-    SearchLog.begin(path, task).add(np.ones(POPULATION - 1), 0.5)
-    with pytest.raises(ValueError, match="has 13 costs, expected 14"):
-        SearchLog.resume(path, task)
-
-
-def test_what_is_done_is_no_work():
-    assert count_work(20, done=5) == count_work(20) - 5
-    assert count_work(5, done=9) > 0  # the finalists are judged again

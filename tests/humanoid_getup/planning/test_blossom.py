@@ -27,8 +27,3 @@ def test_around_the_way_each_direction_is_within_the_span():
     largest = np.arctan2(np.tan(SPAN), 1.0 - np.tan(SPAN))
     assert angle[0] == 0.0
     assert 0.5 * SPAN < np.abs(angle).max() <= largest
-
-
-def test_without_a_way_it_stays():
-    steps = blossom(np.ones(2), np.zeros(2), 1.0, 3, np.random.default_rng(0))
-    assert steps.tolist() == [[1.0, 1.0]] * 3

@@ -56,11 +56,6 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     return max(half, float(np.abs(one[4:] - other[4:]).max()))
 
 
-def test_it_begins_and_ends_as_the_path_does(part: PartialProblem, path: list[np.ndarray]):
-    assert part.start.tolist() == [0.0, *path[0][4 + JOINTS]]
-    assert part.goal.tolist() == [1.0, *path[-1][4 + JOINTS]]
-
-
 def test_a_straight_way_of_limbs_that_go_with_the_path_is_the_path(
     part: PartialProblem, path: list[np.ndarray]
 ):
@@ -132,10 +127,3 @@ def test_an_edge_fails_if_any_posture_on_it_does(part: PartialProblem, whole: Po
         found.append(part.fails(a, b))
         assert found[-1] == any(not whole.checker.is_free(posture) for posture in on_it)
     assert set(found) == {True, False}
-
-
-def test_a_path_along_which_nothing_moves_still_has_a_length(whole: PostureProblem, path):
-    still = PartialProblem(whole, [path[0], path[0], path[0]], JOINTS)
-    away = still.start + np.array([0.5, 0.0, 0.0])
-    assert still.distance(away[None], still.start)[0] == pytest.approx(0.5 * LEAST_LENGTH)
-    assert apart(still.interpolate(still.start, still.goal, 0.1)[-1], path[0]) < 1e-9

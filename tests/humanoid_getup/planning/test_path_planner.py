@@ -17,8 +17,8 @@ from humanoid_getup.planning.path_planner import (
     PathResult,
     plan_path,
 )
-from humanoid_getup.planning.posture_space import PostureProblem, to_node
-from humanoid_getup.planning.refinement import MARGIN, SPACING, merge, refine, repair
+from humanoid_getup.planning.posture_space import PostureProblem
+from humanoid_getup.planning.refinement import MARGIN, SPACING, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.planning.shortcut import length, shorten
 from humanoid_getup.scenes.obstacle import make_capsule
@@ -252,13 +252,6 @@ def test_only_what_is_illegal_is_replanned(
     assert repaired > 2
 
 
-def test_segments_close_in_time_are_merged():
-    # 100 nodes; edges 10 and 12 (with a margin of 2 nodes each) and edge 50.
-    assert merge(np.array([10, 12, 50]), 2, 100) == [(8, 15), (48, 53)]
-    assert merge(np.array([0, 98]), 2, 100) == [(0, 3), (96, 99)]
-    assert merge(np.array([], dtype=int), 2, 100) == []
-
-
 def test_a_shorter_path_is_still_free(
     checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
 ):
@@ -317,9 +310,3 @@ def test_arms_swing_around_a_beam_that_bars_their_way(goals: list[Posture]):
     # The detour moves joints that a straight path would leave alone.
     moved = np.ptp(plan.trajectory.joint_pos, axis=0) > 0.01
     assert np.any(moved & (start.joint_pos == goal.joint_pos))
-
-
-def test_a_node_is_a_posture_without_its_place(starts: list[Posture]):
-    node = to_node(starts[0])
-    np.testing.assert_array_equal(node[:4], starts[0].orientation)
-    np.testing.assert_array_equal(node[4:], starts[0].joint_pos)

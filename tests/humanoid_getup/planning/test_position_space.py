@@ -56,11 +56,3 @@ def test_a_position_steps_five_centimeters_straight_and_around(positions):
 )
 def test_the_root_stays_above_the_ground_and_outside_obstacles(positions, position, fails):
     assert positions.fails(np.zeros(3), np.array(position)) == fails
-
-
-def test_positions_are_a_step_apart_at_five_centimeters(positions):
-    a = np.array([0.1, 0.2, 0.3])
-    assert positions.is_within_step(a, a + np.array([0.03, 0.0, 0.0399]))
-    assert not positions.is_within_step(a, a + np.array([0.03, 0.0, 0.0401]))
-    nodes = np.array([a, a + np.array([3.0, 4.0, 0.0])])
-    assert positions.distance(nodes, a) == pytest.approx([0.0, 5.0])

@@ -10,7 +10,6 @@ from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.posture_space import (
     RESOLUTION,
     PostureProblem,
-    to_node,
 )
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, load_robot, quaternion
@@ -146,15 +145,6 @@ def test_what_has_its_goal_value_is_held_and_the_other_continues(problem):
         assert np.all(np.abs(steps[:, :4] - bent[:4]).max(axis=1) > 0.01)
 
 
-def test_a_way_from_a_posture_to_itself_stays_there(problem):
-    rng = np.random.default_rng(0)
-    for _ in range(100):
-        here = problem.sample(rng)
-        here[:4] = quaternion.normalize(rng.normal(size=4))
-        for found in (problem.blend(here, here, np.array([0.5])), problem.interpolate(here, here)):
-            np.testing.assert_allclose(found, here[None], atol=1e-12)
-
-
 def test_a_posture_below_the_ground_is_lifted_onto_it():
     checker = CollisionChecker(ROBOT, FLAT)
     low = PATH - np.array([0.0, 0.0, 0.05])
@@ -166,12 +156,6 @@ def test_a_posture_below_the_ground_is_lifted_onto_it():
     qpos = place_postures(ROBOT, model, *np.split(configuration, [3, 7]))
     assert lowest_point(model, qpos) == pytest.approx(0.0, abs=0.004)
     np.testing.assert_array_equal(configuration[3:7], quaternion.IDENTITY)
-
-
-def test_a_step_leads_no_further_than_its_target(problem):
-    rng, target = np.random.default_rng(0), node(0.2, 0.05)
-    step = problem.steer(problem.start, target, problem.goal, 1, rng)[0]
-    np.testing.assert_array_equal(step, target)
 
 
 def test_the_checks_along_an_edge_are_no_further_apart_than_the_resolution(problem):
@@ -258,13 +242,3 @@ def test_an_edge_fails_wherever_on_it_the_robot_collides(problem):
         passed += all(free)
     assert hidden
     assert passed
-
-
-def test_a_node_is_orientation_and_angles_in_a_row(problem):
-    assert to_node(GOAL).tolist() == [*QUARTER, *GOAL.joint_pos]
-    position, orientation, joint_pos = np.split(
-        problem.configurations(problem.start[None])[0], [3, 7]
-    )
-    np.testing.assert_array_equal(joint_pos, START.joint_pos)
-    np.testing.assert_array_equal(orientation, START.orientation)
-    np.testing.assert_allclose(position[:2], START.position[:2], atol=1e-9)

@@ -99,18 +99,6 @@ def test_the_budget_is_kept_and_named():
     assert "the budget is 200" in result.reason
 
 
-def test_an_open_way_is_taken_straight():
-    result = search(Plane([]), START, GOAL, np.random.default_rng(0), OPTIONS)
-    np.testing.assert_allclose(
-        sum(np.linalg.norm(b - a) for a, b in pairwise(result.path)), np.linalg.norm(GOAL - START)
-    )
-
-
-def test_start_and_goal_within_a_step_need_no_search():
-    result = search(Plane([]), START, START + 0.01, np.random.default_rng(0), OPTIONS)
-    assert (result.status, result.nodes, result.edges) == (SearchStatus.SOLVED, 2, 0)
-
-
 def test_the_same_seed_finds_the_same_path():
     paths = [search(Plane(TRAP), START, GOAL, np.random.default_rng(4)).path for _ in range(2)]
     np.testing.assert_array_equal(paths[0], paths[1])

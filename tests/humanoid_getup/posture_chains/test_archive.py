@@ -23,14 +23,6 @@ def test_a_cell_keeps_the_shorter_chain_to_a_state_that_is_as_far():
     assert not archive.wants(make_state(0.4, depth=1))
 
 
-def test_downwards_the_lower_state_is_ahead():
-    archive = Archive(downwards=True)
-    archive.add(make_state(0.5))
-    assert not archive.wants(make_state(0.6))
-    assert archive.add(low := make_state(0.4))
-    assert archive.best is low
-
-
 def test_states_that_are_ahead_are_drawn_more_often_and_those_drawn_often_less():
     archive, rng = Archive(), np.random.default_rng(0)
     states = [make_state(k / 40, cell=(k,)) for k in range(40)]
@@ -41,13 +33,3 @@ def test_states_that_are_ahead_are_drawn_more_often_and_those_drawn_often_less()
     assert sum(counts[-8:]) > 2 * sum(counts[:8])
     later = archive.draw(400, rng)
     assert sum(s in states[-8:] for s in later) < sum(counts[-8:])
-
-
-def test_a_state_that_replaces_another_has_not_been_drawn():
-    archive, rng = Archive(), np.random.default_rng(0)
-    archive.add(make_state(0.5, cell=(1,)))
-    archive.add(other := make_state(0.5, cell=(2,)))
-    archive.draw(1000, rng)
-    archive.add(better := make_state(0.9, cell=(1,)))
-    drawn = archive.draw(200, rng)
-    assert sum(s is better for s in drawn) > sum(s is other for s in drawn)

@@ -87,10 +87,6 @@ def test_a_crawl_ends_before_a_servo_has_all_its_torque_for_long(
     assert shorter.distance < AHEAD
 
 
-def test_without_time_for_a_move_there_is_no_crawl(world: World, start: Posture):
-    assert search(world, start, budget=0.0) is None
-
-
 def test_a_crawl_that_is_played_has_the_place_and_heading_of_its_rollout(
     world: World, start: Posture, crawl: Crawl
 ):

@@ -62,14 +62,6 @@ def run(discovery: ChainDiscovery, rounds: int) -> list[str]:
     return [made.failure for _ in range(rounds) for _, made in discovery.advance()]
 
 
-def test_a_side_is_done_with_so_many_motions(begin: Begin):
-    discovery = begin("supine_sit_up_fast")
-    assert not discovery.is_done
-    assert run(discovery, 3) == [""]
-    assert discovery.is_done
-    assert [motion.name for motion in discovery.sides[0].kept] == ["supine_found_1"]
-
-
 def test_a_kept_motion_is_a_way_up_for_the_other_sides(begin: Begin):
     discovery = begin("supine_sit_up_gentle")
     before = set(discovery.tools.ways_up)
@@ -86,13 +78,6 @@ def test_a_second_motion_takes_another_way(begin: Begin):
         "supine_found_1",
         "supine_found_2",
     ]
-
-
-def test_mirror_images_are_one_way(begin: Begin):
-    names = ("supine_roll_over", "supine_roll_over_mirrored", "supine_roll_over")
-    discovery = begin(*names, most=2)
-    assert run(discovery, 5) == ["", *["takes the way of 'supine_found_1'"] * 2]
-    assert discovery.is_done  # two of one way: there is no other in sight
 
 
 def test_before_a_motion_is_made_it_is_announced(begin: Begin):

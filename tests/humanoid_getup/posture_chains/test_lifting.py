@@ -17,10 +17,6 @@ def moves(world: World) -> RandomMoves:
     return RandomMoves(world.robot, np.random.default_rng(0))
 
 
-def test_servos_that_lift_the_robot_are_no_finding(world: World, moves: RandomMoves):
-    assert check_lifting(world, moves, 1.0, FULL_TORQUE) is None
-
-
 def test_the_least_torque_with_which_it_rises_is_near_that_of_the_strained_joint(
     world: World, moves: RandomMoves
 ):

@@ -43,8 +43,3 @@ def test_no_joint_is_sent_faster_than_its_servo(moves: RandomMoves, op3: Robot):
     for move in drawn:
         assert np.all(np.abs(move.target - target) <= 4.8 * move.duration + 1e-9)
         assert moves.least_duration(target, move.target) <= move.duration + 1e-9
-
-
-def test_squats_go_from_high_to_deep(moves: RandomMoves):
-    assert len(moves.squats) > 3
-    assert np.all(np.diff(moves.squat_necks) < 0.0)

@@ -15,14 +15,6 @@ def test_a_move_passes_its_postures_in_time_and_then_rests():
     assert np.all(sampled[99:] == 1.0)
 
 
-def test_a_reversed_move_leads_back_the_same_way():
-    held, move = np.array([0.0]), make_move(2.0, 1.0)
-    there = move.sample(held, period=0.01, rest=0.0)
-    back = move.reverse(held).sample(move.target, period=0.01, rest=0.0)
-    assert np.allclose(back[:-1], there[:-1][::-1])
-    assert np.allclose(back[-1], held)
-
-
 def test_a_chain_is_the_way_from_its_start():
     first = make_state(0.0)
     second = make_state(0.5, before=first, move=make_move(0.5), depth=1)

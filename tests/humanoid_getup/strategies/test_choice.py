@@ -48,18 +48,6 @@ def test_every_name_makes_a_strategy_under_the_limit(world, database, name, kind
         assert strategy.options.planning is strategy.options.filtering is (name == PLAN)
 
 
-def test_a_name_that_is_none_is_refused(world, database):
-    with pytest.raises(ValueError, match="moonwalk"):
-        make_strategy(world, "moonwalk", database=database)
-
-
-def test_a_policy_that_is_asked_for_is_run(world):
-    strategy = choose_strategy(world, StrategyRequest(method="policy", torque_limit=LIMIT))
-    plan = strategy.plan(sample_fall(world, "prone", seed=1).posture, np.random.default_rng(0))
-    assert isinstance(plan, PolicyPlan)
-    assert (plan.name, plan.policy.torque_limit) == ("robust", LIMIT.value)
-
-
 def test_a_style_brings_the_policy_that_follows_it(world):
     request = StrategyRequest(method="policy", style="side-sit")
     plan = choose_strategy(world, request).plan(

@@ -239,14 +239,3 @@ def test_a_rise_that_prefers_torque_costs_less_of_it_and_stands_as_often(
 def test_a_wrong_preference_or_budget_is_refused(world, database, options, message):
     with pytest.raises(ValueError, match=message):
         PlannedRise(world, database, **options)
-
-
-def test_the_share_of_assistance_is_that_of_its_filter(world, database):
-    rise = PlannedRise(world, database, options=PlannerOptions(assistance=0.7))
-    assert rise.filter.assistance == 0.7
-
-
-@pytest.mark.parametrize("assistance", [float("nan"), -1.0, 11.0])
-def test_a_wrong_share_of_assistance_is_refused(assistance):
-    with pytest.raises(ValueError, match=rf"assistance is {assistance}, expected a share from 0"):
-        PlannerOptions(assistance=assistance)

@@ -51,11 +51,6 @@ def test_the_policy_follows_the_curves_of_the_plan(world, learned, motion):
     assert learned.policy.style.name == "any"  # its own is left alone
 
 
-def test_without_a_motion_the_plan_is_handed_on(learned, motion):
-    failed = RisePlan(status=RiseStatus.NOT_PLANNED)
-    assert rise(learned, failed, motion.posture(0)) is failed
-
-
 def test_a_motion_that_does_not_stand_up_has_nothing_to_follow(learned, motion):
     squat = replace(motion, position=motion.position * [1.0, 1.0, 0.7])
     plan = rise(learned, plan_of(squat), motion.posture(0))
@@ -70,8 +65,3 @@ def test_heights_on_a_slope_are_over_the_slope(op3, motion):
     away = np.array([3.0, 1.0, 3.0 * np.tan(np.radians(10.0))])
     up = replace(motion, position=motion.position + away)
     assert read_curves(world, up).points == pytest.approx(read_curves(world, motion).points)
-
-
-def test_a_policy_without_style_is_refused(world, motion):
-    with pytest.raises(ValueError, match="'robust' follows no style curves"):
-        StyledRise(LearnedRise(world, "robust"), Planner(plan_of(motion)))

@@ -65,12 +65,6 @@ def test_records_are_read_from_the_robots_folder(tmp_path: Path):
     assert not records.knows(StrategyId(POLICY, "gentle"))
 
 
-def test_a_robot_without_records_has_none(tmp_path: Path):
-    records = load_track_record(replace(load_robot("op3"), folder=tmp_path))
-    assert records.records == ()
-    assert records.success(StrategyId(PLAN), "supine", TorqueLimit(4.1, "current")) == 0.0
-
-
 @pytest.mark.parametrize(
     ("torque_limit", "stood", "n"),
     [(4.1, 248, 250), (5.0, 248, 250), (3.0, 170, 250), (2.0, 170, 250)],
@@ -99,15 +93,6 @@ def test_nothing_is_promised_of_what_was_not_measured(tmp_path: Path):
     assert records.success(StrategyId(PLAN), "supine", TorqueLimit(2.0, "current")) == 0.0
 
 
-def test_few_rises_promise_little(tmp_path: Path):
-    """4 of 4 is 51 % at worst, 248 of 250 is 97 %: Wilson's score by hand."""
-    records = load_track_record(robot_with(TEXT, tmp_path))
-    assert records.success(ROBUST, "left", TorqueLimit(4.1, "current")) == pytest.approx(
-        4 / (4 + 1.96**2), abs=1e-4
-    )
-    assert records.success(ROBUST, "supine", TorqueLimit(4.1, "current")) > 0.97
-
-
 def test_all_that_is_wrong_is_reported_at_once(tmp_path: Path):
     text = """
 [[record]]
@@ -132,9 +117,3 @@ prone = 3
         "record number 2: prone is 3, expected { stood = ..., n = ... }",
     ):
         assert message in str(refusal.value)
-
-
-@pytest.mark.parametrize("text", ["record = 3", "[[record]", "record = [1]"])
-def test_a_file_that_holds_no_tables_is_refused(tmp_path: Path, text: str):
-    with pytest.raises(TrackRecordError, match=r"records\.toml"):
-        load_track_record(robot_with(text, tmp_path))

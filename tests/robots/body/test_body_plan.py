@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from robots.body.body_plan import BodyPlan
-from robots.body.roles import list_rising, list_segments, list_spreading
+from robots.body.roles import list_rising, list_segments
 
 
 def names(small: BodyPlan, hinges: tuple[int, ...]) -> list[str]:
@@ -20,10 +20,6 @@ def test_limbs_are_listed_from_the_torso_on(small: BodyPlan):
     assert names(small, left) == ["left_shoulder", "left_upper_arm", "left_forearm"]
     assert names(small, right) == ["right_shoulder", "right_upper_arm", "right_forearm"]
     assert names(small, small.head) == ["head"]
-
-
-def test_ranges_that_mirror_each_other_contradict_nothing(small: BodyPlan):
-    assert list(small.find_contradictions()) == []
 
 
 def test_a_knee_that_bends_the_other_way_is_named(small: BodyPlan):
@@ -51,17 +47,3 @@ def test_a_rise_moves_what_bends_legs_and_arms(small: BodyPlan):
         f"left_{part}_joint"
         for part in ("shoulder", "upper_arm", "forearm", "thigh", "shank", "ankle")
     )
-
-
-def test_joints_without_an_image_are_left_out_of_a_rise(small: BodyPlan):
-    """The knee mirrors itself, as that of a model whose other knee is fixed does."""
-    mirror, knee = small.mirror, small.joint_names.index("left_shank_joint")
-    index = mirror.index.copy()
-    index[knee] = knee
-    odd = replace(small, mirror=replace(mirror, index=index))
-    assert "left_shank_joint" not in list_rising(odd, 0.0 * small.lower)
-    assert "left_thigh_joint" in list_rising(odd, 0.0 * small.lower)
-
-
-def test_the_joint_that_spreads_legs_rolls_the_hip(small: BodyPlan):
-    assert list_spreading(small, 0.0 * small.lower) == ("left_hip_roll_joint",)

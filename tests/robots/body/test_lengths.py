@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tiny_robots import LEGS, limb, make_robot
+from tiny_robots import LEGS, make_robot
 
 from robots import RobotError
 from robots.body.lengths import leg_length
@@ -11,11 +11,6 @@ from robots.body.lengths import leg_length
 
 def test_a_leg_is_as_long_as_from_its_hip_to_its_sole(tmp_path: Path):
     assert leg_length(make_robot(tmp_path, LEGS)) == pytest.approx(0.2)
-
-
-def test_a_waist_is_no_part_of_a_leg(tmp_path: Path):
-    waist = limb("waist", "0 0 0.06", axis="0 0 1", inside=LEGS)
-    assert leg_length(make_robot(tmp_path, waist)) == pytest.approx(0.2)
 
 
 def test_a_sole_on_the_torso_is_on_no_leg(tmp_path: Path):

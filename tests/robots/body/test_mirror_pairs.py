@@ -36,12 +36,6 @@ def test_what_has_no_image_is_its_own_and_named():
     assert found.unpaired == (1,)
 
 
-def test_what_has_no_image_is_named_though_its_name_says_no_side():
-    found = pair(["waist", "lever"], [[0, 0, 0], [0.1, 0.4, 0]], [Y, Y])
-    assert found.index.tolist() == [0, 1]
-    assert found.unpaired == (1,)
-
-
 def test_names_decide_among_hinges_at_one_place():
     places = [[0, 0.1, 0], [0, 0.1, 0], [0, -0.1, 0], [0, -0.1, 0]]
     names = ["l_a", "l_b", "r_b", "r_a"]

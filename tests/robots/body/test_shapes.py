@@ -48,15 +48,6 @@ def test_a_box_is_fitted_as_itself(size, axis, steps: int):
     assert measure_volume(shape) <= 8.0 * np.prod(size) * 1.1 + 1e-12
 
 
-def test_a_rod_becomes_a_capsule():
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ring = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
-    end = np.array([0.0, 0.0, 0.2])
-    shape = fit_shape(np.concatenate([ring + end, ring - end]))
-    assert shape.kind == GEOM.mjGEOM_CAPSULE
-    assert shape.size[:2] == pytest.approx([0.02, 0.2], abs=1e-6)
-
-
 def measure_volume(shape: Shape) -> float:
     if shape.kind == GEOM.mjGEOM_BOX:
         return float(8.0 * np.prod(shape.size))

@@ -8,7 +8,7 @@ import pytest
 
 from robots import Robot, load_robot
 from robots.body.joint_view import JointView
-from robots.body.sides import JointSides, remove_side
+from robots.body.sides import JointSides
 
 
 def rename(robot: Robot, *names: str) -> Robot:
@@ -41,11 +41,6 @@ def test_a_name_tells_the_side_and_the_pair(left: str, right: str, pair: str, ti
         assert sides.name(joint) == pair
 
 
-@pytest.mark.parametrize("names", [("roll", "pitch"), ("l", "r"), ("lift", "rift"), ("l_a", "r_b")])
-def test_a_name_without_a_side_stays_whole(names: tuple[str, str]):
-    assert remove_side(*names) == names[0]
-
-
 def with_names(folder: Path, left: str, right: str) -> Robot:
     for file in (folder / "robot.toml", folder / "model.xml"):
         file.write_text(file.read_text().replace("l_hip", left).replace("r_hip", right))
@@ -67,16 +62,6 @@ def test_joints_on_the_middle_plane_are_distinguished_by_their_limbs(own_robot: 
     text = text.replace('axis="0 1 0" range', 'axis="0 1 0" pos="0 0.07 0" range')
     model.write_text(text)
     assert [robot.joint_names[joint] for joint in JointSides(robot).left] == ["motor_2"]
-
-
-def test_a_name_that_two_pairs_share_belongs_to_neither(op3: Robot):
-    names = list(op3.joint_names)
-    for old, new in (("l_el", "knee_l"), ("r_el", "knee_r")):
-        names[names.index(old)] = new
-    sides = JointSides(rename(op3, *names))
-    knees = [sides.name(joint) for joint in sides.left if "knee" in names[joint]]
-    assert sorted(knees) == ["knee_l", "l_knee"]
-    assert "knee" not in sides.by_name
 
 
 def test_op3s_left_joints_are_those_named_l(op3: Robot):

@@ -11,9 +11,7 @@ from tiny_robots import LEGS, make_robot
 
 from robots import Robot
 from robots.body.soles import (
-    find_lowest,
     find_sole,
-    list_sole_points,
     measure_support_margin,
     measure_tilt,
 )
@@ -58,11 +56,6 @@ def test_a_ball_and_a_body_without_shapes_have_no_sole(shapes: str):
     assert find_sole(*build(shapes), body=1, least_area=1e-3) is None
 
 
-def test_the_lowest_point_is_that_of_all_shapes():
-    model, data = build(BOX + '<geom size="0.01" pos="0 0 -0.06"/>')
-    assert find_lowest(model, data, 1) == pytest.approx(0.3 - 0.07)
-
-
 @given(angle=st.floats(0.1, 0.5), way=st.sampled_from([-1.0, 1.0]))
 def test_a_face_is_tilted_as_far_as_it_was_turned(angle: float, way: float):
     angle *= way
@@ -82,12 +75,6 @@ def test_a_high_foot_stands_on_what_looks_down_and_not_on_its_larger_side():
     assert measure_tilt(corners) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_round_foot_has_no_tilt():
-    directions = np.random.default_rng(0).normal(size=(400, 3))
-    points = 0.03 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    assert measure_tilt(points) == 0.0
-
-
 @pytest.mark.parametrize("roll", [-20, 20])
 def test_the_sole_of_a_foot_that_rolled_still_points_ahead(roll: int):
     turned = BOX.replace("/>", f' euler="{roll} 0 0"/>')
@@ -96,12 +83,6 @@ def test_the_sole_of_a_foot_that_rolled_still_points_ahead(roll: int):
     assert sole.axes[:, 0] == pytest.approx([1.0, 0.0, 0.0])
     assert abs(sole.axes[1, 2]) == pytest.approx(np.sin(np.radians(20.0)), abs=1e-3)
     assert np.linalg.det(sole.axes) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("site", ["l_sole", "r_sole"])
-def test_the_points_of_a_sole_are_in_its_sites_frame(op3: Robot, site: str):
-    points = list_sole_points(op3.spec().compile(), site)
-    assert points[:, 2].min() == pytest.approx(0.0, abs=1e-3)
 
 
 def test_what_is_above_the_ground_does_not_carry(tmp_path: Path):

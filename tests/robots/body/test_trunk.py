@@ -25,17 +25,6 @@ def bending(tmp_path: Path) -> Robot:
     return load_robot(folder)
 
 
-def test_a_stiff_trunk_has_no_joints(op3: Robot):
-    trunk = Trunk(op3)
-    assert trunk.is_stiff
-    assert trunk.measure(op3.standing.joint_pos) == pytest.approx(np.eye(3))
-
-
-def test_joints_between_torso_and_neck_are_the_trunks(bending: Robot):
-    trunk = Trunk(bending)
-    assert [bending.joint_names[k] for k in trunk.joints] == ["waist", "chest"]
-
-
 def test_the_chest_is_turned_where_it_is_asked_to(bending: Robot):
     trunk = Trunk(bending)
     wanted = bending.standing.joint_pos.copy()

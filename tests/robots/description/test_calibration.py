@@ -52,9 +52,3 @@ def test_a_calibration_that_does_not_fit_is_refused_in_one_line(own_robot, text,
         load_robot(own_robot)
     assert words in str(caught.value)
     assert str(caught.value).isprintable()
-
-
-def test_many_unknown_joints_are_counted(own_robot):
-    save(own_robot, **{f"joint_{i}": JointCalibration(0, 1) for i in range(20)})
-    with pytest.raises(RobotError, match=r"20 unknown joints: 'joint_0', 'joint_1', 'joint_2', "):
-        load_robot(own_robot)

@@ -1,13 +1,12 @@
 """A robot.toml as tables: defaults are filled in, and every contradiction is reported once."""
 
 import copy
-import math
 import tomllib
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from paths import TINY
 
@@ -51,32 +50,12 @@ def test_descriptions_of_the_package_are_read_without_problems(name: str):
     assert toml == untouched
 
 
-def test_what_is_left_out_has_defaults():
-    table, problems = read(lambda toml: toml.pop("bus"))
-    assert problems == []
-    assert table.rising_joints == ("l_hip",)  # one of the pair
-    assert (table.spreading_joints, table.passive_joints, table.couplings) == ((), (), ())
-    assert [row.gear for row in table.joints] == [1.0, 1.0]
-    assert table.bus is None
-
-
 def test_a_bus_without_ports_has_one_for_all_joints_and_the_board():
     table, _ = read()
     assert table.bus is not None
     assert table.bus.ports == {MAIN_PORT: ("l_hip", "r_hip")}
     assert table.bus.board is not None
     assert table.bus.board.port == MAIN_PORT
-
-
-def test_a_board_is_on_the_first_of_several_ports():
-    def split(toml: Toml) -> None:
-        toml["bus"]["ports"] = {"left": ["l_hip"], "right": ["r_hip"]}
-
-    table, problems = read(split)
-    assert problems == []
-    assert table.bus is not None
-    assert table.bus.board is not None
-    assert table.bus.board.port == "left"
 
 
 @pytest.mark.parametrize(
@@ -118,24 +97,6 @@ def test_a_joint_is_in_one_coupling_and_has_no_gear_there():
 def test_servos_that_turn_joints_in_one_ratio_are_no_coupling(row: tuple[float, float], share):
     _, problems = read(couple([*row], [share * each for each in row]))
     assert "expected independent rows" in problems[0]
-
-
-@given(angle=st.floats(0.1, 3.0), turned=st.floats(0.1, 1.4), size=st.floats(0.1, 3.0))
-def test_servos_that_turn_joints_in_ratios_of_their_own_are_one(angle, turned, size):
-    """Rows of any size that are some degrees apart; a servo that does not turn its joint counts."""
-    rows = [[math.cos(each), math.sin(each)] for each in (turned, turned + angle)]
-    assume(min(abs(rows[0][0]), abs(rows[1][1])) > 1e-3)
-    assert read(couple(rows[0], [size * each for each in rows[1]]))[1] == []
-
-
-def test_problems_come_all_at_once_and_each_once():
-    def spoil(toml: Toml) -> None:
-        set_joint(0, servo="XM999")(toml)
-        set_joint(1, id=200)(toml)
-        toml["control_period"] = 8.0
-
-    _, problems = read(spoil)
-    assert len(problems) == len(set(problems)) == 3
 
 
 def test_torque_is_limited_by_current_only_where_all_servos_sense_it(tiny: Robot):

@@ -1,12 +1,11 @@
 """Servo types: the package's own, and those of a robot's folder."""
 
-import numpy as np
 import pytest
 from spoiling import complaint, spoil
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named, types_of
 from robots import load_robot
-from robots.description.servo_catalog import read_servo_models, servo_models
+from robots.description.servo_catalog import servo_models
 from robots.model_import.servo_choice import list_guessed
 
 OWN = """
@@ -29,10 +28,6 @@ mass = 0.05
 temperature_limit = 70
 p_gain = 640
 """
-
-
-def test_a_folder_without_servos_has_the_packages(tmp_path):
-    assert read_servo_models(tmp_path) == (servo_models(), [])
 
 
 def test_a_folders_types_add_to_and_override_the_packages(own_robot):
@@ -69,13 +64,6 @@ def test_a_wrong_type_is_reported_with_what_is_expected(own_robot, old, new, wor
     assert old in OWN
     (own_robot / "servos.toml").write_text(OWN.replace(old, new))
     assert words in complaint(own_robot)
-
-
-def test_all_wrong_figures_are_reported_at_once(own_robot):
-    (own_robot / "servos.toml").write_text("[a]\nfriction = nan\n[b]\narmature = true\n")
-    message = complaint(own_robot)
-    assert "'a': friction is nan" in message
-    assert "'b': armature is True" in message
 
 
 @pytest.mark.parametrize("name", servo_models())
@@ -116,23 +104,3 @@ def test_a_feetech_drives_of_its_supply_what_was_measured():
     model = servo_models()["STS3215-C001"]
     full = model.position_gain(model.p_gain) / model.stall_torque
     assert full == pytest.approx(32 * 0.166, rel=1e-3)
-
-
-DATA_SHEETS = {  # stall torque [N·m] and current [A] at a voltage [V], no-load speed [1/min]
-    "XM430-W350": (4.1, 2.3, 12.0, 46),
-    "XC330-T288": (0.92, 0.8, 11.1, 65),
-    "XC330-T181": (0.76, 0.8, 11.1, 104),
-    "XC330-M288": (0.93, 1.8, 5.0, 81),
-    "XC330-M181": (0.60, 1.8, 5.0, 129),
-    "STS3215-C001": (1.91, 2.5, 7.4, 52),  # 19.5 kg·cm
-    "STS3215-C018": (2.94, 2.7, 12.0, 45),  # 30 kg·cm
-    "STS3250-C001": (4.9, 4.2, 12.0, 75.2),  # 50 kg·cm; 0.133 s for 60 degrees
-}
-
-
-@pytest.mark.parametrize("name", DATA_SHEETS)
-def test_figures_are_those_of_the_data_sheets(name: str):
-    model, (torque, current, voltage, speed) = servo_models()[name], DATA_SHEETS[name]
-    found = (model.stall_torque, model.stall_current, model.nominal_voltage)
-    assert found == (torque, current, voltage)
-    assert model.no_load_speed == pytest.approx(speed * 2.0 * np.pi / 60.0, abs=0.01)

@@ -10,12 +10,9 @@ from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, judge
 from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.falls import classify, sample_fall_set
-from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.simulation.world import World
 from robots import load_robot, quaternion
-from robots.body.limbs import Limbs
-from robots.drive import limit_servos
 from robots.kinematics import GeomReach, center_of_mass, place
 
 HEIGHT, MASS = 1.70, 65.0  # m, kg [Frezzato22], section 3.1
@@ -69,13 +66,6 @@ def test_segments_are_winters_shares_of_mass_and_height(model, segment, side):
     assert np.linalg.norm(model.body_pos[end]) == pytest.approx(length * HEIGHT, rel=1e-4)
 
 
-def test_trunk_and_head_are_winters_shares_of_mass(model):
-    trunk = ("pelvis", "waist", "spine", "chest", "l_clavicle", "r_clavicle")
-    assert sum(model.body(n).mass[0] for n in trunk) == pytest.approx(TRUNK * MASS, rel=1e-3)
-    above = sum(model.body(n).mass[0] for n in ("neck", "head"))
-    assert above == pytest.approx(HEAD_AND_NECK * MASS, rel=1e-3)
-
-
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=30)
 def test_a_mirrored_posture_has_its_mass_center_mirrored(human, model, seed):
@@ -107,14 +97,6 @@ def test_motors_have_deepmimics_torque_limits_at_four_times_its_stiffness(
     assert human.current_damping[place] == pytest.approx(2.0 * damping, rel=1e-3)
 
 
-@pytest.mark.parametrize("limit", [15.0, 100.0, 200.0])
-def test_one_torque_limit_gives_no_motor_more_than_its_own(human, limit):
-    torque = limit_servos(human, limit, "current").torque
-    counted = np.minimum(limit, human.max_torque)
-    assert torque == pytest.approx(counted, rel=5e-3)  # whole counts of the current
-    assert (torque <= human.max_torque + 1e-9).all()
-
-
 def test_its_stance_is_held(human, human_world):
     start = place(human, human_world.model, human.standing)
     count = round((HOLD_TIME + 0.5) / human.control_period)
@@ -132,21 +114,3 @@ def test_falls_come_to_rest_on_the_side_that_they_are_named_after(human_world):
     assert found.left_out is not None
     assert found.dropped is not None
     assert found.left_out <= found.dropped // 4
-
-
-def test_both_axes_of_its_ankles_balance_it(human, human_world):
-    roll, pitch = find_ankles(human_world)
-    for row, name in ((roll, "ankle_roll"), (pitch, "ankle_pitch")):
-        assert [human.joint_names[k] for k in np.flatnonzero(row)] == [f"l_{name}", f"r_{name}"]
-        assert (row[row != 0.0] == -1.0).all()
-
-
-def test_its_arms_are_found_beyond_a_trunk_of_several_joints(human):
-    limbs = Limbs(human)
-    names = human.joint_names
-    assert set(limbs.all) == {"left_arm", "right_arm", "left_leg", "right_leg"}
-    assert names[limbs.all["left_arm"].middle] == "l_elbow"
-    assert names[limbs.all["right_leg"].middle] == "r_knee"
-    forward = np.zeros(human.n)
-    forward[names.index("l_sho_pitch")] = -np.pi / 2
-    assert limbs.measure(forward)["left_arm"].lower == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)

@@ -1,6 +1,5 @@
 """Anatomy of an unknown model: legs, arms, head, and where its front is."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -9,7 +8,7 @@ import pytest
 from small_humanoid import small_humanoid
 
 from robots.model_import.anatomy import Anatomy, find_anatomy
-from robots.model_import.source import ModelImportError, ModelSource
+from robots.model_import.source import ModelSource
 from robots.model_import.tree import find_tree
 
 PATH = Path("small.xml")
@@ -118,22 +117,3 @@ def test_a_tail_is_no_head_and_a_mouth_belongs_to_it():
     anatomy = find(change=add_ends)
     assert names(anatomy, anatomy.head) == ["head", "mouth"]
     assert len(anatomy.arms) == 1
-
-
-def cut(*bodies: str) -> Callable[[mujoco.MjSpec], None]:
-    def change(spec: mujoco.MjSpec) -> None:
-        for body in bodies:
-            spec.delete(spec.body(body))
-
-    return change
-
-
-def test_a_body_without_arms_has_none():
-    anatomy = find(change=cut("left_shoulder", "right_shoulder"))
-    assert anatomy.arms == ()
-    assert names(anatomy, anatomy.head) == ["head"]
-
-
-def test_arms_without_legs_are_not_taken_for_them():
-    with pytest.raises(ModelImportError, match="above the center of mass of the rest"):
-        find(change=cut("left_hip_yaw", "right_hip_yaw"))

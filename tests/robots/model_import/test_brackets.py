@@ -8,7 +8,6 @@ from robots.model_import.brackets import (
     exclude_brackets,
     find_brackets,
     find_own_overlaps,
-    list_hinges_between,
 )
 
 CHAIN = """<mujoco><worldbody><body name="torso"><freejoint/><geom size="0.05" mass="1"/>
@@ -38,12 +37,6 @@ def test_links_that_always_overlap_are_brackets():
     assert [tuple(model.body(b).name for b in pair) for pair in pairs] == [("torso", "link")]
 
 
-def test_links_that_are_apart_are_none():
-    spec, model = build(0.05)
-    assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
-    assert exclude_brackets(spec, view(model), np.zeros(3)) == ""
-
-
 def test_their_contacts_are_switched_off():
     spec, model = build(-0.04)
     assert exclude_brackets(spec, view(model), np.zeros(3)) == "torso with link"
@@ -70,11 +63,3 @@ def test_a_forearm_that_touches_the_torso_is_none():
     touching = find_own_overlaps(view(model), np.zeros(3))
     assert [tuple(model.body(b).name for b in pair) for pair in touching] == [("torso", "forearm")]
     assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
-
-
-def test_hinges_are_listed_along_the_way():
-    _, model = build(0.05)
-    torso, hand, bracket = (model.body(name).id for name in ("torso", "hand", "bracket"))
-    assert list_hinges_between(model, torso, hand) == [1, 2, 3]
-    assert list_hinges_between(model, bracket, hand) == [2, 3]
-    assert list_hinges_between(model, hand, hand) == []

@@ -102,11 +102,6 @@ def test_a_mesh_that_is_a_fifo_is_refused_at_once(tmp_path: Path, name: str):
     assert "cannot be read (it is a FIFO, expected a file)" in problem
 
 
-def test_a_mesh_whose_name_is_too_long_is_not_found(tmp_path: Path):
-    (problem,) = problems_of(tmp_path / "model.urdf", small_urdf(mesh="x" * 300))
-    assert "is not found" in problem
-
-
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
@@ -123,22 +118,6 @@ def test_what_no_robot_folder_can_hold_is_refused(tmp_path: Path, before, after,
     text = small_humanoid()
     assert before in text
     assert message in "\n".join(problems_of(tmp_path / "model.xml", text.replace(before, after)))
-
-
-@pytest.mark.parametrize("name", ["", " ", "a\nb", "a\u2028b", os.fsdecode(b"\xff")])
-def test_a_name_that_no_folder_can_hold_is_refused(tmp_path: Path, name: str):
-    (tmp_path / "model.xml").write_text(small_humanoid())
-    with pytest.raises(ModelImportError, match=r"--name is .*, expected printable characters"):
-        import_model(tmp_path / "model.xml", ImportOptions(name=name))
-
-
-def test_a_robot_that_cannot_be_loaded_is_not_left_behind(tmp_path: Path):
-    (tmp_path / "model.xml").write_text(small_humanoid())
-    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
-    broken = replace(robot, rising_joints=("tail",))
-    with pytest.raises(ModelImportError, match=r"^robot.toml: rising_joints: unknown joint 'tail'"):
-        write_robot(broken, tmp_path / "out")
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["model.xml"]
 
 
 def test_a_full_disk_leaves_nothing_and_one_line(tmp_path: Path):
@@ -230,38 +209,6 @@ def test_a_range_of_equal_ends_is_none_and_that_is_said(tmp_path: Path, suffix: 
     file.write_text(text)
     robot = import_model(file, ImportOptions(name="small"))
     assert "-180 to 180 deg for joints without range, or of equal ends: head_joint" in robot.notes
-
-
-def test_an_inertia_that_no_robot_has_is_refused(tmp_path: Path):
-    heavy = '<inertial pos="0 0 0" mass="0.1" diaginertia="1e30 1e30 1e30"/>'
-    text = re.sub('(<body name="head"[^>]*>)', rf"\g<1>{heavy}", small_humanoid())
-    problems = problems_of(tmp_path / "model.xml", text)
-    assert "body 'head' has an inertia of 1e+30 kg·m², expected at most 4500 kg·m²" in problems[0]
-
-
-@pytest.mark.parametrize("size", ["0 0 0", "0.1 -0.1 0.1"])
-def test_a_foot_without_extent_is_named_where_a_sole_is_missing(tmp_path: Path, size: str):
-    head, link, foot = small_urdf().partition('<link name="left_foot">')
-    text = head + link + re.sub('box size="[^"]*', f'box size="{size}', foot, count=1)
-    (problem,) = problems_of(tmp_path / "model.urdf", text)
-    assert "no flat face that looks down" in problem
-    assert problem.endswith(
-        f"; link 'left_foot': a box of size {size} is left out, expected more than 0"
-    )
-
-
-def test_names_have_a_limit(tmp_path: Path):
-    text = small_humanoid().replace("head_joint", 100_000 * "a")
-    (problem,) = problems_of(tmp_path / "model.xml", text)
-    assert problem.startswith(f"{tmp_path}/model.xml: joint 'aaa")
-    assert problem.endswith("has a name of 100000 characters, expected at most 200")
-
-
-def test_what_is_expected_is_said_once(tmp_path: Path):
-    os.mkfifo(tmp_path / "model.xml")
-    with pytest.raises(ModelImportError) as caught:
-        import_model(tmp_path / "model.xml", ImportOptions(name="small"))
-    assert caught.value.problems == (f"{tmp_path}/model.xml: it is a FIFO, expected a file",)
 
 
 def test_a_folder_is_complete_or_not_there(tmp_path: Path):

@@ -8,18 +8,9 @@ import pytest
 from small_humanoid import small_humanoid
 
 from robots.model_import.importer import ImportOptions, import_model
-from robots.model_import.inertias import compute_box_inertia, find_excess
+from robots.model_import.inertias import find_excess
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * [0.1, 0.2, 0.3]
-
-
-def test_the_inertia_of_a_box_is_mujocos():
-    text = (
-        '<mujoco><worldbody><body><freejoint/><geom type="box" size="0.1 0.2 0.3" mass="2"/>'
-        "</body></worldbody></mujoco>"
-    )
-    inertia = mujoco.MjModel.from_xml_string(text).body_inertia[1]
-    assert sorted(np.diag(compute_box_inertia(2.0, CORNERS))) == pytest.approx(sorted(inertia))
 
 
 @pytest.mark.parametrize(

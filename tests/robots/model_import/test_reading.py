@@ -61,13 +61,6 @@ def test_a_hinges_point_far_off_its_body_slides_back_along_the_axis(tmp_path: Pa
     assert read_model(path).model.joint("knee").pos == pytest.approx([0.01, 0.0, -0.15])
 
 
-def test_a_joints_own_limit_of_torque_counts_as_well(tmp_path: Path):
-    limit = 'actuatorfrcrange="-0.5 0.5"'
-    assert read(tmp_path, knee=limit).actuators["knee"].effort == 0.5
-    motor = '<actuator><motor joint="knee" forcerange="-3 3"/></actuator>'
-    assert read(tmp_path, motor, limit).actuators["knee"].effort == 0.5
-
-
 @pytest.mark.parametrize(
     ("actuator", "hinge", "expected"),
     [
@@ -112,10 +105,6 @@ def test_the_stance_is_a_keyframe_by_its_name_or_the_first(tmp_path: Path, keys:
     assert source.stance == {"hip": pytest.approx(hip), "knee": 0.0}
 
 
-def test_a_model_without_keyframe_has_no_stance(tmp_path: Path):
-    assert read(tmp_path).stance == {}
-
-
 @pytest.mark.parametrize("anchor", ["0 0 -0.4", "0.03 0.02 -0.37"])
 def test_loops_name_the_bodies_that_they_join(tmp_path: Path, anchor: str):
     """The first is at the origin of the body, where MuJoCo makes no constraint of it."""
@@ -137,15 +126,6 @@ def test_comments_may_hold_dashes_and_lines_are_counted_with_them(tmp_path: Path
         read_model(path)
 
 
-def test_warnings_of_mujoco_are_counted_in_one_note(tmp_path: Path, recwarn):
-    old = '<mujoco><compiler settotalmass="3"/>'
-    path = tmp_path / "model.xml"
-    path.write_text(LEGS.format(more="", knee="").replace("<mujoco>", old))
-    (note,) = read_model(path).notes
-    assert note.startswith("MuJoCo warns once: compiler attribute 'settotalmass' is")
-    assert not recwarn
-
-
 XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
 
 
@@ -162,14 +142,6 @@ def test_files_of_other_kinds_are_refused(tmp_path: Path, name: str, content: st
     (tmp_path / name).write_text(content)
     with pytest.raises(ModelImportError, match=re.escape(f"{name}: {message}")):
         read_model(tmp_path / name)
-
-
-def test_a_model_of_more_joints_than_robots_have_is_refused(tmp_path: Path):
-    part = '<body><joint/><geom size="0.1"/></body>'
-    body = f'<body><freejoint/><geom size="0.1"/>{600 * part}</body>'
-    (tmp_path / "m.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    with pytest.raises(ModelImportError, match=r"it has 601 joints, expected at most 500$"):
-        read_model(tmp_path / "m.xml")
 
 
 def test_what_belongs_to_another_file_is_left_out(tmp_path: Path):

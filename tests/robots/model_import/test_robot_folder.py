@@ -45,13 +45,6 @@ def test_a_gear_that_reverses_turns_the_servos_sign(tmp_path: Path, ratio: float
     assert (row["sign"], row["gear"]) == (sign, pytest.approx(GEAR))
 
 
-def test_a_joint_without_drive_has_no_gear(tmp_path: Path):
-    robot = import_geared(tmp_path, 1.0 / GEAR)
-    row = read_row(robot, "right_shank_joint")
-    assert "gear" not in row
-    assert row["sign"] == 1
-
-
 def test_what_is_written_is_what_is_loaded(tmp_path: Path):
     robot = import_geared(tmp_path, -1.0 / GEAR)
     write_robot(robot, tmp_path / "small")

@@ -1,12 +1,11 @@
 """Servos of an imported robot: by what its model states, what the user says, or its weight."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.description.servo_catalog import servo_models
-from robots.model_import.servo_choice import choose_servos, describe_motor
+from robots.model_import.servo_choice import choose_servos
 from robots.model_import.source import ActuatorFigures, ModelImportError
 
 JOINTS = ("l_knee", "r_knee", "l_elbow", "r_elbow")
@@ -45,14 +44,6 @@ def test_the_supply_is_that_at_which_a_type_has_the_stated_torque(
     """At 14.8 V a motor for 12 V has 14.8 / 12 of its torque."""
     choice = choose(dict.fromkeys(JOINTS, torque))
     assert (set(choice.types), choice.supply) == ({kind}, supply)
-
-
-@pytest.mark.parametrize(
-    ("count", "message"), [(4, "a, b, c, d: the model"), (5, "a, b, c and 2 more: the model")]
-)
-def test_a_guess_names_its_joints_or_says_how_many_they_are(count: int, message: str):
-    choice = choose_servos("abcdef"[:count], {}, (), **SMALL)
-    assert message in choice.guesses[0]
 
 
 def test_what_the_user_says_counts_more_and_the_last_pattern_most():
@@ -96,24 +87,6 @@ def test_a_lighter_type_is_guessed_if_the_others_would_outweigh_the_robot():
     assert guess.endswith("set the types with --servo TYPE=PATTERN")
 
 
-def test_servos_that_outweigh_the_robot_are_reported():
-    joints = [f"joint_{k}" for k in range(60)]
-    choice = choose_servos(joints, {}, (), **SMALL)
-    mass = 60 * servo_models()[choice.types[0]].mass
-    guess = choice.guesses[-1]
-    assert f"its 60 servos weigh {mass:.1f} kg, and it weighs 3.0 kg with them" in guess
-    assert guess.endswith("set lighter types with --servo TYPE=PATTERN")
-
-
-def test_a_type_that_is_made_up_is_not_called_a_known_one():
-    choice = choose({"l_knee": 4.1, "r_knee": 4.1, "l_elbow": 90.0, "r_elbow": 90.0}, weight=32.0)
-    known, made = choice.guesses[:2]
-    assert "the types nearest to the model's limits" in known
-    assert "made up from the model's limits" in made
-    assert choice.types[0] in known
-    assert choice.types[2] in made
-
-
 def test_motors_of_its_own_weigh_no_more_than_their_share_of_the_robot():
     """A person's 49 joints of 200 N·m: by their torque alone they would weigh 153 kg."""
     joints = [f"joint_{k}" for k in range(49)]
@@ -129,43 +102,6 @@ def test_only_servos_that_the_driver_speaks_to_are_guessed(weight: float, effort
     assert set(choose(None, "STS3250-C001").types) == {"STS3250-C001"}
 
 
-def test_an_unfinished_name_is_completed():
-    with pytest.raises(ModelImportError, match=r"expected STS3215-C001, STS3215-C018$"):
-        choose(None, "STS3215")
-
-
-def test_limits_that_no_motor_has_are_none():
-    assert set(choose(dict.fromkeys(JOINTS, 1e6)).types) == set(choose().types)
-
-
-def test_a_speed_that_no_motor_has_is_none():
-    """A placeholder of a simulation made a motor of its own, too stiff to balance with."""
-    wild = dict.fromkeys(JOINTS, ActuatorFigures(effort=6.0, speed=100.0))
-    choice = choose_servos(JOINTS, wild, (), **SMALL)
-    assert choice.types == choose(dict.fromkeys(JOINTS, 6.0)).types
-    assert not choice.own
-    assert any("100 rad/s" in guess and "--servo" in guess for guess in choice.guesses)
-
-
 def test_a_joint_stronger_than_servos_is_refused():
     with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
         choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)
-
-
-@given(effort=TORQUES, supply=st.floats(5.0, 48.0))
-def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
-    """At a stall, watts per newton meter are those of the XM540-W270, whatever the supply."""
-    like = servo_models()["XM540-W270"]
-    motor = describe_motor(effort, 6.0, supply, 5.0)
-    power = motor["stall_current"] * motor["nominal_voltage"] / motor["stall_torque"]
-    own = like.stall_current * like.nominal_voltage / like.stall_torque
-    assert power == pytest.approx(own, rel=0.01, abs=0.01 * supply / effort)
-
-
-@given(effort=TORQUES)
-def test_a_motor_bears_its_supply(effort: float):
-    motor = describe_motor(effort, 6.0, 24.0, 5.0)
-    assert (motor["min_voltage"], motor["max_voltage"]) == (18.0, 30.0)
-    low = describe_motor(effort, 6.0, 11.1, 5.0)
-    assert (low["min_voltage"], low["max_voltage"]) == (8.3, 13.9)  # 8.325 and 13.875 V
-    assert np.isfinite(list(motor.values())).all()

@@ -37,12 +37,6 @@ def test_soles_are_under_the_feet(tmp_path: Path, change: Callable[[mujoco.MjSpe
     assert right.pos == pytest.approx(left.pos, abs=1e-6)
 
 
-def test_the_neck_is_where_the_head_begins(tmp_path: Path):
-    robot, model = found(tmp_path)
-    assert model.site("neck").pos == pytest.approx([0.0, 0.0, 0.24])
-    assert list_guesses(robot, "neck")[0].startswith("site neck: at joint head_joint;")
-
-
 def test_without_a_head_it_is_between_the_shoulders(tmp_path: Path):
     robot, model = found(tmp_path, lambda spec: spec.delete(spec.body("head")))
     assert model.site("neck").pos == pytest.approx([0.0, 0.0, 0.2])
@@ -57,12 +51,6 @@ def test_the_imu_is_where_the_model_names_one(tmp_path: Path):
     robot, model = found(tmp_path, add_imu)
     assert model.site("imu").pos == pytest.approx([0.01, 0.02, 0.1])
     assert list_guesses(robot, "imu") == ["site imu: the model's site gyro_mount"]
-
-
-def test_without_one_it_is_at_the_torsos_origin(tmp_path: Path):
-    robot, model = found(tmp_path)
-    assert model.site("imu").pos == pytest.approx([0.0, 0.0, 0.0])
-    assert "place it in model.xml" in list_guesses(robot, "imu")[0]
 
 
 def test_the_imu_of_a_turned_torso_turns_back(tmp_path: Path):

@@ -35,11 +35,6 @@ def test_gears_and_tight_tendons_tie_hinges_by_their_ratios():
     assert not gear.is_loop
 
 
-def test_a_tendon_that_gives_way_ties_nothing():
-    (gear,) = list_of(MODEL.replace("RANGE", "0.06"))
-    assert gear.joints == ("a", "b")
-
-
 @given(st.lists(NAMES, max_size=8))
 def test_groups_share_no_hinge_and_none_can_be_split(sets: list[list[str]]):
     ties = [Tie(tuple(names), (1.0,) * len(names)) for names in sets]

@@ -27,30 +27,6 @@ def find(body: str = ROBOT, joint: str = FREE, **stance: float) -> tuple[Kinemat
     return find_tree(source, notes), notes
 
 
-def names(tree: KinematicTree, hinges: list[int]) -> list[str]:
-    return [tree.hinges[k].name for k in hinges]
-
-
-def test_the_robot_is_what_has_most_hinges():
-    tree, notes = find()
-    assert tree.model.body(tree.bodies[0]).name == "torso"
-    assert [hinge.name for hinge in tree.hinges] == ["lift", "arm_1", "grip", "hip"]
-    assert notes == []
-
-
-def test_hinges_know_what_is_above_them():
-    tree, _ = find()
-    assert [hinge.parent for hinge in tree.hinges] == [-1, 0, 1, -1]
-    assert names(tree, tree.chain(2)) == ["lift", "arm_1", "grip"]
-    assert names(tree, tree.leaves) == ["grip", "hip"]
-
-
-def test_what_is_welded_to_a_link_is_part_of_it():
-    tree, _ = find()
-    assert [tree.model.body(body).name for body in tree.link(0)] == ["arm", "glove"]
-    assert [tree.model.body(body).name for body in tree.link(2)] == ["finger"]
-
-
 def test_hinges_are_where_they_are_in_the_stance():
     """By hand: the arm is lifted by a right angle to the left, the finger 20 cm out."""
     tree, _ = find(lift=np.pi / 2.0)
@@ -61,11 +37,6 @@ def test_hinges_are_where_they_are_in_the_stance():
 def test_a_frame_that_only_holds_the_robot_is_no_part_of_it():
     tree, _ = find(f'<body name="frame" pos="0 0 1">{ROBOT}</body>'.replace("JOINT", ""))
     assert tree.model.body(tree.root).name == "torso"
-
-
-def test_a_torso_without_joint_floats_and_that_is_said():
-    _, notes = find(joint="")
-    assert notes == ["body 'torso' was fixed to the world: it floats now"]
 
 
 @pytest.mark.parametrize(

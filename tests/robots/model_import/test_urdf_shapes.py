@@ -8,7 +8,6 @@ from text_meshes import write_text_stl
 
 from robots.model_import import urdf_shapes
 from robots.model_import.urdf_shapes import UrdfShapes, find_mesh
-from robots.storage.model_files import MAX_ASSET
 
 
 @pytest.fixture
@@ -33,17 +32,6 @@ def model(tmp_path: Path) -> Path:
 )
 def test_a_mesh_is_found_by_any_of_its_names(model: Path, name: str):
     assert find_mesh(model, name) == (model.parent.parent / "meshes" / "Part.STL").resolve()
-
-
-def test_a_mesh_may_be_named_by_its_place_on_the_disk(model: Path):
-    file = model.parent.parent / "meshes" / "Part.STL"
-    assert find_mesh(model, str(file)) == file.resolve()
-    assert find_mesh(model, f"file://{file}") == file.resolve()
-
-
-@pytest.mark.parametrize("name", ["", "none.stl", "meshes", "..", "x" * 300, "package://"])
-def test_what_is_no_file_is_not_found(model: Path, name: str):
-    assert find_mesh(model, name) is None
 
 
 def shape(kind: str, content: str) -> str:
@@ -79,13 +67,6 @@ def test_without_any_that_can_be_read_all_are_named(model: Path):
     assert "mesh 'none.stl' of link 'a' is not found" in problems[0]
 
 
-def test_of_many_meshes_that_are_missing_the_first_are_named(model: Path):
-    shapes = [shape("collision", f'<mesh filename="{k}.stl"/>') for k in range(9)]
-    _, problems, _ = resolve(model, *shapes)
-    assert [f"mesh '{k}.stl'" in text for k, text in enumerate(problems[:3])] == [True] * 3
-    assert problems[3:] == [f"{model}: 6 further meshes are not found"]
-
-
 def test_pointers_of_git_lfs_are_reported_in_one_line(model: Path):
     for name in ("one.stl", "two.dae"):
         (model.parent / name).write_text("version https://git-lfs.github.com/spec/v1\noid x\n")
@@ -95,19 +76,6 @@ def test_pointers_of_git_lfs_are_reported_in_one_line(model: Path):
         f"{model}: mesh 'one.stl' is a Git LFS pointer, expected the file itself: "
         "run `git lfs pull`"
     ]
-
-
-def test_a_mesh_that_is_used_twice_is_converted_once(model: Path):
-    link, problems, _ = resolve(model, shape("collision", PART), shape("collision", PART))
-    assert not problems
-    assert {mesh.get("filename") for mesh in link.iter("mesh")} == {"hull_0.stl"}
-
-
-def test_a_mesh_that_is_too_large_is_refused_by_its_size(model: Path):
-    with (model.parent / "huge.obj").open("wb") as file:
-        file.truncate(MAX_ASSET + 1)
-    _, problems, _ = resolve(model, shape("collision", '<mesh filename="huge.obj"/>'))
-    assert f"cannot be read (it has more than {MAX_ASSET} bytes" in problems[0]
 
 
 def test_meshes_that_are_too_large_together_are_refused(model: Path, monkeypatch):

@@ -56,15 +56,6 @@ def test_a_direction_is_that_of_the_nearest_axis_of_its_shape(tmp_path: Path):
     assert found["elbow_link"] == pytest.approx(DOWN)
 
 
-def test_a_shape_that_is_turned_in_its_frame_gives_its_own_axis(tmp_path: Path):
-    """It is stretched along that, and stays a box; the frame's axes are 20 degrees off."""
-    box = '<geom type="box" size="0.01 0.01 0.05" euler="0 20 0" pos="-0.019 0 -0.045" mass="1"/>'
-    elbow = '<body name="elbow" pos="0 0 -0.1"><joint name="elbow" axis="0 1 0" range="-9 9"/>'
-    arm = limb("arm", "0 0 0.15", inside=f"{elbow}{box}</body>")
-    along = np.array([-np.sin(np.radians(20.0)), 0.0, -np.cos(np.radians(20.0))])
-    assert directions_of(make_robot(tmp_path, LEGS + arm))["elbow"] == pytest.approx(along)
-
-
 def test_a_limb_of_no_length_is_refused(tmp_path: Path):
     ball = '<body name="ball" pos="0 0 0.2"><joint name="spin" axis="0 0 1" range="-9 9"/>'
     ball += '<geom size="0.01" mass="0.01"/></body>'

@@ -78,11 +78,3 @@ def test_principal_moments_and_axes_give_the_inertia_back(seed: int):
     mujoco.mju_quat2Mat(matrix, quat)
     again = Inertia.from_principal(1.0, inertia.center, matrix.reshape(3, 3), moments)
     assert again.spread == pytest.approx(inertia.spread, abs=1e-12)
-
-
-def test_a_stretch_is_the_same_seen_from_anywhere():
-    rng, axes, place = np.random.default_rng(0), turned(1), np.array([0.3, -0.1, 0.2])
-    stretch = AxialStretch(rng.normal(size=3), turned(2)[:, 0], 1.7, beyond=True)
-    points = rng.normal(size=(50, 3))
-    seen = stretch.seen_from(place, axes)((points - place) @ axes)
-    assert seen @ axes.T + place == pytest.approx(stretch(points))

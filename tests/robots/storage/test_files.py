@@ -7,7 +7,6 @@ import stat
 import subprocess
 import sys
 import threading
-import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,6 @@ from robots.storage.files import (
     atomic_path,
     describe,
     read_bounded,
-    readable,
     write_atomically,
 )
 
@@ -42,24 +40,12 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_a_failure_before_the_first_byte_leaves_nothing(tmp_path: Path):
-    with pytest.raises(ZeroDivisionError), atomic_path(tmp_path / "new"):
-        _ = 1 / 0
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_old_file_keeps_its_permissions(tmp_path: Path):
     file = tmp_path / "file"
     file.write_text("old")
     file.chmod(0o640)
     write_atomically(file, "new")
     assert stat.S_IMODE(file.stat().st_mode) == 0o640
-
-
-def test_a_name_of_full_length_is_written(tmp_path: Path):
-    file = tmp_path / ("x" * 255)
-    write_atomically(file, "new")
-    assert file.read_text() == "new"
 
 
 @pytest.mark.parametrize("exists", [True, False])
@@ -75,13 +61,6 @@ def test_symbolic_links_are_followed_and_stay(tmp_path: Path, exists: bool):
     assert (tmp_path / "first").is_symlink()
     assert (tmp_path / "second").is_symlink()
     assert list(target.parent.iterdir()) == [target]
-
-
-def test_a_circle_of_links_is_an_error(tmp_path: Path):
-    (tmp_path / "a").symlink_to("b")
-    (tmp_path / "b").symlink_to("a")
-    with pytest.raises(OSError, match="symbolic links"):
-        write_atomically(tmp_path / "a", "new")
 
 
 def test_a_directory_is_refused_before_the_work(tmp_path: Path):
@@ -108,13 +87,6 @@ def test_a_fifo_is_written_through(tmp_path: Path):
     assert received == [b"through"]
     assert stat.S_ISFIFO(fifo.stat().st_mode)
     assert list(tmp_path.iterdir()) == [fifo]
-
-
-def test_devices_are_written_through_and_stay(tmp_path: Path):
-    link = tmp_path / "null"
-    link.symlink_to("/dev/null")
-    write_atomically(link, "new")
-    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
@@ -179,11 +151,6 @@ def test_what_may_never_end_is_not_read(tmp_path: Path, kind: str):
         read_bounded(path, 10)
 
 
-def test_a_folder_is_not_read(tmp_path: Path):
-    with pytest.raises(IsADirectoryError):
-        read_bounded(tmp_path, 10)
-
-
 def test_a_full_disk_is_reported_with_the_name_of_the_file(tmp_path: Path):
     """A disk is full for a file of more than so many bytes."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -197,38 +164,11 @@ def test_a_full_disk_is_reported_with_the_name_of_the_file(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    "name", [b"plain", "\u00e4".encode(), b"n\xff.toml", b"\xc3", b"a\xf0\x9f"]
-)
-def test_any_name_of_a_file_can_be_printed(name: bytes):
-    text = readable(os.fsdecode(name))
-    assert text.encode("utf-8")
-    assert text == name.decode("utf-8", "backslashreplace")
-
-
 def test_an_error_is_described_in_one_line_without_the_name_of_the_file():
     assert describe(FileNotFoundError(2, "No such file", "a")) == "No such file"
     assert describe(OSError("broken")) == "broken"
     assert describe(ValueError("a\n  b")) == "a b"
     assert describe(MemoryError()) == "MemoryError"
-
-
-def test_a_small_file_takes_little_memory_whatever_its_limit(tmp_path: Path):
-    (tmp_path / "file").write_bytes(b"x" * 10)
-    tracemalloc.start()
-    try:
-        assert len(read_bounded(tmp_path / "file", 2**29)) == 10
-        assert tracemalloc.get_traced_memory()[1] < 2**20
-    finally:
-        tracemalloc.stop()
-
-
-def test_a_file_whose_size_the_system_does_not_know_is_read():
-    status = Path("/proc/self/status")
-    assert status.stat().st_size == 0
-    assert read_bounded(status, 2**20).startswith(b"Name:")
-    with pytest.raises(ValueError, match="more than 10 bytes"):
-        read_bounded(status, 10)
 
 
 def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path):

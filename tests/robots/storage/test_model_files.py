@@ -2,7 +2,6 @@
 
 import os
 import re
-import struct
 import time
 from pathlib import Path
 
@@ -79,23 +78,6 @@ def test_a_model_beyond_a_limit_is_refused(tmp_path: Path, content: str, message
     assert message in problems_of(tmp_path, content)
 
 
-def test_copies_in_attached_models_count(tmp_path: Path):
-    inner = "<worldbody><replicate count='2000'><site/></replicate></worldbody>"
-    (tmp_path / "inner.xml").write_text(f"<mujoco>{inner}</mujoco>")
-    asset = "<asset><model name='inner' file='inner.xml'/></asset>"
-    twice = "<worldbody><attach model='inner' prefix='a'/><attach model='inner'/></worldbody>"
-    assert problems_of(tmp_path, asset + "<worldbody/>") == ""
-    assert "copies of parts" in problems_of(tmp_path, asset + twice)
-
-
-def test_what_is_merely_wrong_is_left_to_mujoco(tmp_path: Path):
-    wrong = (
-        "<worldbody><replicate count='many'><geom size='x'/></replicate></worldbody>"
-        "<include file='missing.xml'/>"
-    )
-    assert problems_of(tmp_path, wrong) == ""
-
-
 @pytest.mark.parametrize(
     ("names", "message"),
     [
@@ -110,17 +92,6 @@ def test_missing_meshes_are_counted_and_the_folder_is_named(
     found = problems_of(tmp_path, f"<compiler meshdir='parts'/><asset>{files}</asset>")
     assert message in found
     assert str(tmp_path / "parts") in found
-
-
-@pytest.mark.parametrize("compiler_in", ["outer", "inner"])
-def test_a_compiler_counts_for_meshes_of_included_files(tmp_path: Path, compiler_in: str):
-    """As in MuJoCo, whichever of the files has it."""
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "a.stl").write_bytes(b"")
-    compiler, mesh = "<compiler meshdir='parts'/>", "<asset><mesh file='a.stl'/></asset>"
-    outer, inner = (compiler, mesh) if compiler_in == "outer" else (mesh, compiler)
-    (tmp_path / "inner.xml").write_text(f"<mujoco>{inner}</mujoco>")
-    assert problems_of(tmp_path, outer + "<include file='inner.xml'/>") == ""
 
 
 def test_a_path_that_mujoco_cannot_open_is_refused():
@@ -140,13 +111,6 @@ def test_a_robot_folder_is_checked_as_well(tmp_path: Path):
     (folder / "model.xml").write_text(re.sub('mass="[^"]*"', 'mass="nan"', text, count=1))
     with pytest.raises(RobotError, match="expected finite numbers"):
         load_robot(folder)
-
-
-def test_a_mesh_of_too_many_bytes_is_found_by_its_size_alone(tmp_path: Path):
-    with (tmp_path / "huge.stl").open("wb") as file:
-        file.write(bytes(80) + struct.pack("<I", 1))
-        file.truncate(MAX_ASSET + 1)
-    assert "huge.stl" in problems_of(tmp_path, "<asset><mesh file='huge.stl'/></asset>")
 
 
 def test_comments_without_an_end_are_read_once(tmp_path: Path):

@@ -2,7 +2,6 @@
 
 import tomllib
 
-import pytest
 import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,8 +10,6 @@ from robots.storage.toml_document import (
     commented,
     in_line,
     one_a_line,
-    plain,
-    rounded,
     table_of,
     tables_of,
 )
@@ -59,17 +56,3 @@ def test_tables_and_comments():
         '[[rows]]\njoints = ["a", "b"]\nmatrix = [[1, 0.5]] # turns\n\n[[rows]]\nx = 1\n\n'
         "[end]\n# why\ny = 2\n"
     )
-
-
-@pytest.mark.parametrize(
-    ("value", "written"),
-    [(1.0, "1"), (-0.0, "0"), (0.125, "0.12"), (2.346, "2.35"), (1e9, "1000000000")],
-)
-def test_numbers_are_written_as_people_do(value: float, written: str):
-    assert str(plain(value, 2)) == written
-
-
-@given(value=st.floats(-1e12, 1e12))
-def test_rounding_keeps_the_digits_that_it_says(value: float):
-    assert rounded(value, 6) == pytest.approx(value, rel=1e-5)
-    assert rounded(rounded(value, 6), 6) == rounded(value, 6)

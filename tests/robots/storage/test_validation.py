@@ -12,11 +12,8 @@ from msgspec import Meta
 from robots.quaternion import Array
 from robots.storage.validation import (
     MAX_TOML,
-    MOST_ROWS,
-    MOST_UNKNOWN,
     Names,
     Sign,
-    find_unknown_keys,
     load_toml,
     on_axes,
     positive,
@@ -128,27 +125,6 @@ def test_all_problems_are_reported_at_once_and_read_as_blanks():
     assert blank.best == Part("", -1)
 
 
-def test_every_wrong_key_is_reported_once():
-    wrong = {key: value for key, value, _ in reversed(WRONG)}
-    problems: list[str] = []
-    read_table(Whole, wrong, "", problems)
-    places = {problem.split(" ")[0].split(".")[0].split("[")[0] for problem in problems}
-    assert places == (RIGHT.keys() | {"loud", "spare"}) - {"parts"} | {"parts"}
-
-
-def test_a_list_of_very_many_tables_is_one_problem():
-    problems: list[str] = []
-    rows = [{"name": 3, "extra": 1}] * (MOST_ROWS + 1)
-    read_table(Whole, RIGHT | {"parts": rows}, "", problems)
-    assert problems == [f"parts has {MOST_ROWS + 1} tables, expected at most {MOST_ROWS}"]
-
-
-def test_of_very_many_unknown_keys_some_are_named():
-    problems = find_unknown_keys(Whole, {f"key{number}": 1 for number in range(1000)})
-    assert len(problems) == MOST_UNKNOWN + 1
-    assert problems[-1] == f"{1000 - MOST_UNKNOWN} more unknown keys"
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -165,12 +141,6 @@ def test_a_file_that_is_no_plain_toml_is_refused(tmp_path: Path, content: bytes,
     (tmp_path / "a.toml").write_bytes(content)
     with pytest.raises(ValueError, match=message):
         load_toml(tmp_path / "a.toml")
-
-
-def test_dots_in_texts_and_numbers_are_no_long_key(tmp_path: Path):
-    text = f'a = "{"word. " * 40}"\nb = [{"0.5, " * 200}]\nc.d.e = "{"." * 200}"'
-    (tmp_path / "a.toml").write_text(text)
-    assert load_toml(tmp_path / "a.toml")["c"] == {"d": {"e": "." * 200}}
 
 
 def test_a_fifo_is_refused(tmp_path: Path):

@@ -48,10 +48,3 @@ def test_tagged_objects_are_plain_values_or_refused():
     assert parse_yaml(text, keeps_tagged=True) == ["exit"]
     with pytest.raises(ValueError, match="line 1: could not determine a constructor"):
         parse_yaml(text)
-
-
-def test_text_after_the_first_document_is_not_read():
-    assert parse_yaml("a: 1\n---\na: [") == {"a": 1}
-    assert parse_yaml("") is None
-    with pytest.raises(ValueError, match=r"line 2: .*document start"):
-        parse_yaml("[ground]\nfrictoin = 1")

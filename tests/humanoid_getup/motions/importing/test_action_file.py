@@ -1,8 +1,6 @@
 """Action files: what a page says, as keys of a robot."""
 
 import json
-import struct
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -115,17 +113,3 @@ def test_every_damaged_byte_of_a_page_is_noticed(at, change, tiny: Robot, tmp_pa
     path.write_bytes(content)
     with pytest.raises(ValueError, match="page 3 is damaged: its bytes sum to"):
         read(path, 3, tiny)
-
-
-def test_a_file_of_another_size_is_refused(tmp_path: Path):
-    (tmp_path / "actions.bin").write_bytes(struct.pack("100x"))
-    with pytest.raises(ValueError, match="has 100 bytes, expected 131072"):
-        ActionFile(tmp_path / "actions.bin")
-
-
-def test_ids_that_no_action_file_has_stay_in_the_stance(tmp_path: Path, tiny: Robot):
-    joint = replace(tiny.joints[1], servo=replace(tiny.joints[1].servo, id=40))
-    robot = replace(tiny, joints=(tiny.joints[0], joint))
-    write_action_file(tmp_path / "actions.bin", {3: [Slot({1: 2100})]})
-    sequence = read(tmp_path / "actions.bin", 3, robot)
-    assert "joint 'r_hip' (id 40) is not moved" in sequence.notes[0]

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from action_files import Slot, write_action_file
 from authored import load_robot_keyframes
 
 from humanoid_getup.motions.importing.imported_keyframes import (
@@ -95,14 +94,6 @@ def test_what_cannot_be_read_is_named(
     assert "\n" not in str(refusal.value)
 
 
-def test_pages_belong_to_action_files(tmp_path: Path, op3: Robot, tiny: Robot):
-    with pytest.raises(ValueError, match="--page is given, expected an action file"):
-        load(tmp_path / "up.json", json.dumps(ANIMATION), op3, 3)
-    write_action_file(tmp_path / "actions.bin", {3: [Slot({1: 1, 2: 2})], 9: [Slot({1: 1, 2: 2})]})
-    with pytest.raises(ValueError, match="--page is missing, expected one of 3 wave, 9 wave"):
-        load_sequences(tmp_path / "actions.bin", (), tiny)
-
-
 def collect(robot: Robot, *degrees: float):
     collector = KeyCollector(robot=robot)
     for angle in degrees:
@@ -121,17 +112,6 @@ def test_angles_out_of_range_are_refused_or_clipped_and_reported(tiny: Robot):
     assert len(found.notes) == 2
 
 
-def test_a_rise_ends_in_the_stance_after_the_time_that_the_way_takes(tiny: Robot):
-    keyframes = make_keyframes(collect(tiny, 0.0, 45.0), tiny).keyframes
-    np.testing.assert_array_equal(keyframes.keys[-1], tiny.standing.joint_pos)
-    # By hand: 45 degrees at 1.5 rad/s.
-    assert keyframes.duration[-1] == pytest.approx(np.pi / 4 / 1.5)
-    there = make_keyframes(collect(tiny, 45.0, 0.01), tiny).keyframes
-    assert len(there.keys) == 2  # the last key was nearly the stance
-    down = make_keyframes(collect(tiny, 0.0, 45.0), tiny, end_class="supine").keyframes
-    assert np.degrees(down.keys[-1]).tolist() == pytest.approx([45.0, 45.0])
-
-
 def test_adopted_keys_may_be_optimized_as_they_are_read_back(tmp_path: Path, op3: Robot):
     sequence = load(tmp_path / "up.json", json.dumps(ANIMATION), op3)
     made = make_keyframes(sequence, op3).keyframes
@@ -139,14 +119,6 @@ def test_adopted_keys_may_be_optimized_as_they_are_read_back(tmp_path: Path, op3
     (read,) = load_keyframes(tmp_path / "keyframes.toml", op3)
     assert read.free.tolist() == made.free.tolist()
     assert read.mirrored.tolist() == made.mirrored.tolist()
-
-
-@pytest.mark.parametrize("name", ["supine_sit_up_gentle", "prone_push_up_fast", "squat_to_stand"])
-def test_the_start_is_found_where_the_keys_work(name: str, op3: Robot, world: World):
-    authored = next(each for each in load_robot_keyframes(op3) if each.name == name)
-    trial = guess_start(world, authored)
-    assert trial.keyframes.start_class == authored.start_class
-    assert trial.succeeded
 
 
 def test_keys_that_begin_in_the_stance_start_standing(op3: Robot, world: World):

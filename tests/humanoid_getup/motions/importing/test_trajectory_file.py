@@ -1,7 +1,5 @@
 """Trajectories of ROS: what a file says, as keys of a robot."""
 
-import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.cli.main import main
 from humanoid_getup.motions.importing.imported_keyframes import load_sequences
 from humanoid_getup.motions.importing.key_sequence import MOST_KEYS
 from humanoid_getup.motions.importing.trajectory_file import CLOSE, choose_keys
@@ -50,15 +47,6 @@ def test_a_message_as_ros_prints_it_is_read(tmp_path: Path, tiny: Robot):
     assert (sequence.name, sequence.notes) == ("wave", ())
 
 
-def test_joints_that_it_does_not_name_stay_in_the_stance(tmp_path: Path, tiny: Robot):
-    path = tmp_path / "one.json"
-    points = [{"positions": [k], "time_from_start": {"sec": k}} for k in (0, 1)]
-    path.write_text(json.dumps({"joint_names": ["r_hip"], "points": points}))
-    (sequence,) = load_sequences(path, (), tiny)
-    np.testing.assert_allclose(sequence.keys, [[0.0, 0.0], [0.0, 1.0]])
-    assert sequence.notes == ("joints 'l_hip' are not in it: they stay in the stance",)
-
-
 @given(
     st.lists(st.integers(1, 50), min_size=1, max_size=80),
     st.integers(0, 2**32 - 1),
@@ -70,13 +58,3 @@ def test_the_chosen_points_are_close_to_all_or_as_many_as_keys_may_be(steps: lis
     assert kept == sorted(set(kept))
     assert {0, len(time) - 1} <= set(kept)
     assert distance <= CLOSE or len(kept) == MOST_KEYS
-
-
-def test_without_the_extra_one_line_names_the_command_that_installs_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    (tmp_path / "wave.yaml").write_text(ECHOED)
-    monkeypatch.setitem(sys.modules, "yaml", None)
-    assert main(["motions", "import", str(tmp_path / "wave.yaml")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "pip install 'humanoid-getup[ros]'" in line

@@ -17,7 +17,7 @@ from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.cache.plan_cache import PlanCache
 from humanoid_getup.strategies.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place, place_postures
 
@@ -111,18 +111,6 @@ def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
     figures = key.figures
     assert (figures.name, figures.kept, figures.time_s) == ("key 1", False, None)
     assert figures.reason
-
-
-def test_keys_require_planning_and_filtering(world: World, propped: KeyPosture):
-    with pytest.raises(ValueError, match="expected planning and filtering"):
-        PlannedRise(world, keys=[propped], options=PlannerOptions(filtering=False))
-
-
-def test_a_key_that_collides_with_itself_is_refused(world: World, op3: Robot):
-    crossed = op3.standing.joint_pos.copy()
-    crossed[op3.joint_names.index("l_hip_roll")] = 0.5
-    with pytest.raises(ValueError, match=r"posture key 1: .* mm inside"):
-        PlannedRise(world, keys=[replace(op3.standing, joint_pos=crossed)])
 
 
 @settings(max_examples=10)

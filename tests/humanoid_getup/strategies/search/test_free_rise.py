@@ -121,12 +121,6 @@ def search(world, database, start):
     return search
 
 
-def test_what_stands_at_once_takes_one_round(search):
-    dynamics, found = search(lambda _: True)
-    assert found.rollout is not None
-    assert [len(tried) for tried in dynamics.rounds] == [FIRST_CONNECTIONS]
-
-
 def test_where_the_virtual_actuator_is_in_the_way_the_motion_is_played_as_it_is(search):
     dynamics, found = search(lambda c: c.assistance == 0.0 and c.slowdown is None)
     assert found.rollout.candidate.assistance == 0.0
@@ -165,10 +159,3 @@ def test_a_rise_that_stands_in_nearly_all_worlds_gets_no_second_tries(
 def test_a_rise_that_must_be_more_than_successful_gets_second_tries_all_the_same(search):
     dynamics, _ = search(lambda _: True, 15 / 16, is_demanding=True)
     assert len(dynamics.rounds) > 2
-
-
-def test_without_any_assistance_no_candidate_is_tried_twice(search):
-    finder = SimpleNamespace(find=lambda *_: [])
-    dynamics, _ = search(lambda _: False, finder=finder, assistance=0.0)
-    assert len(dynamics.rounds[1]) == MORE_CONNECTIONS + FIRST_CONNECTIONS + MORE_CONNECTIONS
-    assert len(dynamics.rounds[2]) == MOST_CONNECTIONS

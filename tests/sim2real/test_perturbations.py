@@ -95,17 +95,6 @@ def test_capsules_reach_as_far_as_the_boxes_did(op3: Robot):
     assert count > 10
 
 
-def test_a_torque_limit_caps_every_servo(op3: Robot, action: ActionSpec):
-    @remember_actions
-    def thrash(observations: np.ndarray) -> np.ndarray:
-        return np.sin(np.arange(SIZE) + observations[:, :1] * 20.0)
-
-    for by in ("current", "ideal"):  # by PWM, a servo that is turned back brakes with more
-        trial = Perturbation(torque_limit=1.5, limit_by=by)
-        record = try_policy(op3, PolicyDriver(action=action, act=thrash), trial, duration=1.0)
-        assert 1.0 < record.outcome.peak_torque.max() <= 1.5 + 1e-9
-
-
 def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
     """One servo at 60 %, a random one in every robot."""
     world = build_training_world(op3, FLAT_SCENE, 0.002)
@@ -118,17 +107,6 @@ def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
     mass = sim.batch.expand("body_mass").sum(axis=1)
     assert mass == pytest.approx(1.15 * world.model.body_mass.sum())
     assert np.linalg.norm(parameters.imu_tilt, axis=1) == pytest.approx(0.1)
-
-
-def test_pushes_come_from_the_seed(op3: Robot, action: ActionSpec):
-    policy = PolicyDriver(action=action, act=idle)
-
-    def push(seed: int) -> np.ndarray:
-        return try_policy(op3, policy, Perturbation(push=0.5), seed=seed, duration=1.0).qpos
-
-    assert np.array_equal(push(1), push(1))
-    assert not np.array_equal(push(1), push(2))
-    assert not np.array_equal(push(1)[0], push(1)[1])
 
 
 def test_figures_count_by_class(op3: Robot):
@@ -201,9 +179,3 @@ def test_robots_are_simulated_in_chunks_and_joined(
     for name in ("qpos", "target", "features", "style_error", "restarts"):
         np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
     np.testing.assert_array_equal(joined.outcome.head_impact, whole.outcome.head_impact)
-
-
-def test_a_trial_tells_what_differs():
-    assert Perturbation().label == "as described"
-    trial = Perturbation(torque_limit=2.5, delay=0.02, noise=True)
-    assert trial.label == "torque limit 2.5 N·m, delay 0.02 s, noise True"

@@ -1,7 +1,5 @@
 """Evaluation of policies: a stand lasts three seconds, and diverged physics is no stand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from policy_functions import remember_actions
@@ -45,19 +43,6 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
     shapes = [array.shape for array in (rises.qpos, rises.target, rises.features)]
     assert shapes == [(3, steps, world.model.nq), (3, steps, op3.n), (3, steps, 3)]
     np.testing.assert_array_equal(rises.features[:, -1], sim.measure_features())
-
-
-def test_starts_that_are_left_out_change_no_others_style(action):
-    """Styles are drawn by the number of a start, whichever are rolled out together."""
-    driver = PolicyDriver(action=action, act=remember_actions(lambda seen: seen))
-    assert driver.skip(3) is driver
-    drawn: list[tuple[int, float]] = []
-    styled = replace(driver, choose_style=lambda row, seen: drawn.append((row, float(seen[0]))))
-    later = styled.skip(3).skip(2)
-    assert later.choose_style is not None
-    later.choose_style(1, np.array([0.5]))
-    assert drawn == [(6, 0.5)]
-    assert (later.action, later.act) == (action, driver.act)
 
 
 def test_a_policy_stood_only_if_the_last_three_seconds_are_one_stand(op3):

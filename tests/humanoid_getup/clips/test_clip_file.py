@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 from human_clips import write_human_bvh
 
-from humanoid_getup.clips.clip import ClipError
 from humanoid_getup.clips.clip_file import read_clip
 
 SKELETON = """:units
@@ -42,9 +41,3 @@ def test_a_skeleton_lies_beside_its_clip_or_is_named(tmp_path: Path):
         read_clip(tmp_path / "01_02.amc", None, None, None)
     named = read_clip(tmp_path / "01_02.amc", tmp_path / "other.asf", 60.0, "z")
     assert (named.period, named.up) == (1.0 / 60.0, "z")
-
-
-def test_a_file_that_is_none_is_refused(tmp_path: Path):
-    (tmp_path / "a.bvh").write_text(FRAMES)
-    with pytest.raises(ClipError, match="HIERARCHY is missing"):
-        read_clip(tmp_path / "a.bvh", None, None, None)

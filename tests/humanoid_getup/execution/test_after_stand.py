@@ -90,12 +90,6 @@ def test_a_refusal_goes_before_all_else():
     assert AfterStand(refusal="the supply is too low", refused_by_fault=True).by_fault
 
 
-def test_an_aborted_step_did_not_come_to_its_end_and_a_judged_one_did():
-    assert not step(abort=FELL).ran
-    assert not step(Ending.INTERRUPTED).ran
-    assert step(succeeded=False).ran
-
-
 def test_a_hand_over_names_what_each_servo_is_left_with(handed_over: AfterStand, tiny: Robot):
     assert handed_over.reason == "held for 3.0 s, handed over under torque"
     record = to_plain(handed_over.figures())
@@ -110,18 +104,3 @@ def test_a_hand_over_names_what_each_servo_is_left_with(handed_over: AfterStand,
         "position_p_gain": float(tiny.p_gain[1]),
         "pwm_limit": 1.0,
     }
-
-
-def test_a_softer_servo_is_left_with_a_smaller_gain(tiny: Robot):
-    command = Command(
-        joint_pos=np.zeros(2),
-        gain_scale=np.array([1.0, 0.25]),
-        torque_limit=np.array([1.5, 3.0]),
-        pwm_limit=np.ones(2),
-    )
-    left = HandOver(robot=tiny, command=command, limit_by="pwm")
-    np.testing.assert_array_equal(left.p_gain, tiny.p_gain * [1.0, 0.25])
-    weakest = f"{tiny.p_gain[1] / 4.0:.0f}"
-    assert str(left) == (
-        f"servos hold their targets, at most 3.00 N·m by pwm, position gain {weakest}, watchdog off"
-    )

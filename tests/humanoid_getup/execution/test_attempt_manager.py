@@ -147,14 +147,6 @@ def test_a_lying_robot_stands_after_one_attempt(manage, motions, twin, phases):
     assert not twin.open
 
 
-def test_it_is_planned_from_where_the_still_robot_lies(manage, motions, prone):
-    plans = Scripted(motions[RIGHT])
-    get_up_with(manage(plans))
-    (start,) = plans.starts
-    np.testing.assert_allclose(start.joint_pos, prone.joint_pos, atol=0.25)  # it sags, limp
-    np.testing.assert_allclose(start.gravity_b, prone.gravity_b, atol=0.1)
-
-
 def test_a_failed_attempt_is_given_up_limp_and_followed_by_rest_and_another(
     manage, motions, phases
 ):
@@ -174,13 +166,6 @@ def test_after_its_last_attempt_it_asks_for_help_and_tells_what_it_saw(manage, m
     assert "; 2. aborted after" in result.reason
     assert not result.by_fault
     assert len(result.attempts) == 2
-
-
-def test_sensors_alone_can_judge(manage, motions):
-    result = get_up_with(manage(Scripted(motions[RIGHT]), sensed=True))
-    assert result.status is AttemptStatus.STOOD
-    outcome = result.attempts[0].outcome
-    assert outcome is not None and outcome.is_sensed
 
 
 def test_what_the_preflight_refuses_is_never_played(manage, motions, twin):
@@ -264,14 +249,6 @@ def test_a_stop_while_it_rises_ends_everything(manage, motions, twin):
     assert not result.by_fault
 
 
-def test_a_stop_while_it_plans_lets_no_torque_through(manage, motions, twin):
-    guard = SafetyGuard(twin)
-    plans = Scripted(motions[RIGHT], then=lambda: guard.stop("now"))
-    result = get_up_with(manage(plans, guard=guard))
-    assert result.status is AttemptStatus.STOPPED
-    assert not twin.moves
-
-
 def test_a_stopped_robot_stays_so_until_somebody_clears_it(manage, motions, twin):
     guard = SafetyGuard(twin)
     guard.stop("now")
@@ -310,33 +287,6 @@ def test_a_servo_that_trips_by_load_is_rebooted_and_the_rise_tried_again(
     assert f"rebooting joint '{KNEE}', which tripped by overload" in message
 
 
-def test_a_servo_found_tripped_is_rebooted_before_the_first_attempt(manage, motions, twin, op3):
-    alerts = Alerts(op3)
-    alerts.trip(KNEE, OVERLOAD)
-    twin.spoil = alerts.spoil
-    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts, max_attempts=1))
-    assert (alerts.rebooted, result.status) == ([KNEE], AttemptStatus.STOOD)
-
-
-def test_a_last_attempt_that_a_servo_cut_off_was_ended_by_a_fault(manage, motions, twin, op3):
-    alerts = Alerts(op3)
-    trip_during_the_rise(twin, alerts, OVERLOAD)
-    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts, max_attempts=1))
-    assert (result.status, result.by_fault) == (AttemptStatus.NEEDS_HELP, True)
-    assert re.search(f"joint '{KNEE}' .*overload", result.reason)
-    assert alerts.rebooted == []  # nothing is to follow, so nothing is touched
-
-
-def test_no_servo_is_rebooted_on_a_backend_without_the_service(manage, motions, twin, op3):
-    alerts = Alerts(op3)
-    alerts.trip(KNEE, OVERLOAD)
-    twin.spoil = alerts.spoil
-    result = get_up_with(manage(Scripted(motions[RIGHT])))
-    assert result.status is AttemptStatus.NEEDS_HELP
-    assert f"joint '{KNEE}' tripped by overload: see that nothing blocks it" in result.reason
-    assert not twin.moves
-
-
 def test_a_servo_that_trips_again_and_again_is_left_alone(manage, motions, twin, op3):
     alerts = Alerts(op3)
 
@@ -350,15 +300,6 @@ def test_a_servo_that_trips_again_and_again_is_left_alone(manage, motions, twin,
     assert result.status is AttemptStatus.NEEDS_HELP
     assert alerts.rebooted == [KNEE] * 3
     assert "3 servos were rebooted within 5 min already" in result.reason
-
-
-def test_a_reboot_that_does_not_help_is_reported(manage, motions, twin, op3):
-    alerts = Alerts(op3, clears=False)
-    alerts.trip(KNEE, OVERLOAD)
-    twin.spoil = alerts.spoil
-    result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
-    assert result.reason == f"rebooted, but joint '{KNEE}' reports overload"
-    assert result.status is AttemptStatus.NEEDS_HELP
 
 
 @pytest.mark.parametrize("bits", [OVERHEATING, OVERHEATING | OVERLOAD])
@@ -380,18 +321,6 @@ def test_a_broken_servo_needs_a_person(manage, motions, twin, op3, bit, message)
     result = get_up_with(manage(Scripted(motions[RIGHT]), services=alerts))
     assert result.reason == f"joint '{KNEE}' reports {message}: inspect the servo"
     assert alerts.rebooted == []
-
-
-def test_a_hot_robot_cools_down_before_it_rises(manage, motions, twin):
-    def cool_slowly(state: State) -> State:
-        heat = np.where(np.arange(len(state.temperature)) == 3, 80.0 - 10.0 * state.time, 25.0)
-        return replace(state, temperature=np.maximum(heat, 25.0))
-
-    twin.spoil = cool_slowly
-    result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
-    assert result.status is AttemptStatus.STOOD
-    limp = next(i for i, command in enumerate(twin.sent) if not command.is_limp)
-    assert limp * twin.period > 2.5  # s until 55 °C
 
 
 def test_a_robot_that_stays_hot_asks_for_help(manage, motions, twin):
@@ -436,16 +365,6 @@ def test_a_lost_bus_ends_it(manage, motions, twin):
     assert len(twin.moves) == 50
 
 
-def test_a_bus_that_is_lost_before_anything_moved_ends_it_too(manage, motions, twin):
-    def lose(_state: State) -> State:
-        raise DriverError("no servo answers")
-
-    twin.spoil = lose
-    result = get_up_with(manage(Scripted(motions[RIGHT])))
-    assert (result.status, result.reason) == (AttemptStatus.NEEDS_HELP, "no servo answers")
-    assert result.attempts == ()
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -484,16 +403,6 @@ def test_a_reboot_is_allowed_again_when_the_window_has_passed():
     assert budget.spend(301.5)
 
 
-def test_a_rise_reports_every_attempt(manage, motions):
-    plans = Scripted(motions[WRONG], motions[RIGHT])
-    figures = get_up_with(manage(plans, sensed=True, max_attempts=2)).figures()
-    assert (figures.stood, figures.attempts, figures.reason) == (True, 2, "held stand")
-    assert figures.attempt_reasons[0].startswith("aborted after 1.0 s")
-    assert figures.attempt_reasons[1] == "held stand"
-    assert (figures.judged_by, figures.self_collisions) == ("sensors", None)
-    assert figures.peak_torque_nm > 0.5
-
-
 def test_a_robot_that_cannot_be_measured_still_gives_a_record(manage, motions, twin):
     twin.spoil = lambda state: replace(state, voltage=9.1)
     result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
@@ -515,8 +424,3 @@ def test_a_robot_placed_at_rest_is_played_from_there_without_settling(manage, mo
     result = get_up_with(manage(Scripted(motions[RIGHT]), preflight=True, settle=False))
     assert result.status is AttemptStatus.STOOD
     assert set(limp_before) == {0.0}  # no time passed before the first command
-
-
-def test_no_attempt_at_all_is_refused(manage, motions):
-    with pytest.raises(ValueError, match="max_attempts is 0, expected 1 or more"):
-        manage(Scripted(motions[RIGHT]), max_attempts=0)

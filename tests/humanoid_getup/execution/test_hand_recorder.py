@@ -1,7 +1,6 @@
 """A limp robot is moved by hand; keys of the terminal take its postures."""
 
 import os
-import select
 import time
 from collections import deque
 from dataclasses import replace
@@ -82,15 +81,3 @@ def test_a_terminals_keys_are_presses():
         found.append(await_press(presses))
     assert found == [TAKE, TAKE, UNDO, FINISH, LEAVE]
     os.close(slave)
-
-
-def test_other_keys_are_ignored():
-    master, slave = os.openpty()
-    with TerminalPresses(slave) as presses:
-        os.write(master, b"x")
-        while select.select([slave], [], [], 0.0)[0]:
-            time.sleep(0.001)  # until it was read
-        os.write(master, b"q")
-        assert await_press(presses) is FINISH
-    for descriptor in (master, slave):
-        os.close(descriptor)

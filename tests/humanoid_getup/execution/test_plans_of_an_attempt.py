@@ -13,11 +13,10 @@ from humanoid_getup.execution import attempt_manager
 from humanoid_getup.execution.attempt_manager import MOST_MOVES, MOST_PLANS
 from humanoid_getup.execution.dead_reckoning import DeadReckoning
 from humanoid_getup.execution.get_up import get_up as get_robot_up
-from humanoid_getup.execution.phase import Phase
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.motions.motion import NO_END, Motion
-from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
+from humanoid_getup.playback.preflight import Verdict
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
@@ -50,19 +49,6 @@ class Passed(MotionPlan):
 
     def preflight(self, *_) -> Verdict:
         return Verdict()
-
-
-class Falls(Verdict):
-    """Another plan may pass where this one falls."""
-
-    another_may_pass = True
-
-
-class Refused(MotionPlan):
-    """A plan that the preflight refuses, without a rollout."""
-
-    def preflight(self, *_) -> Verdict:
-        return Falls((Reason(ReasonKind.REFUSE, None, "it falls"),))
 
 
 @pytest.fixture
@@ -157,48 +143,11 @@ def test_after_a_move_the_robot_settles_and_is_planned_for_again(world, prone, m
     assert (figures.moves, figures.refused_plans, figures.plan_s) == (1, 0, 2.5)
 
 
-def test_the_start_class_is_that_before_any_move(world, prone, motions, move, monkeypatch):
-    sides = iter(["left", "prone"])
-    monkeypatch.setattr(attempt_manager, "classify", lambda _: next(sides))
-    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
-    result, _ = get_up(world, prone, [move, rise])
-    assert (result.stood, result.start_class) == (True, "left")
-
-
-def test_plans_that_were_refused_before_a_move_count(world, prone, motions, move):
-    wrong = Refused(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=4.0)
-    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
-    result, _ = get_up(world, prone, [wrong, move, rise])
-    figures = result.figures()
-    assert (figures.stood, figures.refused_plans, figures.moves) == (True, 1, 1)
-    assert figures.plan_s == pytest.approx(6.5)
-
-
-def test_dead_reckoning_puts_a_robot_where_its_move_should_end(move):
-    reckoning = DeadReckoning(Placement(x=1.0, y=2.0, heading=0.0))
-    assert reckoning.locate().x == 1.0
-    reckoning.move(move)
-    assert reckoning.locate() == Placement.of(move.motion.posture(-1))
-
-
 def test_a_robot_that_only_moves_is_given_up(world, prone, move):
     result, _ = get_up(world, prone, [move] * (MOST_MOVES + 1))
     assert result.status is AttemptStatus.NEEDS_HELP
     assert result.reason == f"no room to rise after {MOST_MOVES} moves"
     assert len(result.attempts[0].moves) == MOST_MOVES
-
-
-def test_what_is_planned_for_says_why_it_is_planned_for_again(world, prone, motions, move):
-    wrong = Refused(status=RiseStatus.STOOD, motion=motions[WRONG])
-    rise = Passed(status=RiseStatus.STOOD, motion=motions[RIGHT])
-    phases = []
-    get_up(world, prone, [move, wrong, rise], on_phase=phases.append)
-    planning = [change.detail for change in phases if change.phase is Phase.PLANNING]
-    assert planning == [
-        "the robot lies prone",
-        "the robot lies prone, after 1 move",
-        "the robot lies prone, after 1 move, plan 2: the preflight refused the one before",
-    ]
 
 
 def test_after_a_move_that_turns_the_robot_it_is_looked_for_in_that_heading(

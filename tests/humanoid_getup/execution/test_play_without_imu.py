@@ -9,7 +9,7 @@ from recording_backend import still_state
 from drivers import Ending, SafetyGuard, Twin, run
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
-from drivers.errors import NoImuError, SetupError
+from drivers.errors import SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -20,7 +20,6 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.judge import SensorJudge
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.playback.balance import make_balance
 from humanoid_getup.playback.monitors import AbortKind, MotionMonitor
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.simulation.world import World
@@ -141,19 +140,6 @@ def test_a_robot_with_an_imu_is_not_driven_without_it(op3):
         DynamixelBackend(op3, ports, without_imu=True)
 
 
-def test_a_twin_whose_robot_has_no_imu_says_so(bare):
-    with pytest.raises(NoImuError, match="'op3' has no IMU"):
-        Twin(bare)
-
-
-def test_no_attempt_is_made_without_an_orientation(world, squat):
-    backend = Twin(world, place_at_start(world, squat), without_imu=True)
-    result = get_up(backend, StoredMotion(world, squat), max_attempts=1)
-    assert not result.stood
-    assert "has no IMU" in result.reason
-    assert result.run is None
-
-
 def test_the_judge_by_sensors_ends_a_run_without_an_orientation(world, squat):
     judge = SensorJudge(world, world.robot.control_period, None)
     guard = SafetyGuard(Twin(world, place_at_start(world, squat), without_imu=True))
@@ -161,10 +147,6 @@ def test_the_judge_by_sensors_ends_a_run_without_an_orientation(world, squat):
     assert report.ending is Ending.FAULT
     assert "has no IMU" in report.reason
     assert not judge.end()
-
-
-def test_there_is_no_balance_without_an_imu(bare, squat):
-    assert make_balance(bare, squat) is None
 
 
 @pytest.mark.parametrize(("part", "aborts"), [("lying", True), ("standing", False)])
@@ -182,13 +164,3 @@ def test_a_stuck_joint_ends_a_run_where_the_motion_lies(bare, part, aborts):
     ]
     assert any(findings) is aborts
     assert all(found[0] is AbortKind.STUCK for found in findings if found)
-
-
-def test_a_guard_still_stands_between_the_motion_and_the_servos(bare, squat):
-    start = place_at_start(bare, squat)
-    guard = SafetyGuard(Twin(bare, start, without_imu=True))
-    guard.stop("a key")
-    result = play(guard, squat)
-    assert result.status is not AttemptStatus.PLAYED
-    assert not result.figures().played
-    assert "stands" not in result.reason

@@ -20,7 +20,7 @@ from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import StrategySelector
-from humanoid_getup.strategies.learned_rise import LearnedRise, PolicyPlan
+from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.track_record import (
     PLAN,
@@ -99,22 +99,6 @@ def test_a_hot_servo_ends_a_policy(idle: OnnxPolicy, op3: Robot):
     assert aborted is not None
     assert (aborted.kind, aborted.time) == (AbortKind.HEAT, 0.0)
     assert f"joint '{op3.joint_names[KNEE]}' has 73 °C" in aborted.detail
-
-
-def test_a_servo_near_stall_ends_a_policy(op3: Robot, tmp_path: Path):
-    policy = OnnxPolicy.load(save_policy(tmp_path / "p.onnx", op3), op3, PERIOD, longest=9.0)
-    lying = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), 1.5)
-    current = knee(op3, 2.2)
-    aborted = supervise(policy, 9.0, joint_current=current, orientation=lying).aborted
-    assert aborted is not None
-    assert aborted.kind is AbortKind.LOAD
-    assert aborted.time == pytest.approx(4.0, abs=0.02)
-
-
-def test_a_sagging_supply_is_a_warning(idle: OnnxPolicy):
-    supervisor = supervise(idle, 2.0, voltage=9.8)
-    assert supervisor.aborted is None
-    assert "sagged to 9.8 V" in supervisor.warnings[0]
 
 
 def test_a_policy_that_loses_its_numbers_is_given_up_and_reported(lost: OnnxPolicy):
@@ -197,9 +181,3 @@ def test_the_strategy_with_the_better_record_for_how_the_robot_lies_is_selected(
     assert choose(world, TrackRecord(), supine) == "plan"
     weak = choose(world, records, supine, torque_limit=1.9)
     assert weak == "plan", "no record is of servos so weak"
-
-
-def test_a_policy_in_a_plan_is_named(world: World, idle: OnnxPolicy, supine: Posture):
-    plan = LearnedRise(world, idle, name="mine").plan(supine, np.random.default_rng(0))
-    assert isinstance(plan, PolicyPlan)
-    assert (plan.title, plan.figures().policy, plan.policy) == ("policy mine", "mine", idle)

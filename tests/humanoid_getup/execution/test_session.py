@@ -40,12 +40,6 @@ def test_nothing_is_left_out_and_nothing_waits_unless_it_is_chosen():
     assert chosen.settle
 
 
-def test_what_is_chosen_counts(op3: Robot, world: World):
-    driver = DynamixelBackend(op3, {"main": "/dev/none"})
-    session = Session.on(driver, world, options=SessionOptions(then="sit", realtime=False))
-    assert (session.then, session.realtime) == ("sit", False)
-
-
 def test_no_backend_is_without_a_guard_under_the_limit(world: World):
     session = Session.on(Twin(world), world, TorqueLimit(2.0, "pwm"))
     assert isinstance(session.guard, SafetyGuard)
@@ -68,8 +62,3 @@ def test_only_in_scenes_that_differ_from_place_to_place_the_twin_says_where_it_l
     locate = Session.on(Twin(walled), walled).locate
     assert locate is not None
     assert (locate().x, locate().y) == pytest.approx(op3.standing.position[:2])
-
-
-def test_what_no_robot_does_after_its_stand_is_refused():
-    with pytest.raises(ValueError, match="then is 'jump', expected one of 'hold', 'sit'"):
-        SessionOptions(then="jump")  # pyright: ignore[reportArgumentType]

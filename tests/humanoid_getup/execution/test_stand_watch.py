@@ -3,8 +3,6 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
-
 from humanoid_getup.execution.stand_watch import LONGEST_WAIT, StandWatch
 from humanoid_getup.experiments.judging.standing import HOLD
 
@@ -75,11 +73,3 @@ def test_a_released_robot_that_never_stands_still_is_not_held_for_ever():
     watch_for(watch, 1.0, now)
     assert watch.may_end()
     assert not watch.stood
-
-
-@pytest.mark.parametrize("stood", [True, False])
-def test_nothing_ends_a_stand_that_is_not_released(stood: bool):
-    watch = StandWatch(Verdicts(stood), lambda: False)
-    watch_for(watch, 2.0 * HOLD)
-    assert watch.stood is stood
-    assert not watch.may_end()

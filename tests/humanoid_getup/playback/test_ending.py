@@ -53,10 +53,6 @@ def test_a_way_down_is_soft_to_the_head(op3: Robot, rising: Motion, speed: float
     assert has_succeeded(down, outcome).tolist() == [True, is_soft]
 
 
-def test_a_path_may_end_anywhere(op3: Robot, rising: Motion):
-    assert has_succeeded(replace(rising, end_class=NO_END), lie(op3)).tolist() == [True, True]
-
-
 @pytest.mark.parametrize(
     ("end", "held", "words"),
     [

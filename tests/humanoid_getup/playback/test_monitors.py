@@ -8,12 +8,10 @@ from recording_backend import still_state
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.monitors import (
-    Abort,
     AbortKind,
     MonitorLimits,
     MotionMonitor,
     Persistence,
-    PolicyMonitor,
     ServoMonitor,
 )
 from humanoid_getup.simulation.world import World
@@ -61,11 +59,6 @@ def test_a_load_just_below_or_with_a_break_is_borne_for_ever(tiny, monitor):
         assert look(monitor, tiny, time=time + 1.0, joint_current=below) is None
 
 
-def test_a_supply_that_is_not_measured_yet_is_no_division_by_zero(tiny, monitor):
-    with np.errstate(all="raise"):
-        assert look(monitor, tiny, time=1.1, joint_current=np.full(2, 0.1), voltage=0.0) is None
-
-
 @pytest.mark.parametrize(("temperature", "is_hot"), [(72.0, False), (72.5, True)])
 def test_a_servo_beyond_72_degrees_ends_it_at_once(tiny, monitor, temperature, is_hot):
     found = look(monitor, tiny, time=1.1, temperature=np.array([temperature, 30.0]))
@@ -86,29 +79,6 @@ def test_a_low_supply_is_warned_of_once_a_run(tiny, monitor):
     ]
     monitor.reset(still_state(tiny, time=2.0))
     assert monitor.warnings == []
-
-
-def test_a_new_run_begins_with_no_load_behind_it(tiny, monitor):
-    above = np.full(2, 0.95 * STALL)
-    look(monitor, tiny, time=4.9, joint_current=above)
-    monitor.reset(still_state(tiny, time=5.0))
-    assert look(monitor, tiny, time=6.0, joint_current=above) is None
-    assert look(monitor, tiny, time=9.1, joint_current=above) is not None
-
-
-def test_a_policy_that_gave_up_ends_the_run_with_its_own_words(tiny):
-    policy = SimpleNamespace(failure=None)
-    monitor, state = PolicyMonitor(policy), still_state(tiny)  # type: ignore[arg-type]
-    monitor.reset(state)
-    assert monitor.check(state, np.zeros(2)) is None
-    policy.failure = "its action is nan"
-    assert monitor.check(state, np.zeros(2)) == (AbortKind.POLICY, "its action is nan")
-    assert monitor.warnings == []
-
-
-def test_an_abort_says_what_and_why():
-    abort = Abort(AbortKind.STUCK, "joint 'l_hip' is 0.5 rad behind", 1.0)
-    assert str(abort) == "a joint does not follow: joint 'l_hip' is 0.5 rad behind"
 
 
 def test_limits_are_those_that_were_measured():

@@ -78,13 +78,6 @@ def test_from_elsewhere_the_way_to_the_first_targets_is_slow_and_without_a_jump(
     np.testing.assert_allclose(sent[-1], motion.joint_target[-1])
 
 
-def test_a_player_can_be_started_again(op3: Robot, motion: Motion):
-    player = MotionPlayer(op3, motion, hold=HOLD)
-    first = play(player, op3, motion.joint_pos[0], begin=0.0)
-    assert player.done
-    np.testing.assert_array_equal(play(player, op3, motion.joint_pos[0], begin=0.0), first)
-
-
 def test_the_torque_limit_goes_into_every_command(op3: Robot, motion: Motion):
     player = MotionPlayer(op3, motion, hold=HOLD, torque_limit=2.5)
     start = measure(op3, 0.0, motion.joint_pos[0])

@@ -61,12 +61,6 @@ def test_left_and_right_limbs_have_colors_of_their_own(op3: Robot, world: World)
     assert (blue - red > 60).sum() > 500  # right: blue
 
 
-def test_moments_are_spread_evenly_from_the_first_to_the_last():
-    np.testing.assert_array_equal(film_strip.pick_frames(111, 12), np.arange(0, 111, 10))
-    np.testing.assert_array_equal(film_strip.pick_frames(3, 12), [0, 1, 2])
-    np.testing.assert_array_equal(film_strip.pick_frames(1, 12), [0])
-
-
 @pytest.mark.parametrize(("count", "rows"), [(4, 1), (6, 1), (12, 2)])
 def test_a_strip_is_one_file_of_rows_of_six(
     tmp_path: Path, count: int, rows: int, monkeypatch: pytest.MonkeyPatch

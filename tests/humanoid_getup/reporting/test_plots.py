@@ -7,7 +7,7 @@ import pytest
 
 from humanoid_getup.experiments.judging.torque import split_torque
 from humanoid_getup.reporting import plots
-from humanoid_getup.reporting.plots import NAMED, save_difference, save_torque
+from humanoid_getup.reporting.plots import save_difference, save_torque
 from humanoid_getup.reporting.replay import ReplayReport
 from robots import Robot
 
@@ -23,10 +23,6 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list:
     return saved
 
 
-def labels(axis) -> list[str]:
-    return [line.get_label() for line in axis.get_lines() if not line.get_label().startswith("_")]
-
-
 def make_report(difference: np.ndarray) -> ReplayReport:
     return ReplayReport(
         robot="robot",
@@ -37,14 +33,6 @@ def make_report(difference: np.ndarray) -> ReplayReport:
         threshold=0.05,
         twin_qpos=np.zeros((T, 7)),
     )
-
-
-def test_the_joints_that_differ_most_are_named_largest_first(figures: list, tmp_path):
-    size = np.array([3.0, 9.0, 1.0, 8.0, 2.0, 7.0, 6.0, 5.0, 4.0, 0.0]) * 1e-3
-    save_difference(make_report(np.tile(-size, (T, 1))), tmp_path / "plot.png")
-    (figure,) = figures
-    assert labels(figure.axes[0]) == [f"joint_{k}" for k in np.argsort(-size)[:NAMED]]
-    assert len(figure.axes[0].get_lines()) == len(NAMES) + 2  # all of them, and both limits
 
 
 def test_a_divergence_is_marked_at_its_time(figures: list, tmp_path):

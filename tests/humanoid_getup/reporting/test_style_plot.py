@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.reporting import style_plot
-from humanoid_getup.reporting.style_plot import save_flight, save_following, save_styles
+from humanoid_getup.reporting.style_plot import save_flight, save_styles
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
@@ -31,13 +31,6 @@ def test_a_style_of_several_curves_is_a_mean_with_a_band(figures: list, tmp_path
     assert named[0].get_ydata() == pytest.approx(named[1].get_ydata())
     assert named[0].get_ydata()[-1] == pytest.approx(curve.points[-1, 0])
     assert len(height.collections) == 1  # the band of the second
-
-
-def test_angles_are_drawn_in_degrees(figures: list, tmp_path):
-    time, features = np.array([0.0, 1.0]), np.array([[0.3, RIGHT, 0.0], [1.0, RIGHT, RIGHT]])
-    save_following(time, features, features, tmp_path / "plot.png")
-    last = [axis.get_lines()[0].get_ydata()[-1] for axis in figures[0].axes]
-    assert last == pytest.approx([1.0, 90.0, 90.0])
 
 
 def test_a_flight_has_a_gap_between_attempts_and_no_plot_without_a_style(figures: list, tmp_path):

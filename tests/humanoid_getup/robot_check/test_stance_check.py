@@ -20,10 +20,6 @@ def soles_of(folder: Path, old: str = "", new: str = "") -> list[str]:
 SOLE = '<site name="l_sole" pos="0 0 -0.1"/>'
 
 
-def test_soles_on_the_faces_of_the_feet_are_right(tmp_path: Path):
-    assert soles_of(tmp_path) == ["ok: soles: 'l_sole' and 'r_sole' are on the faces of the feet"]
-
-
 @pytest.mark.parametrize(
     ("new", "message"),
     [

@@ -116,18 +116,6 @@ def test_every_stored_motion_begins_and_ends_at_rest_and_its_points_rise_in_time
         assert np.array_equal(trajectory.position[-1], motion.joint_target[-1])
 
 
-def test_the_derivatives_are_those_of_the_targets(tiny: Robot):
-    time = np.arange(200) * tiny.control_period
-    targets = np.stack([0.5 * np.sin(2.0 * time), 0.2 * np.cos(5.0 * time)], axis=1)
-    motion = make_motion(time, targets)
-    trajectory = JointTrajectory.of(motion, tiny, 0.0)
-    velocity = np.stack([np.cos(2.0 * time), -np.sin(5.0 * time)], axis=1)
-    acceleration = np.stack([-2.0 * np.sin(2.0 * time), -5.0 * np.cos(5.0 * time)], axis=1)
-    inner = slice(1, -1)
-    np.testing.assert_allclose(trajectory.velocity[inner], velocity[inner], atol=1e-3)
-    np.testing.assert_allclose(trajectory.acceleration[inner], acceleration[inner], atol=1e-3)
-
-
 def make_motion(time: Array, targets: Array) -> Motion:
     """Make a motion of the tiny robot with targets (T, 2) at some times."""
     count = len(time)
@@ -186,15 +174,3 @@ def test_an_exported_motion_is_imported_as_keys_that_go_the_same_way(
     knots = np.concatenate([[0.0], np.cumsum(sequence.after)])
     targets = PchipInterpolator(knots, sequence.keys)(motion.time)  # the curve of keyframes
     assert np.abs(targets - motion.joint_target).max() < CLOSE + 2 * ROUNDING
-
-
-def test_yaml_and_json_say_the_same_to_a_reader_of_ros(op3: Robot, tmp_path: Path):
-    yaml = pytest.importorskip("yaml")
-    for goal in (False, True):
-        message = export("op3", MOTION, tmp_path / "motion.json", goal=goal)
-        path = tmp_path / "motion.yaml"
-        export_motion(ExportMotionRequest(motion=MOTION, trajectory=path, goal=goal))
-        assert yaml.safe_load(path.read_text("utf-8")) == message
-        trajectory = message["trajectory"] if goal else message
-        assert tuple(trajectory["joint_names"]) == op3.joint_names
-        assert trajectory["points"][0]["time_from_start"] == {"sec": 2, "nanosec": 0}

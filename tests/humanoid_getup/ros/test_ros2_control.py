@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,8 +14,7 @@ from paths import TINY
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.export_robot import export_robot
 from humanoid_getup.jobs.requests.robots import ExportRobotRequest
-from humanoid_getup.ros.ros2_control import RobotControl
-from robots import Robot, TorqueLimit, load_robot
+from robots import Robot, load_robot
 from robots.quaternion import Array
 
 TICK = 2.0 * math.pi / 4096
@@ -111,19 +110,6 @@ def test_the_torque_limit_is_in_the_register_of_its_mode(
         assert ("Position D Gain" in registers) == (mode == 5)
 
 
-def test_joints_have_their_ranges(tmp_path: Path, op3: Robot):
-    export("op3", tmp_path / "control")
-    root = ElementTree.parse(tmp_path / "control" / "ros2_control.xacro").getroot()
-    ranges = {
-        joint.attrib["name"]: [float(p.text or "") for p in joint.iter("param")]
-        for joint in root.iter("joint")
-    }
-    assert tuple(ranges) == op3.joint_names
-    np.testing.assert_allclose(
-        list(ranges.values()), np.stack([op3.lower, op3.upper], 1), atol=1e-5
-    )
-
-
 def test_controllers_have_the_joints_and_the_rate_of_the_robot(tmp_path: Path, op3: Robot):
     yaml = pytest.importorskip("yaml")
     export("op3", tmp_path / "control")
@@ -159,18 +145,3 @@ def test_a_zero_elsewhere_is_a_homing_offset_that_is_told(tmp_path: Path):
     assert [registers.get("Homing Offset") for registers in plugin.registers] == [None, 1048]
     text = (tmp_path / "control" / "ros2_control.xacro").read_text("utf-8")
     assert "become homing offsets in the EEPROM (r_hip)" in text
-
-
-def test_limp_joints_alone_get_no_torque(tiny: Robot):
-    control = RobotControl.of(replace(tiny, limp_joints=("l_hip",)), TorqueLimit(by="pwm"))
-    (system,) = ElementTree.fromstring(control.xacro).iter("ros2_control")
-    enabled = [registers.get("Torque Enable") for registers in Plugin.read(system).registers]
-    assert enabled == [0, None], "None: the plugin switches it on"
-
-
-def test_joints_that_turn_further_than_their_servos_turn_are_named(tmp_path: Path):
-    export("toddlerbot", tmp_path / "control")
-    text = (tmp_path / "control" / "ros2_control.xacro").read_text("utf-8")
-    (note,) = (line for line in text.splitlines() if "does not count turns" in line)
-    assert "ranges of waist_yaw, waist_roll, " in note and "right_elbow_yaw" in note
-    assert "knee" not in note

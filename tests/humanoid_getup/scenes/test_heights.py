@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.scenes.ground import HeightField, Slope
+from humanoid_getup.scenes.ground import HeightField
 from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.surface import Surface
@@ -65,16 +65,6 @@ def test_rough_ground_is_as_high_as_a_ray_says(x, y, seed):
     )
 
 
-@given(x=small, y=small, degrees=st.floats(-30.0, 30.0))
-def test_a_slope_is_as_high_as_a_ray_says(x, y, degrees):
-    ground = Slope(angle=math.radians(degrees))
-    spec = mujoco.MjSpec()
-    ground.pave(spec, Surface())
-    assert ground.height(np.array(x), np.array(y)) == pytest.approx(
-        cast(spec.compile(), x, y), abs=1e-6
-    )
-
-
 TABLE = Obstacle(
     name="table",
     kind="box",
@@ -87,18 +77,6 @@ def test_feet_stand_on_a_table_or_under_it():
     scene = Scene(name="table", obstacles=(TABLE,))
     feet = np.array([[0.0, 0.0, 0.315], [0.0, 0.0, 0.0], [0.6, 0.0, 0.32]])
     np.testing.assert_allclose(scene.support(feet), [0.32, 0.0, 0.0])
-
-
-def test_feet_that_sink_in_still_stand_on_what_is_soft():
-    soft = Obstacle(
-        name="bed",
-        kind="box",
-        half_size=np.array([0.5, 0.5, 0.1]),
-        position=np.array([0.0, 0.0, 0.1]),
-        surface=Surface(sink=0.03),
-    )
-    scene = Scene(name="bed", obstacles=(soft,))
-    assert scene.support(np.array([0.0, 0.0, 0.165])) == pytest.approx(0.2)
 
 
 def test_a_capsule_lies_between_its_ends():

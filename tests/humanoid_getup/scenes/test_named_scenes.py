@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.scenes.named_scenes import (
-    FOLDER,
     ROUGHNESS,
-    list_scenes,
     load_scene,
-    seed_grounds,
 )
 from robots import Robot
 from robots.body.lengths import leg_length
@@ -30,21 +27,6 @@ X, Y = np.meshgrid(np.linspace(-0.6, 0.6, 25), np.linspace(-0.6, 0.6, 25))
 def test_an_unknown_scene_is_refused_with_what_is_allowed(op3: Robot, name: str, message: str):
     with pytest.raises(ValueError, match=message):
         load_scene(name, op3)
-
-
-def test_every_scene_has_a_line_about_it_and_compiles(op3: Robot):
-    scenes = list_scenes()
-    assert len(scenes) == len(list(FOLDER.glob("*.toml"))) + 4
-    for scene in scenes:
-        assert scene.about
-        assert load_scene(scene.name, op3).compile(op3).nq == op3.n + 7
-
-
-def test_no_two_seeds_have_a_ground_in_common():
-    seeds = [own for seed in (0, 1, 2) for own in seed_grounds("rough:easy", 4, seed)]
-    assert sorted(set(seeds)) == seeds
-    assert len(seeds) == 12
-    assert seed_grounds("slope:5", 4, 3) == [3]
 
 
 def test_the_same_seed_is_the_same_rough_ground(op3: Robot):

@@ -1,7 +1,6 @@
 """Scene files and scenes by name."""
 
 import math
-import os
 from pathlib import Path
 
 import mujoco
@@ -48,11 +47,6 @@ def write(folder: Path, text: str) -> Path:
     file = folder / "mine.toml"
     file.write_text(text)
     return file
-
-
-def test_a_leg_of_op3_is_as_long_as_in_its_model(op3: Robot):
-    """Hip yaw axis to the sole, all joints at 0: 0.0125 m sideways and 0.27915 m down."""
-    assert leg_length(op3) == pytest.approx(math.hypot(0.0125, 0.27915), abs=1e-4)
 
 
 def test_a_file_says_all_that_a_scene_has(op3: Robot, tmp_path: Path):
@@ -141,23 +135,6 @@ def test_a_wrong_file_is_refused_in_one_line(op3: Robot, tmp_path: Path, text: s
         load_scene(str(write(tmp_path, text)), op3)
     assert "\n" not in str(raised.value)
     assert "mine.toml" in str(raised.value)
-
-
-def test_a_file_whose_name_is_not_utf8_has_a_name_that_can_be_stored(op3: Robot, tmp_path: Path):
-    file = tmp_path / os.fsdecode(b"n\xff.toml")
-    file.write_text(FULL)
-    assert read_scene(file, op3).name == r"n\xff"
-
-
-def test_a_fifo_is_refused(op3: Robot, tmp_path: Path):
-    os.mkfifo(tmp_path / "pipe.toml")
-    with pytest.raises(ValueError, match="it is a FIFO, expected a file"):
-        load_scene(str(tmp_path / "pipe.toml"), op3)
-
-
-def test_a_missing_file_is_refused(op3: Robot):
-    with pytest.raises(ValueError, match=r"scene nowhere\.toml: No such file"):
-        load_scene("nowhere.toml", op3)
 
 
 @pytest.mark.parametrize("turn", [0.0, 90.0])

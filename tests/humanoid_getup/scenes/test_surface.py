@@ -32,10 +32,6 @@ def test_what_lies_on_a_soft_surface_sinks_in_as_deep_as_it_says(sink, friction)
     assert settle(Surface(sink=sink, friction=friction)) == pytest.approx(-sink, rel=0.02)
 
 
-def test_a_rigid_surface_yields_less_than_a_millimeter():
-    assert -0.001 < settle(Surface()) <= 0.0
-
-
 def test_the_ground_decides_the_friction_under_every_sole(op3: Robot):
     model = Scene(name="ice", surface=Surface(friction=0.1)).compile(op3)
     data = mujoco.MjData(model)

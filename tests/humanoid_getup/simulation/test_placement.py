@@ -27,11 +27,6 @@ def test_the_head_of_a_lying_robot_gives_its_heading(side: str, heading: float):
     assert measure_heading(q) == pytest.approx(heading, abs=1e-9)
 
 
-@given(heading=yaw)
-def test_the_front_of_an_upright_robot_gives_its_heading(heading: float):
-    assert measure_heading(quaternion.from_yaw(heading)) == pytest.approx(heading, abs=1e-9)
-
-
 @given(side=side, heading=yaw, drift=yaw)
 def test_a_placement_undoes_the_drift_of_the_imu(side: str, heading: float, drift: float):
     true = quaternion.multiply(quaternion.from_yaw(heading), lying(side))

@@ -32,14 +32,5 @@ def test_the_nearest_place_is_beside_the_roof_with_some_room(op3: Robot):
     assert float(places.distance(np.array([3.0 * leg, 0.0, 0.05]))) < 0.2 * leg
 
 
-def test_distances_are_horizontal_and_of_any_shape(op3: Robot):
-    places = under(op3, 1.0)
-    higher = LOW + np.array([0.0, 0.0, 0.2])
-    points = np.array([[LOW, higher]])
-    distance = places.distance(points)
-    assert distance.shape == (1, 2)
-    assert distance[0, 0] == distance[0, 1]
-
-
 def test_under_a_roof_without_end_there_is_no_place(op3: Robot):
     assert not under(op3, 20.0).exist

@@ -165,20 +165,6 @@ def test_a_model_that_mujoco_warp_cannot_simulate_is_refused_by_what_it_has(worl
         WarpBatch(model, 1, device="cpu")
 
 
-def test_fields_that_all_worlds_share_and_outputs_that_are_missing_are_refused(world: World):
-    batch = WarpBatch(world.model, 2, device="cpu")
-    with pytest.raises(WarpError, match="shares the model field 'dof_M0' between all worlds"):
-        batch.expand("dof_M0")
-    with pytest.raises(WarpError, match="mujoco-warp does not compute 'solver_fwdinv'"):
-        batch.bind("solver_fwdinv")
-
-
-@pytest.mark.parametrize("device", ["abacus", "cuda:7"])
-def test_a_device_that_warp_does_not_find_is_named(world: World, device: str):
-    with pytest.raises(WarpError, match=f"finds no device '{device}' here, expected cpu"):
-        WarpBatch(world.model, 1, device=device)
-
-
 def test_room_follows_from_the_model(tiny: Robot):
     """Worked out by hand: two contacts a geom of the robot, four rows each, joints on top."""
     model = World(tiny).model

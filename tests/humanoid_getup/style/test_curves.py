@@ -63,12 +63,6 @@ def test_mirrored_curves_mirror_every_moment(points, time):
     assert mirrored.mirrored().points == pytest.approx(points)
 
 
-@pytest.mark.parametrize(("start", "mirrored"), [("left", "right"), ("prone", "prone"), ("", "")])
-def test_curves_from_one_side_are_mirrored_to_those_from_the_other(start, mirrored):
-    points = np.tile(UPRIGHT_STAND, (9, 1))
-    assert StyleCurves.of(points, 4.0, start).mirrored().start == mirrored
-
-
 def test_curves_at_other_times_stay_within_their_control_points():
     """The spline overshoots between them: half way up it rises at once."""
     points = np.tile(UPRIGHT_STAND, (9, 1))
@@ -125,18 +119,3 @@ def test_each_robot_enters_its_curves_from_what_it_measures_and_then_follows_the
     ahead = targets.at(np.array([[3.0, 9.0], [1.5, 9.0]]))  # two moments of each robot
     assert ahead[0] == pytest.approx(curves[0].sample(np.array([3.0, 9.0])))
     assert ahead[1] == pytest.approx(curves[1].sample(np.array([1.5, 9.0])))
-
-
-def test_a_robot_that_enters_late_leaves_the_others_alone():
-    curves, targets = make_curves(0.2, 4.0), CurveTargets(2)
-    both = np.array([curves.pieces, curves.pieces])
-    targets.enter(
-        np.arange(2), both, np.full(2, 4.0), np.tile([0.2, 1.5, 1.5], (2, 1)), np.zeros(2)
-    )
-    before = targets.at(np.full(2, 2.5))
-    targets.enter(
-        np.array([1]), both[:1], np.array([4.0]), np.array([[0.9, 1.0, 1.0]]), np.array([2.5])
-    )
-    after = targets.at(np.full(2, 2.5))
-    assert np.array_equal(after[0], before[0])
-    assert after[1] == pytest.approx([0.9, 1.0, 1.0])

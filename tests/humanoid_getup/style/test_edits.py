@@ -30,14 +30,6 @@ def test_a_rise_is_moved_by_what_was_asked(op3, delay):
         assert moved.points[[0, -1]] == pytest.approx(curves.points[[0, -1]])
 
 
-def test_a_rise_cannot_be_moved_out_of_its_duration(op3):
-    curves = list_curves(op3)[0]
-    with pytest.raises(EditError, match="make the style slower first"):
-        shift_rise(curves, curves.duration)
-    slower = curves.lasting(3.0 * curves.duration)
-    shift_rise(slower, 0.1 * curves.duration)
-
-
 def test_a_hold_delays_what_follows(op3):
     for curves in list_curves(op3):
         at = 0.25 * curves.duration

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from humanoid_getup.scenes.ground import FLAT
 from humanoid_getup.simulation.world import World
 from humanoid_getup.style.extraction import (
     ExtractionError,
-    compute_features,
     extract_curves,
     measure_features,
     trim,
@@ -32,13 +30,6 @@ def test_a_stand_has_the_standing_height_and_leans_as_the_stance_does(op3: Robot
     expected = np.array([[1.0, RIGHT, RIGHT + float(lean)]])
     assert 0.0 < lean < 0.2
     assert measure_features(op3, world.model, qpos) == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_robot_on_its_back_has_no_front_angle(op3: Robot):
-    supine = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), -RIGHT)
-    neck = np.array([[3.0, 4.0, 0.25 * op3.standing_neck_height]])
-    features = compute_features(op3, neck, supine[None], FLAT)
-    assert features == pytest.approx(np.array([[0.25, RIGHT, 0.0]]), abs=1e-6)
 
 
 def test_what_is_still_at_both_ends_is_trimmed():

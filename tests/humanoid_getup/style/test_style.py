@@ -46,8 +46,3 @@ def test_of_curves_that_begin_nearly_alike_those_that_turn_least_are_chosen():
     assert style.choose(np.array([0.3, RIGHT, 0.3])) is SUPINE
     far = replace(style, curves=(winding, rise_from(RIGHT, 0.2 - 2.0 * ALIKE)))
     assert far.choose(np.array([0.3, RIGHT, 0.3])).points[4, 1] != pytest.approx(RIGHT)
-
-
-def test_a_style_without_curves_is_refused():
-    with pytest.raises(ValueError, match="style 'none' has no curves, expected one or more"):
-        Style(name="none", curves=())

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from humanoid_getup.style.edits import rise_time
 from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_editor import StyleEditor, clip_value
-from humanoid_getup.style.style_file import load_style, round_curves
+from humanoid_getup.style.style_editor import StyleEditor
+from humanoid_getup.style.style_file import load_style
 from robots import Robot
 
 
@@ -47,12 +47,6 @@ def test_a_file_of_it_holds_the_same_curves_to_the_last_bit(
     assert is_same(load_style(file, op3), editor.style)
 
 
-def test_rounding_twice_is_rounding_once(op3: Robot):
-    once = round_curves(load_style("sit-up", op3).curves[0].lasting(math.pi))
-    np.testing.assert_array_equal(round_curves(once).points, once.points)
-    assert round_curves(once).duration == once.duration
-
-
 def test_every_step_can_be_undone(editor: StyleEditor):
     seen = [editor.style]
     for change in (
@@ -72,15 +66,6 @@ def test_every_step_can_be_undone(editor: StyleEditor):
         editor.undo()
 
 
-def test_durations_in_a_row_are_one_step(editor: StyleEditor):
-    before = editor.style
-    for duration in (2.0, 2.5, 3.0):
-        editor.last(duration)
-    assert editor.curves.duration == 3.0
-    editor.undo()
-    assert is_same(editor.style, before)
-
-
 def test_the_chosen_curves_alone_change(editor: StyleEditor):
     before = editor.style
     editor.chosen = 1
@@ -98,11 +83,3 @@ def test_a_rise_that_does_not_end_standing_is_refused_and_nothing_changes(editor
     with pytest.raises(ValueError, match="there is no point 10"):
         editor.move_point(0, 9, 1.0)
     assert editor.style is before
-
-
-@given(feature=st.integers(0, 2), value=st.floats(-9.0, 9.0))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_clipped_value_is_one_that_a_point_may_have(editor: StyleEditor, feature, value):
-    clipped = clip_value(feature, value)
-    editor.move_point(feature, 4, clipped)
-    assert clipped == value or not 0.0 <= value <= (1.2, math.pi, math.pi)[feature]

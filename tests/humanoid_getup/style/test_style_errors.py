@@ -41,21 +41,6 @@ def test_a_rise_that_is_cut_off_has_followed_only_a_share():
     assert FollowedStyle.of(errors, rise(4 * STEP), LYING, 0).was_followed
 
 
-def test_errors_are_those_from_curves_that_are_blended_from_how_the_robot_lay():
-    lay = LYING + np.array([0.0, 0.3, 0.0])
-    errors = StyleErrors([rise(8 * STEP)], lay[None], np.zeros(1))
-    errors.note(rise(8 * STEP).sample(np.array([[STEP]]))[0] + [0.0, 0.15, 0.0], STEP)
-    assert errors.mean[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)  # half of the blend
-
-
-def test_a_robot_that_stood_from_the_first_followed_nothing():
-    errors = StyleErrors([rise(2 * STEP)], UPRIGHT_STAND[None], np.array([2 * STEP]))
-    errors.note(UPRIGHT_STAND[None], STEP)
-    followed = FollowedStyle.of(errors, rise(2 * STEP), UPRIGHT_STAND, 0)
-    assert str(followed) == "the robot stood already"
-    assert not followed.was_followed
-
-
 @pytest.mark.parametrize(
     ("facts", "is_followed", "text"),
     [

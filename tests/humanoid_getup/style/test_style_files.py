@@ -1,14 +1,11 @@
 """Style files survive the trip, fit other bodies, and say all that is wrong with them."""
 
 import math
-import os
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import (
     StyleError,
     list_styles,
@@ -77,20 +74,6 @@ def test_a_written_style_reads_back(op3, tmp_path):
         assert one.duration == pytest.approx(other.duration, abs=1e-3)
 
 
-def test_a_style_from_a_file_whose_name_is_not_utf8_is_written(op3, tmp_path):
-    style, file = load_style("sit-up", op3), tmp_path / os.fsdecode(b"n\xff.toml")
-    write_style(replace(style, about=f"from {file.name}"), op3, file)
-    again = read_style(file, op3)
-    assert (again.name, again.about) == (r"n\xff", r"from n\xff.toml")
-
-
-def test_a_style_without_a_word_about_it_reads_back(op3, tmp_path):
-    file = tmp_path / "mine.toml"
-    file.write_text(WHOLE)
-    write_style(read_style(file, op3), op3, file)
-    assert read_style(file, op3).about == ""
-
-
 def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(WHOLE)
@@ -127,10 +110,3 @@ def test_a_wrong_file_is_refused_in_one_line(op3, tmp_path, before, after, fault
     assert fault in str(caught.value)
     assert str(caught.value).startswith(f"style file {file}: ")
     assert "\n" not in str(caught.value)
-
-
-def test_an_unknown_style_is_answered_with_the_known_ones(op3):
-    with pytest.raises(StyleError, match=r"unknown style 'cartwheel', expected long-sit, push-up"):
-        load_style("cartwheel", op3)
-    with pytest.raises(ValueError, match="style 'empty' has no curves"):
-        Style(name="empty", curves=())

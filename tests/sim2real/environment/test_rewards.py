@@ -13,7 +13,6 @@ from sim2real.environment.rewards import (
     REWARDS,
     SOLES_LOW,
     UNDER_TORSO,
-    Reward,
     RewardInputs,
     action_change,
     at_ease,
@@ -164,13 +163,6 @@ def test_costs_cost_and_rewards_pay_in_every_recipe(name):
     assert len(charged) == {"quick": 2, "styled": 6}.get(name, 8)
 
 
-def test_the_parts_of_a_score_are_named_and_sum_up():
-    rewards = (Reward(stands, 0.5), Reward(way_up, 0.25))
-    total, parts = score(rewards, STANDING)
-    assert total == pytest.approx([0.75])
-    assert {name: part.item() for name, part in parts.items()} == {"stands": 0.5, "way_up": 0.25}
-
-
 def place_one(op3, world, qpos: np.ndarray, **qvel: float | np.ndarray) -> TrainingSim:
     """Place a robot that moves: its torso upwards by ``up``, its joints by ``joints``."""
     sim, layout = TrainingSim(world, 1, cycles=6, threads=1), op3.layout(world.model)
@@ -195,16 +187,6 @@ def test_a_moment_is_counted_in_the_robots_own_measures(op3, world):
     assert state.head_fall == pytest.approx([0.3 / size])
     turning = place_one(op3, world, standing, joints=op3.max_velocity).measure_privileged_state()
     assert turning.joint_speed == pytest.approx(np.ones((1, op3.n)))
-
-
-def test_costs_alone_count_by_their_share():
-    inputs = change(torque=[[1.0, 0.0]])
-    rewards = (Reward(stands, 0.5), Reward(torque, -0.4))
-    total, parts = score(rewards, inputs, cost_share=0.25)
-    assert parts["stands"].item() == pytest.approx(0.5)
-    assert parts["torque"].item() == pytest.approx(-0.4 * 0.25 * 0.5)
-    assert total.item() == pytest.approx(0.45)
-    assert score(rewards, inputs)[0].item() == pytest.approx(0.3)
 
 
 def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, falls):

@@ -7,8 +7,7 @@ import pytest
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.motions.motion import Motion
-from humanoid_getup.policy.onnx_policy import find_policy
-from robots import Robot, load_robot
+from robots import Robot
 
 
 @pytest.fixture
@@ -41,10 +40,3 @@ def test_a_policy_with_style_curves_is_refused(bare: Path, capsys: pytest.Captur
     assert main(["motions", "discover", "styled", "--robot", "bare"]) == 2
     assert "follows style curves, expected one without" in capsys.readouterr().err
     assert not (bare / "motions").exists()
-
-
-def test_a_policy_file_names_the_motions(bare: Path, capsys: pytest.CaptureFixture[str]):
-    policy = find_policy(load_robot(bare), "quick")
-    shutil.copy(policy, bare / "my policy.onnx")
-    assert main(["motions", "discover", str(bare / "my policy.onnx"), "--robot", "bare"]) == 2
-    assert "policy file is named 'my policy', expected letters" in capsys.readouterr().err

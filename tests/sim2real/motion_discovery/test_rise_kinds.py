@@ -53,7 +53,3 @@ def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):
     over = make_replay(world, ["supine", "prone", "squat"])
     groups = group_rises(world, [*straight, over])
     assert groups == [straight[:2], [straight[2]], [over]]
-
-
-def test_nothing_is_grouped_of_nothing(op3):
-    assert group_rises(World(op3), []) == []

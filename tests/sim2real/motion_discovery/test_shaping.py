@@ -38,11 +38,6 @@ def test_slow_targets_stay_as_they_were_until_the_policy_has_balanced(op3: Robot
     assert np.array_equal(shape(op3, rise, 0.0)[:count], rise.target[:count])
 
 
-def test_a_rise_that_ends_before_it_has_balanced_is_taken_whole(op3: Robot):
-    rise = make_rise(op3, 0, 0.02, stand_time=3.0)
-    assert np.array_equal(shape(op3, rise, 0.0)[:400], rise.target)
-
-
 def test_smoothing_takes_away_what_goes_back_and_forth(op3: Robot):
     rise = make_rise(op3, 0, 0.02)
     rough, smooth = (np.diff(shape(op3, rise, s), n=2, axis=0)[50:200] for s in (0.0, 0.05))

@@ -1,6 +1,5 @@
 """The pose prior decodes what it encodes, is symmetric, and refuses what is not its robot's."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,21 +73,6 @@ def test_mirrored_latents_and_targets_decode_to_the_mirror_image(op3, prior):
     assert np.abs(pos - op3.mirror_joints(pos)).max() > 0.05  # asymmetrical postures are kept
 
 
-def test_a_plain_autoencoder_ignores_the_targets(postures):
-    plain = fit_prior(postures, 0, FitOptions(hidden=16, epochs=2, conditional=False))
-    latent = np.random.default_rng(1).normal(size=(4, plain.size))
-    low, high = (plain.decode(latent, np.full((4, 3), value)) for value in (0.2, 1.5))
-    assert low == pytest.approx(high, abs=1e-5)
-
-
-def test_one_seed_fits_one_prior(postures):
-    options = FitOptions(hidden=16, epochs=2)
-    one, same, other = (fit_prior(postures, seed, options) for seed in (3, 3, 4))
-    latent, features = np.ones((1, one.size)), np.ones((1, 3))
-    assert np.array_equal(one.decode(latent, features), same.decode(latent, features))
-    assert not np.array_equal(one.decode(latent, features), other.decode(latent, features))
-
-
 def test_a_fit_does_not_depend_on_the_number_of_processors(postures):
     """With more threads, batches so small take longer, too."""
     threads, usual = [], torch.get_num_threads()
@@ -137,13 +121,3 @@ def test_a_prior_that_does_not_fit_is_refused_in_one_line(op3, prior, tmp_path, 
     with pytest.raises(ValueError, match=f"prior.npz holds no pose prior.*{fault}") as caught:
         PosePrior.load(file, op3)
     assert "\n" not in str(caught.value)
-
-
-def test_rises_of_another_robot_are_refused(op3, rises, tmp_path):
-    file = tmp_path / "rises.npz"
-    replace(rises, robot=replace(op3, name="wolf")).save(file)
-    with pytest.raises(ValueError, match="it is of robot 'wolf', expected 'op3'"):
-        RiseSet.load(file, op3)
-    spoil(file, robot="op3", first=np.array([0, 5, 4]))
-    with pytest.raises(ValueError, match="first"):
-        RiseSet.load(file, op3)

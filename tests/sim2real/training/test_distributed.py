@@ -17,10 +17,8 @@ pytest.importorskip("rsl_rl")
 from distributed_training import TINY
 from paths import REPOSITORY
 
-from robots import Robot
-from sim2real.training.config import RECIPES, STEPS, TrainingRecord
+from sim2real.training.config import RECIPES
 from sim2real.training.distributed import DistributedProcess
-from sim2real.training.export import export_policy
 from sim2real.training.train import check_processes
 
 SCRIPT = REPOSITORY / "tests/support/distributed_training.py"
@@ -90,19 +88,6 @@ def test_two_processes_learn_one_policy_from_robots_of_their_own(trained: Path):
 
 
 @pytest.mark.train
-def test_two_processes_share_curricula_and_figures(trained: Path):
-    first, second = (read_process(trained, number) for number in range(2))
-    for name in ("lift", "ended", "success"):
-        assert first[name] == second[name]
-    with (trained / "progress.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [int(row["steps"]) for row in rows] == [
-        STEPS * TINY.robots * count for count in range(1, TINY.iterations + 1)
-    ]
-    assert sum(int(row["falls"]) for row in rows) == first["ended"] > 0
-
-
-@pytest.mark.train
 def test_two_processes_that_resume_continue_with_the_curricula_of_all(
     trained: Path, tmp_path: Path
 ):
@@ -119,18 +104,6 @@ def test_two_processes_that_resume_continue_with_the_curricula_of_all(
         rows = list(csv.DictReader(stream))
     assert len(rows) == TINY.iterations + 2
     assert sum(int(row["falls"]) for row in rows) == first["ended"] > before["ended"] > 0
-
-
-@pytest.mark.train
-def test_two_processes_fit_one_critic_to_a_policy_file(op3: Robot, trained: Path, tmp_path: Path):
-    file, folder = tmp_path / "parent.onnx", tmp_path / "child"
-    export_policy(TrainingRecord.load(trained), op3, file)
-    train_by_two(folder, 1, file)
-    first, second = (read_process(folder, number) for number in range(2))
-    assert first["begun"]["critic"] == second["begun"]["critic"]
-    # Twelve rounds of 20 steps, by all robots.
-    assert first["begun"]["critic"]["obs_normalizer.count"] == 12 * STEPS * TINY.robots
-    assert first["actor"] == second["actor"]
 
 
 def read_process(folder: Path, number: int) -> dict[str, Any]:

@@ -61,10 +61,3 @@ def test_an_actor_comes_nearer_to_the_motions(env: GetUpEnv, monkeypatch: pytest
         losses = imitate(actor, wrapped, np.random.default_rng(0))
     assert len(losses) == 1 + 4
     assert losses[-1] < 0.8 * losses[0]
-
-
-def test_an_environment_without_curves_has_nothing_to_imitate(env: GetUpEnv):
-    wrapped = RslEnv(env)
-    env.style = None
-    with pytest.raises(ValueError, match="expected an environment with them"):
-        imitate(None, wrapped, np.random.default_rng(0))

@@ -42,12 +42,6 @@ def test_a_row_is_the_sum_of_an_iteration_and_is_reported(tmp_path: Path):
     assert [report.steps for report in reports] == [STEPS * RECIPE.robots * k for k in (1, 2)]
 
 
-def test_nothing_is_written_before_an_iteration_is_complete(tmp_path: Path):
-    log = IterationLog(tmp_path / "progress.csv", RECIPE, lambda _: None, ALONE)
-    run_iteration(log, steps=STEPS - 1)
-    assert not (tmp_path / "progress.csv").exists()
-
-
 def test_a_resumed_training_drops_the_rows_after_its_checkpoint(tmp_path: Path):
     file = tmp_path / "progress.csv"
     log = IterationLog(file, RECIPE, lambda _: None, ALONE)

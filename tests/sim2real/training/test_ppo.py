@@ -12,7 +12,7 @@ from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
 from sim2real.training import ppo
-from sim2real.training.ppo import AVERAGE, SHARE, UPDATES, AveragingPPO, MirroredBatches
+from sim2real.training.ppo import AVERAGE, UPDATES, AveragingPPO
 
 ROBOTS, STEPS, INPUTS, OUTPUTS = 4, 8, 3, 2
 GAUSSIAN = {"class_name": "GaussianDistribution", "init_std": 1.0, "std_type": "log"}
@@ -75,17 +75,6 @@ def test_the_first_updates_count_alike_in_the_average():
     assert torch.allclose(weights(made.average.module), expected, atol=1e-6)
 
 
-def test_later_updates_count_by_their_share(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(ppo, "SHARE", 0.6)
-    made = make_ppo()
-    learn(made, 0)
-    first = weights(made.actor)
-    learn(made, 10)
-    expected = 0.4 * first + 0.6 * weights(made.actor)
-    assert torch.allclose(weights(made.average.module), expected, atol=1e-6)
-    assert SHARE == 0.02
-
-
 def test_a_saved_training_continues_with_its_average():
     made, other = make_ppo(), make_ppo(seed=1)
     learn(made, 0)
@@ -127,8 +116,3 @@ def test_an_update_has_the_threads_that_were_usual_at_the_beginning(
     finally:
         torch.set_num_threads(usual)
     assert seen == [3]
-
-
-def test_no_actor_is_evaluated_once_more_to_measure_symmetry():
-    batches = MirroredBatches(None, mirror, use_data_augmentation=True)
-    assert float(batches.compute_loss(None, None, 4)) == 0.0

@@ -36,13 +36,6 @@ def test_episodes_begin_at_different_ages(env: RslEnv):
     assert env.env.episodes.age.tolist() == [1, 2, 3, 4]
 
 
-def test_an_episode_whose_time_is_up_is_done_and_not_terminated(env: RslEnv):
-    env.episode_length_buf = torch.tensor([0, env.max_episode_length - 1, 0, 0])
-    _, rewards, done, extras = env.step(torch.zeros(ROBOTS, env.num_actions))
-    assert done.tolist() == extras["time_outs"].tolist() == [False, True, False, False]
-    assert rewards.shape == (ROBOTS,)
-
-
 def test_the_mean_reward_of_each_step_is_reported_unless_that_is_off(wrapped: GetUpEnv):
     seen = []
     env = RslEnv(wrapped, on_step=lambda reward, info: seen.append((reward, info)))

@@ -14,18 +14,16 @@ from made_up_rises import make_prior, make_rises
 
 from humanoid_getup.policy.observation import UPRIGHT
 from humanoid_getup.policy.onnx_network import OnnxNetwork
-from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
+from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.styled.prior_head import PriorHead
-from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.training import imitation, runner
-from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingFolderError, TrainingRecord
+from sim2real.training.config import RECIPES, Recipe, TrainingFolderError, TrainingRecord
 from sim2real.training.export import export_policy
-from sim2real.training.policy_parent import check_decoder
 from sim2real.training.styled_training import PRIOR, RISES
-from sim2real.training.train import POOL, TrainingInputs, train, write_recipe
+from sim2real.training.train import POOL, TrainingInputs, train
 
 QUICK = replace(RECIPES["styled-quick"], robots=8, iterations=1, hidden=(16, 16))
 
@@ -163,40 +161,6 @@ def test_a_training_has_the_prior_of_what_it_begins_with(op3, learn, prior, tmp_
         with pytest.raises(TrainingFolderError, match=message):
             learn("next", prior=other, parent=parent)
         assert not (tmp_path / "next" / "recipe.json").exists()
-
-
-def test_a_prior_that_differs_in_its_statistics_alone_is_another_one(op3, learn, prior, tmp_path):
-    first, file = learn("first"), tmp_path / "styled.onnx"
-    export_policy(TrainingRecord.load(first), op3, file)
-    own = PosePrior.load(prior / PRIOR, op3)
-    decoder = replace(own.decoder, biases=tuple(bias + 0.1 for bias in own.decoder.biases))
-    check_decoder(file, own)
-    for other in (replace(own, pos_std=2.0 * own.pos_std), replace(own, decoder=decoder)):
-        with pytest.raises(TrainingFolderError, match="was trained with another prior"):
-            check_decoder(file, other)
-
-
-def test_a_refused_training_leaves_another_folder_as_it_was(op3, prior, tmp_path):
-    folder = tmp_path / "quick"
-    folder.mkdir()
-    write_recipe(op3, RECIPES["quick"], 0, folder / RECIPE)
-    with pytest.raises(TrainingFolderError, match="made with another"):
-        train(op3, QUICK, 0, folder, TrainingInputs(prior=prior))
-    assert [file.name for file in folder.iterdir()] == [RECIPE]
-
-
-def test_a_policy_without_style_cannot_be_given_one(op3):
-    file = op3.folder / "policies" / "robust.onnx"
-    with pytest.raises(PolicyError, match="it follows no style curves, expected no style"):
-        OnnxPolicy.load(file, op3, style=load_style("sit-up", op3))
-    with pytest.raises(ValueError, match="the policy follows no style curves"):
-        OnnxPolicy.load(file, op3).following(load_style("sit-up", op3))
-
-
-def test_a_policy_without_style_cannot_begin_a_styled_training(op3, learn):
-    robust = op3.folder / "policies" / "robust.onnx"
-    with pytest.raises(TrainingFolderError, match=r"robust.onnx follows no style curves"):
-        learn("one", parent=robust)
 
 
 def test_a_height_map_is_added_to_what_was_learned(op3, learn, tmp_path):

@@ -95,11 +95,6 @@ def test_one_seed_is_one_policy_on_any_number_of_threads(op3, recipe, whole, tmp
     assert what_was_learnt(expected) == what_was_learnt(tmp_path)
 
 
-def test_an_overlapped_training_is_not_continued_in_another_way(op3, overlapped):
-    with pytest.raises(TrainingFolderError, match=r"another recipe\.overlap \(True, now False\)"):
-        train(op3, TINY, 1, overlapped, TrainingInputs(threads=1))
-
-
 def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
     policy = read_policy(folder)
     name = "mlp.0.weight"
@@ -137,23 +132,6 @@ def test_a_training_with_other_rewards_does_not_go_on(op3, unbroken, tmp_path):
         train(op3, TINY, 1, folder, TrainingInputs(threads=1))
 
 
-def test_a_training_from_before_there_was_overlap_goes_on(op3, unbroken, tmp_path):
-    folder = tmp_path / "training"
-    shutil.copytree(unbroken, folder)
-    record = json.loads((folder / RECIPE).read_text("utf-8"))
-    del record["recipe"]["overlap"]
-    (folder / RECIPE).write_text(json.dumps(record), "utf-8")
-    train(op3, TINY, 1, folder, TrainingInputs(threads=1))
-    with pytest.raises(TrainingFolderError, match=r"another recipe\.overlap \(False, now True\)"):
-        train(op3, OVERLAPPED, 1, folder, TrainingInputs(threads=1))
-
-
-def test_another_seed_is_another_policy(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=1), 2, tmp_path, TrainingInputs(threads=1))
-    name = "actor_state_dict.mlp.0.weight"
-    assert not torch.equal(read_policy(unbroken)[name], read_policy(tmp_path)[name])
-
-
 @each_way
 @pytest.mark.parametrize("killed_at", [0, 1, 3])
 def test_a_killed_training_continues_as_if_nothing_had_happened(
@@ -173,12 +151,6 @@ def test_a_training_that_is_done_can_be_given_more_iterations(op3, unbroken, tmp
     assert_same_policy(unbroken, tmp_path)
 
 
-def test_a_training_that_is_done_is_left_as_it_is(op3, unbroken):
-    before = (unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()
-    train(op3, TINY, 1, unbroken, TrainingInputs(threads=1))
-    assert ((unbroken / CHECKPOINT).read_bytes(), (unbroken / PROGRESS).read_bytes()) == before
-
-
 def test_progress_has_a_row_for_every_iteration(unbroken):
     rows = read_rows(unbroken)
     assert [int(row["iteration"]) for row in rows] == list(range(TINY.iterations))
@@ -188,11 +160,6 @@ def test_progress_has_a_row_for_every_iteration(unbroken):
     seconds = [float(row["seconds"]) for row in rows]
     assert seconds == sorted(seconds)
     assert all(int(row["stood"]) <= int(row["falls"]) for row in rows)
-
-
-def test_progress_tells_the_lift(unbroken):
-    # No robot rises in four iterations, so the help stays what it was.
-    assert [float(row["lift"]) for row in read_rows(unbroken)] == [TINY.lift] * TINY.iterations
 
 
 @pytest.fixture(scope="module")
@@ -270,24 +237,3 @@ def test_a_policy_file_begins_a_training_on_terrain(op3, unbroken, tmp_path):
             tmp_path / "other",
             TrainingInputs(threads=1, parent=file),
         )
-
-
-def test_a_parent_of_another_robot_is_refused(op3, parent, tmp_path):
-    other = tmp_path / "other"
-    shutil.copytree(parent, other)
-    record = json.loads((other / RECIPE).read_text("utf-8"))
-    (other / RECIPE).write_text(json.dumps(record | {"robot": "nao"}), "utf-8")
-    with pytest.raises(TrainingFolderError, match="is a training of robot 'nao', expected 'op3'"):
-        train(op3, TINY, 2, tmp_path / "mine", TrainingInputs(threads=1, parent=other))
-    assert list((tmp_path / "mine").iterdir()) == []
-
-
-def test_a_parent_whose_recipe_is_none_is_refused(op3, tmp_path):
-    for text in ("{}", "[]", '{"robot": "op3", "recipe": 3}', "what?"):
-        (tmp_path / RECIPE).write_text(text, "utf-8")
-        with pytest.raises(TrainingFolderError, match="is not a recipe of a training"):
-            train(op3, TINY, 2, tmp_path / "mine", TrainingInputs(threads=1, parent=tmp_path))
-
-
-def test_a_checkpoint_is_never_half_written(unbroken):
-    assert not [file for file in unbroken.iterdir() if ".part" in file.name]

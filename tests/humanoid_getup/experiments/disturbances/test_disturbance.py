@@ -61,22 +61,6 @@ def test_a_constant_is_itself_and_changes_nothing_else(world: World, name: str):
     assert set(same(changed, DomainParameters.nominal(world, 2))) == names - {name}
 
 
-def test_one_servo_of_each_robot_is_weak(world: World):
-    drawn = Disturbance(weak_servo=0.6).draw(world, COUNT, np.random.default_rng(0))
-    assert np.all((drawn.strength == 0.6).sum(axis=1) == 1)
-    assert np.all((drawn.strength == 1.0).sum(axis=1) == world.robot.n - 1)
-    assert len(np.unique(np.argmin(drawn.strength, axis=1))) == world.robot.n
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_share_of_robots_has_a_weak_servo(world: World, share: float):
-    disturbance = Disturbance(weak_servo=0.6, weak_share=share)
-    drawn = disturbance.draw(world, 5 * COUNT, np.random.default_rng(0))
-    weak = (drawn.strength == 0.6).sum(axis=1)
-    assert set(weak.tolist()) <= {0, 1}
-    assert weak.mean() == pytest.approx(share, abs=0.05)
-
-
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
 def test_a_share_of_robots_limits_its_torque_by_pwm(world: World, share: float):
     drawn = Disturbance(by_pwm=share).draw(world, 5 * COUNT, np.random.default_rng(0))
@@ -130,14 +114,6 @@ def test_a_turn_turns_every_robot_but_the_first_by_its_angle(lying: tuple[World,
     np.testing.assert_array_equal(starts[:, layout.qpos], np.tile(start[layout.qpos], (12, 1)))
 
 
-def test_a_constant_offset_is_added_to_every_joint(lying: tuple[World, Array]):
-    world, start = lying
-    layout, robot = world.robot.layout(world.model), world.robot
-    moved = sample_starts(world, start, 2, joints=0.05)[1, layout.qpos]
-    expected = np.clip(start[layout.qpos] + 0.05, robot.lower, robot.upper)
-    np.testing.assert_allclose(moved, expected, atol=1e-12)
-
-
 def test_offsets_move_every_joint_within_its_range(lying: tuple[World, Array]):
     world, start = lying
     layout, robot = world.robot.layout(world.model), world.robot
@@ -179,15 +155,6 @@ def box_over(start: Array, bottom: float, x: float = 0.0) -> Obstacle:
     center = np.array([start[0] + x, start[1], bottom + 0.05])
     size = np.array([2.0, 2.0, 0.05])
     return Obstacle(name="slab", kind="box", half_size=size, position=center)
-
-
-def test_where_there_is_room_a_scene_changes_no_disturbance(lying: tuple[World, Array]):
-    world, start = lying
-    beside = World(world.robot, replace(FLAT_SCENE, obstacles=(box_over(start, 0.0, 9.0),)))
-    changes = {"joints": Normal(0.03), "turn": Normal(0.05)}
-    np.testing.assert_allclose(
-        sample_starts(beside, start, **changes), sample_starts(world, start, **changes), atol=0.002
-    )
 
 
 def test_under_a_slab_a_disturbance_is_as_large_as_there_is_room(lying: tuple[World, Array]):

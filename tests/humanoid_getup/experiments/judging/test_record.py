@@ -62,13 +62,6 @@ def test_rows_that_are_taken_are_those_of_every_array(tiny: Robot):
     assert some.ground_depth is None
 
 
-def test_rows_that_are_arranged_keep_their_order(tiny: Robot):
-    record = random_record(tiny, 6, 9)
-    arranged = record.reshape(2, 3)
-    for i, j in np.ndindex(2, 3):
-        assert_same(arranged.take(i).take(j), record.take(3 * i + j))
-
-
 def test_pieces_in_time_are_joined_to_the_whole(tiny: Robot):
     """All but the samples that were played is as in the last piece."""
     pieces = [random_record(tiny, 2, count, seed=count) for count in (5, 1, 7)]
@@ -99,9 +92,3 @@ def test_every_array_is_combined_with_its_own(tiny: Robot):
     parts = [random_record(tiny, 3, 4, seed=seed) for seed in (1, 2)]
     assert_same(combine_records(parts, lambda values: values[0]), parts[0])
     assert_same(combine_records(parts, lambda values: values[-1]), parts[1])
-
-
-def test_joints_and_torso_are_found_in_the_positions(tiny: Robot):
-    record = random_record(tiny, 2, 3)
-    np.testing.assert_array_equal(record.joint_pos, record.qpos[..., 7:])
-    np.testing.assert_array_equal(record.orientation, record.qpos[..., 3:7])

@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 
 from humanoid_getup.experiments.judging.torque import (
     count_runs,
-    find_longest,
     find_saturation,
     split_torque,
 )
-from robots import Robot, load_robot
+from robots import Robot
 
 
 @pytest.mark.parametrize("share", [1.0, 0.8])
@@ -32,12 +31,6 @@ def test_a_servo_at_its_no_load_speed_is_not_saturated_by_hardly_any_torque(op3:
     speed = 1.1 * op3.max_velocity
     assert not find_saturation(op3, 0.04 * op3.max_torque, speed, op3.supply_voltage).any()
     assert find_saturation(op3, 0.06 * op3.max_torque, speed, op3.supply_voltage).all()
-
-
-def test_a_motor_that_never_trips_is_not_saturated():
-    """Those of the human are no devices: its rises were dropped for an elbow at all its torque."""
-    human = load_robot("human")
-    assert not find_saturation(human, human.max_torque, np.zeros(human.n), 24.0).any()
 
 
 def test_a_torque_drives_or_brakes_and_never_both():
@@ -66,9 +59,3 @@ def test_a_run_is_counted_however_it_is_cut(flags: list[bool], cuts: list[int]):
         longest = max(longest, runs.max(initial=0))
     text = "".join("x" if flag else " " for flag in flags)
     assert longest == max(map(len, text.split()), default=0)
-
-
-def test_the_longest_run_is_that_of_each_servo():
-    flags = np.zeros((2, 9, 3), dtype=bool)
-    flags[0, 2:5, 0] = flags[0, 7:, 0] = flags[1, 8, 2] = flags[1, :, 1] = True
-    assert find_longest(flags).tolist() == [[3, 0, 0], [0, 9, 1]]

@@ -133,22 +133,10 @@ def test_a_robot_that_is_down_after_its_last_target_has_fallen(op3, neck, tilt, 
     assert verdict(follow(op3, chunk(op3, neck, tilt, **LYING), 2)) == (False, fell, 2 * CHUNK)
 
 
-@pytest.mark.parametrize("came_up", [True, False])
-def test_the_end_of_a_chunk_tells_whether_it_is_down(op3, came_up):
-    way = np.linspace(0.0, 1.0, CHUNK)[:: 1 if came_up else -1]
-    rising = chunk(op3, neck=0.3 + 0.6 * way, tilt=np.radians(80.0) * (1.0 - way), **LYING)
-    assert verdict(follow(op3, rising, 2)) == (False, not came_up, 2 * CHUNK)
-
-
 def test_a_stand_that_does_not_begin_in_time_does_not_come(op3):
     """It is high and upright, but touches the ground: 1.5 s after the last target, it may not."""
     stop = follow(op3, chunk(op3, **LYING), 9)
     assert verdict(stop) == (False, True, 8 * CHUNK)
-
-
-def test_a_robot_whose_physics_diverged_has_failed(op3):
-    diverged = chunk(op3, diverged=np.array([True]), **LYING)
-    assert verdict(follow(op3, diverged, 1, length=1000)) == (False, True, CHUNK)
 
 
 @pytest.mark.parametrize("breaks", [False, True])

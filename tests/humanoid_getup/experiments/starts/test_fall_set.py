@@ -80,19 +80,3 @@ def test_a_damaged_set_is_refused_in_one_line(op3: Robot, tmp_path: Path, change
     assert str(refusal.value).startswith(f"falls {file}: ")
     assert str(refusal.value).isprintable()
     assert refusal.value.file == file
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"nothing", b"PK\x03\x04", b"PK\x05\x06" + bytes(18), None]
-)
-def test_a_file_of_something_else_is_refused(op3: Robot, tmp_path: Path, content: bytes | None):
-    file = tmp_path / "falls.npz"
-    make_falls(op3, ("prone",)).save(file)
-    file.write_bytes(file.read_bytes()[:-40] if content is None else content)
-    with pytest.raises(FallSetError):
-        FallSet.load(file, op3)
-
-
-def test_a_file_that_cannot_be_read_is_refused(op3: Robot, tmp_path: Path):
-    with pytest.raises(FallSetError, match="Is a directory"):
-        FallSet.load(tmp_path, op3)

@@ -37,11 +37,6 @@ def test_gravity_names_the_class_whatever_the_heading(name, yaw):
     assert classify(quaternion.multiply(quaternion.from_yaw(yaw), lying)) == name
 
 
-def test_upright_and_head_down_do_not_lie():
-    assert classify(np.array([1.0, 0.0, 0.0, 0.0])) is None
-    assert classify(np.array([0.0, 1.0, 0.0, 0.0])) is None
-
-
 def test_every_class_has_its_count_and_its_name(falls):
     found = [fall.start_class for fall in falls]
     assert found[:4] == ["supine"] * 2 + ["prone"] * 2
@@ -79,12 +74,6 @@ def test_one_seed_gives_one_set(world):
     for a, b in nonempty(zip(first, second, strict=True)):
         np.testing.assert_array_equal(a.posture.joint_pos, b.posture.joint_pos)
         np.testing.assert_array_equal(a.posture.orientation, b.posture.orientation)
-
-
-def test_joints_are_far_from_home(falls, world):
-    home = world.robot.standing.joint_pos
-    for fall in nonempty(falls):
-        assert np.abs(fall.posture.joint_pos - home).max() > 0.8
 
 
 def test_almost_every_drop_settles_and_what_does_not_is_counted(world, tmp_path):

@@ -48,20 +48,10 @@ def test_robots_lie_under_a_table(op3: Robot):
     assert postures[0].position[2] < 0.5 * leg_length(op3)
 
 
-def test_robots_lie_anywhere_on_a_slope(op3: Robot):
-    fall_in(op3, "slope:15", "prone")
-
-
 def test_a_soft_bed_gives_way(op3: Robot):
     _, soft = fall_in(op3, "soft-bed", "prone", 3)
     _, hard = fall_in(op3, "low-bed-a", "prone", 3)
     assert np.mean([p.position[2] for p in soft]) < np.mean([p.position[2] for p in hard])
-
-
-def test_a_class_that_a_scene_does_not_have_is_refused(op3: Robot):
-    world = World(op3, load_scene("beam", op3))
-    with pytest.raises(FallError, match="scene 'beam' has no start supine, expected prone"):
-        sample_falls(world, {"supine": 1}, np.random.default_rng(0))
 
 
 def test_disturbed_starts_stay_under_the_table(op3: Robot):

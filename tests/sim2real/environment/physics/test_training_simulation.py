@@ -113,21 +113,6 @@ def test_a_robot_just_placed_senses_the_present(op3, delayed_world, falls, delay
         assert np.array_equal(getattr(sim.sense(), name)[1], getattr(plain.sense(), name)[0])
 
 
-def test_the_past_of_a_robot_just_placed_is_its_present(op3, delayed_world, falls):
-    sim = make_sim(delayed_world, 1, sensor_delay=0.04, action_delay=0.04)
-    sim.place(np.array([0]), falls[:1])
-    target = falls[:1, op3.layout(delayed_world.model).qpos]
-    known = sim.sense()
-    recorded = sim.follow(target, target + 0.3, record=("sensordata", "qpos"))
-    knee = delayed_world.model.sensor("pos_l_knee").adr[0]
-    within = round(0.04 / op3.control_period) - 1
-    assert recorded["sensordata"][0, :within, knee] == pytest.approx(
-        known.joint_pos[0, op3.joint_names.index("l_knee")]
-    )
-    moved = recorded["qpos"][0, within - 1, op3.layout(delayed_world.model).qpos] - target[0]
-    assert np.abs(moved).max() < 0.02  # what it was placed with still holds
-
-
 def test_a_policys_pwm_limit_and_a_users_torque_limit_both_hold(op3, world):
     sim = TrainingSim(world, 3, cycles=CYCLES, pwm_limit=0.55, threads=1)
     nominal = DomainParameters.nominal(world, 2)
@@ -170,14 +155,6 @@ def test_masses_gains_and_friction_are_in_the_physics(op3, world):
     dofs = op3.layout(world.model).dof
     assert changed.dof_armature[dofs] == pytest.approx(1.4 * world.model.dof_armature[dofs])
     assert changed.dof_frictionloss[dofs] == pytest.approx(0.5 * world.model.dof_frictionloss[dofs])
-
-
-def test_nominal_parameters_are_the_world_as_it_was_compiled(world):
-    sim = make_sim(world, 1, limit_by=PWM)
-    model = sim.batch.get_model(0)
-    for name in ("body_mass", "body_inertia", "dof_armature", "dof_invweight0", "body_ipos"):
-        assert getattr(model, name) == pytest.approx(getattr(world.model, name))
-    assert model.actuator_gainprm == pytest.approx(world.model.actuator_gainprm)
 
 
 def test_no_servo_gives_more_than_its_torque_limit_and_strength(op3, world):
@@ -276,16 +253,6 @@ def test_noise_comes_from_the_seed_and_has_its_standard_deviation(world, falls):
     assert np.std(one.joint_vel - exact.joint_vel) == pytest.approx(0.1, rel=0.2)
 
 
-def test_a_push_changes_the_torsos_velocity_alone(world, falls):
-    sim = TrainingSim(world, 2, cycles=CYCLES, threads=1)
-    sim.place(np.arange(2), falls[:2])
-    before = sim.qvel
-    sim.push(np.array([1]), np.array([[0.1, -0.2, 0.3]]))
-    change = sim.qvel - before
-    assert change[1, :3] == pytest.approx([0.1, -0.2, 0.3])
-    assert np.count_nonzero(change) == 3
-
-
 def test_a_standing_robot_is_seen_to_stand_and_a_fallen_one_to_lie(op3, world, falls):
     sim = TrainingSim(world, 2, cycles=CYCLES, threads=1)
     starts = np.stack([place(op3, world.model, op3.standing), falls[0]])
@@ -297,14 +264,6 @@ def test_a_standing_robot_is_seen_to_stand_and_a_fallen_one_to_lie(op3, world, f
     assert truth.upright[0] == pytest.approx(1.0, abs=0.02)
     assert truth.non_foot_contact.tolist() == [False, True]
     assert truth.sole_heights[0] == pytest.approx([0.0, 0.0], abs=0.01)
-
-
-def test_a_falling_head_is_seen_to_fall_and_a_rising_one_not_to(op3, world, falls):
-    sim, speed = make_sim(world, 3), 0.5 / op3.standing_neck_height
-    qvel = np.zeros((3, world.model.nv))
-    qvel[:, op3.layout(world.model).root_dof + 2] = (-0.5, 0.0, 0.5)
-    sim.place(np.arange(3), np.tile(falls[0], (3, 1)), qvel)
-    assert sim.measure_privileged_state().head_fall == pytest.approx([speed, 0.0, 0.0], abs=1e-9)
 
 
 def test_a_restored_simulation_continues_to_the_bit(op3, delayed_world, falls):

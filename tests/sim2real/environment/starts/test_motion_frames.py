@@ -1,7 +1,5 @@
 """Frames of motions where episodes begin."""
 
-from dataclasses import replace
-
 import pytest
 
 pytest.importorskip("gymnasium")
@@ -35,9 +33,3 @@ def test_backward_starts_are_higher_the_nearer_they_are_to_the_stand(op3, world)
     assert mean[-1] < 0.5 * mean[0]
     count = len(starts) // 2
     assert starts[count:] == pytest.approx(mirror_positions(op3, world.model, starts[:count]))
-
-
-def test_a_robot_without_rises_has_no_backward_starts(op3, world, tmp_path):
-    bare = replace(op3, folder=tmp_path)
-    with pytest.raises(ValueError, match=r"no rising motion .* \(getup motions discover --robot"):
-        list_backward_starts(bare, world.model)

@@ -7,14 +7,12 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.experiments.starts.drop import Drops, DropSampler
-from humanoid_getup.experiments.starts.falls import FallError, sample_falls
+from humanoid_getup.experiments.starts.drop import DropSampler
+from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.simulation.world import World
-from robots.kinematics import lowest_point, mirror_positions
+from robots.kinematics import mirror_positions
 from sim2real.environment.get_up_factory import make_get_up
 from sim2real.environment.physics.training_simulation import TrainingSim
-from sim2real.environment.starts import settled_falls
-from sim2real.environment.starts.settled_falls import drop_falls
 from sim2real.training.config import RECIPES
 from sim2real.training.train import load_pool
 
@@ -23,15 +21,6 @@ def test_mirroring_a_start_twice_changes_nothing(op3, world, falls):
     twice = mirror_positions(op3, world.model, mirror_positions(op3, world.model, falls))
     assert twice == pytest.approx(falls)
     assert not np.allclose(mirror_positions(op3, world.model, falls), falls)
-
-
-def test_mirrored_starts_lie_on_the_ground_as_the_others_do(op3, world, falls):
-    heights = [lowest_point(world.model, qpos) for qpos in falls]
-    mirrored = [
-        lowest_point(world.model, qpos) for qpos in mirror_positions(op3, world.model, falls)
-    ]
-    assert mirrored == pytest.approx(heights, abs=1e-3)  # the head is not quite symmetric
-    assert np.all(np.abs(heights) < 0.005)
 
 
 def test_falls_lie_still_within_their_limits(op3, world, falls):
@@ -46,22 +35,6 @@ def test_falls_lie_still_within_their_limits(op3, world, falls):
     assert np.all(after.non_foot_contact)
     slack = 0.05  # limits are soft
     assert np.all((target > op3.lower - slack) & (target < op3.upper + slack))
-
-
-def test_one_seed_makes_one_set_of_falls(world):
-    def drop(seed: int, threads: int) -> np.ndarray:
-        return drop_falls(Drops(world, 4, threads=threads), 6, np.random.default_rng(seed))
-
-    assert np.array_equal(drop(1, 1), drop(1, 2))
-    assert not np.array_equal(drop(1, 1), drop(2, 1))
-
-
-def test_a_robot_that_never_lies_still_is_named(world, monkeypatch):
-    monkeypatch.setattr(settled_falls, "SETTLED_SPEED", 0.0)
-    monkeypatch.setattr(settled_falls, "MOST_ROUNDS", 2)
-    message = "robot 'op3' does not come to rest: 0 of 8 falls settled, expected 3"
-    with pytest.raises(FallError, match=message):
-        drop_falls(Drops(world, 2, threads=1), 3, np.random.default_rng(0))
 
 
 @pytest.fixture

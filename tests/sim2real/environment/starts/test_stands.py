@@ -6,22 +6,8 @@ import pytest
 
 pytest.importorskip("gymnasium")
 
-from humanoid_getup.scenes.scene import FLAT_SCENE
-from robots import load_robot
 from robots.body.parts import find_arm_joints
-from robots.kinematics import place
-from sim2real.environment.env_options import PHYSICS_STEP
-from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.starts.stands import sample_stands
-
-
-def test_op3s_arms_are_what_no_foot_hangs_on(op3, world):
-    arms = {
-        name
-        for name, arm in zip(op3.joint_names, find_arm_joints(op3, world.model), strict=True)
-        if arm
-    }
-    assert arms == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}
 
 
 def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot(op3, world):
@@ -37,10 +23,3 @@ def test_stands_have_their_feet_at_home_and_their_arms_anywhere_but_in_the_robot
         data.qpos[:] = qpos
         mujoco.mj_forward(world.model, data)
         assert (world.model.geom_bodyid[data.contact.geom] == 0).any(axis=1).all()
-
-
-def test_who_has_no_arms_stands_as_described():
-    tiny = load_robot("tests/robots/tiny")
-    model = build_training_world(tiny, FLAT_SCENE, PHYSICS_STEP).model
-    stands = sample_stands(tiny, model, 4, np.random.default_rng(0))
-    assert np.array_equal(stands, np.tile(place(tiny, model, tiny.standing), (4, 1)))

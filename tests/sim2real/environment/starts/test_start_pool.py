@@ -21,12 +21,6 @@ def test_what_fails_is_drawn_more_often():
     assert count[0] == pytest.approx(count[1], rel=0.1)
 
 
-def test_every_start_is_drawn_alike_while_nothing_is_known():
-    pool = StartPool.of(np.zeros((5, 1)))
-    drawn = pool.draw(10_000, np.random.default_rng(0))
-    assert np.bincount(drawn) == pytest.approx(np.full(5, 2000), rel=0.1)
-
-
 def test_a_share_of_success_follows_how_episodes_end():
     pool = StartPool.of(np.zeros((3, 1)))
     for _ in range(50):
@@ -51,12 +45,6 @@ def test_a_pool_of_another_robot_or_of_another_width_is_refused(tmp_path: Path, 
         StartPool.load(file, tiny, 27)
     with pytest.raises(ValueError, match=r"qpos has shape \(16, 27\), expected \(any, 28\)"):
         StartPool.load(file, op3, 28)
-
-
-def test_a_file_that_tells_no_robot_holds_no_starts(tmp_path: Path, op3, falls):
-    np.savez(tmp_path / "falls.npz", qpos=falls)
-    with pytest.raises(ValueError, match="holds no starts"):
-        StartPool.load(tmp_path / "falls.npz", op3, falls.shape[1])
 
 
 def test_a_pool_along_rises_survives_its_file_and_knows_its_falls(tmp_path: Path, op3, world):

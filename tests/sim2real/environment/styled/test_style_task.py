@@ -14,12 +14,10 @@ from styled_env import make_library, make_styled_env
 
 from humanoid_getup.policy.action import build_posture_spec
 from robots import Robot
-from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.rewards import REWARDS
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.styled.curve_library import NEAR, CurveLibrary
-from sim2real.environment.styled.prior_head import PriorHead, scale_near_stance
+from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.environment.styled.style_reward import reward_style
 from sim2real.environment.styled.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
 
@@ -105,11 +103,6 @@ def test_mirrored_outputs_lead_to_mirrored_actions(op3, head):
     assert other == pytest.approx(op3.mirror_joints(action), abs=1e-5)
 
 
-def test_outputs_count_less_for_a_robot_that_stands():
-    measured = np.array([[1.0, RIGHT, RIGHT], [0.9, RIGHT, RIGHT], [0.3, RIGHT, 0.0]])
-    assert scale_near_stance(measured)[:, 0] == pytest.approx([0.5, 0.5, 1.0])
-
-
 def test_curves_are_drawn_among_those_that_begin_near(op3, pool):
     library, rng = make_library(op3, pool.qpos[:4]), np.random.default_rng(2)
     supine = np.tile([0.3, RIGHT, 0.3], (400, 1))
@@ -191,16 +184,3 @@ def test_an_interrupted_environment_continues_to_the_bit(env, head):
     for before, after in nonempty(zip(one, again, strict=True)):
         for left, right in nonempty(zip(before[:4], after[:4], strict=True)):
             assert np.array_equal(left, right)
-
-
-def test_episodes_last_as_long_as_their_curves_and_a_stand(env):
-    task, episodes = env.style, env.episodes
-    left = task.tracker.duration - task.tracker.time
-    assert episodes.length * env.step_time == pytest.approx(left + 3.0, abs=env.step_time)
-
-
-def test_the_rewards_of_style_need_style(op3, action, pool):
-    env = GetUpEnv(op3, action, pool, EnvOptions(robots=2, rewards=REWARDS["styled"], threads=1))
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match="expected a training with curves"):
-        env.step(np.zeros((2, action.size)))

@@ -15,7 +15,6 @@ from robots import Robot
 from sim2real.training.config import RECIPES
 from sim2real.training.networks.action_extension import (
     FIRST_STD,
-    ActionExtensionError,
     extend_actions,
 )
 from sim2real.training.runner import build_config
@@ -67,8 +66,3 @@ def test_a_extended_policy_does_what_it_did_before(op3: Robot, action: ActionSpe
     assert torch.allclose(ask(wide_critic, seen), ask(critic, old), atol=1e-6)
     deviation = extended["actor_state_dict"]["distribution.log_std_param"].exp()
     assert deviation[k:] == pytest.approx(FIRST_STD)
-
-
-def test_actions_of_another_kind_are_refused(op3: Robot, action: ActionSpec):
-    with pytest.raises(ActionExtensionError, match="do not begin with l_knee together"):
-        extend_actions({}, list_terms(op3, action), ("l_knee together",), action)

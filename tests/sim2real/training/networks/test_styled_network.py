@@ -6,7 +6,6 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from made_up_rises import make_prior
-from nonempty import nonempty
 
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import UPRIGHT, StyleInput, list_terms
@@ -14,7 +13,7 @@ from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.pose_prior.pose_prior import PosePrior
-from sim2real.training.networks.styled_network import StyledNetwork, list_prior_arrays
+from sim2real.training.networks.styled_network import StyledNetwork
 
 ROBOTS = 40
 
@@ -87,11 +86,3 @@ def test_it_is_as_symmetric_as_the_robot(op3: Robot, head: PriorHead, prior: Pos
     spec = build_posture_spec(op3)
     posture, other = (spec.home + spec.scale * each for each in (action, mirrored))
     np.testing.assert_allclose(other, op3.mirror_joints(posture), atol=1e-4)
-
-
-def test_its_arrays_are_those_that_are_listed_of_the_prior(head: PriorHead, prior: PosePrior):
-    spec = build_posture_spec(prior.robot)
-    terms = tuple(list_terms(prior.robot, spec, StyleInput(memory=len(head.names))))
-    state = StyledNetwork(Given(np.zeros((1, 1))), terms, spec, prior).state_dict()
-    for name, values in nonempty(list_prior_arrays(prior).items()):
-        np.testing.assert_array_equal(state[name].numpy(), values)

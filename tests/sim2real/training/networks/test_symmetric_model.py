@@ -9,7 +9,7 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import Mirror
 from sim2real.training.networks.input_extension import extend_inputs
-from sim2real.training.networks.symmetric_model import SymmetricModel, SymmetricNetwork, as_exchange
+from sim2real.training.networks.symmetric_model import SymmetricModel, as_exchange
 
 INPUTS = Mirror(np.array([1, 0, 2, 3]), np.array([1.0, 1.0, -1.0, 1.0]))
 OUTPUTS = Mirror(np.array([1, 0]), np.array([-1.0, -1.0]))
@@ -71,9 +71,3 @@ def test_more_inputs_change_nothing_at_first():
     )
     normalized = wider.obs_normalizer(both)[:, 3:6]
     assert torch.allclose(normalized, new / 0.06, atol=1e-5)  # rsl-rl adds 0.01
-
-
-def test_hidden_units_are_pairs():
-    exchange = as_exchange(INPUTS)
-    with pytest.raises(ValueError, match=r"have \[8, 7\] units, expected pairs"):
-        SymmetricNetwork(exchange, exchange, [8, 7])

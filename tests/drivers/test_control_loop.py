@@ -1,6 +1,5 @@
 """The control loop, turned by small controllers."""
 
-import gc
 import os
 import signal
 from dataclasses import replace
@@ -9,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recording_backend import RecordingBackend, still_state
+from recording_backend import RecordingBackend
 
 from drivers import (
     Command,
@@ -60,20 +59,6 @@ def test_it_turns_until_the_controller_is_done(tiny, backend):
     assert report.duration == pytest.approx(7 * 0.008)
     assert report.overruns == 0
     assert not backend.connected
-
-
-def test_it_stops_when_the_time_is_up(tiny, backend):
-    report = run(Hold(tiny), SafetyGuard(backend), max_time=1.0)
-    assert report.ending is Ending.TIMEOUT
-    assert report.cycles == 125  # 1 s at 8 ms
-    assert not backend.connected
-
-
-def test_time_counts_from_the_first_measurement_whatever_the_clock_says(tiny, backend):
-    backend.state = still_state(tiny, time=5000.0)
-    report = run(Hold(tiny, cycles=7), SafetyGuard(backend), max_time=1.0)
-    assert (report.ending, report.cycles) == (Ending.DONE, 7)
-    assert report.duration == pytest.approx(7 * 0.008)
 
 
 def test_a_guards_fault_ends_the_run_limp(tiny, backend):
@@ -254,37 +239,6 @@ def test_a_summary_is_of_delays_and_of_the_parts_summed():
         }
     )
     assert set(vars(TimingSummary.of(np.zeros((0, 4)))).values()) == {0.0}
-
-
-def test_the_report_of_a_paced_run_has_the_delays_of_its_pacer(tiny, backend, monkeypatch):
-    clock = Clock()
-
-    def oversleep(duration):
-        clock.sleep(duration + 0.0015)
-
-    paced = SimpleNamespace(perf_counter=clock)
-    monkeypatch.setattr(control_loop, "time", paced)
-    monkeypatch.setattr(control_loop, "Pacer", lambda period: Pacer(period, clock, oversleep))
-    report = run(Hold(tiny, cycles=9), SafetyGuard(backend), max_time=1.0, realtime=True)
-    assert report.pace.late_median == report.pace.late_max == pytest.approx(0.0015)
-    assert report.overruns == 0
-    assert report.period == 0.008
-
-
-@pytest.mark.parametrize("realtime", [True, False])
-def test_only_in_real_time_existing_objects_are_kept_from_garbage_collection(
-    tiny, backend, realtime
-):
-    frozen = []
-    run(
-        Hold(tiny, cycles=2),
-        SafetyGuard(backend),
-        max_time=1.0,
-        realtime=realtime,
-        on_cycle=lambda _: frozen.append(gc.get_freeze_count() > 0),
-    )
-    assert frozen == [realtime] * 2
-    assert gc.get_freeze_count() == 0
 
 
 def test_a_bare_backend_is_refused_before_it_moves(op3):

@@ -52,14 +52,6 @@ def test_a_turn_is_followed_by_the_gyro_yaw_too():
     )  # single precision
 
 
-def test_hard_acceleration_is_not_taken_for_gravity():
-    filter = OrientationFilter(PERIOD)
-    filter.start(UP)
-    for _ in range(125):
-        filter.update(np.zeros(3), UP + np.array([GRAVITY, 0.0, 0.0]), PERIOD)
-    assert tilt_between(filter.orientation, quaternion.IDENTITY) == pytest.approx(0.0, abs=1e-9)
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_robot_that_thrashes_about_knows_its_vertical(op3, seed):
     rng = np.random.default_rng(seed)

@@ -30,24 +30,6 @@ def turn(guard: SafetyGuard, backend: RecordingBackend, target: float, **changes
     return guard.write(Command.position(guard.robot, np.full(2, target)))
 
 
-def test_from_the_third_on_every_target_stands_still_until_the_servo_is_back(guard, backend):
-    turn(guard, backend, 0.01)
-    for missed in range(HOLD, LIMP):
-        sent = turn(guard, backend, 0.03, joint_age=np.array([0.0, missed * PERIOD]))
-        assert sent.joint_pos == pytest.approx(0.01)
-    assert guard.holds == LIMP - HOLD
-    assert turn(guard, backend, 0.03, joint_age=np.zeros(2)).joint_pos == pytest.approx(0.03)
-    assert guard.fault is None
-
-
-def test_a_servo_that_stays_silent_makes_the_robot_limp_and_is_named(guard, backend):
-    turn(guard, backend, 0.01)
-    assert turn(guard, backend, 0.01, joint_age=np.array([0.0, LIMP * PERIOD])).is_limp
-    assert guard.fault.kind is FaultKind.LOST_JOINTS
-    assert "joint 'r_hip' since 0.10 s" in str(guard.fault)
-    assert turn(guard, backend, 0.01, joint_age=np.zeros(2)).is_limp, "it did not latch"
-
-
 def test_letting_go_is_never_held_up(guard, backend):
     turn(guard, backend, 0.01)
     backend.state = replace(backend.state, joint_age=np.full(2, HOLD * PERIOD))
@@ -63,6 +45,8 @@ def test_letting_go_is_never_held_up(guard, backend):
         ({"joint_age": np.array([0.0, np.nan])}, FaultKind.LOST_JOINTS, "joint 'r_hip'"),
         ({"imu_age": np.nan}, FaultKind.LOST_IMU, "since nan s"),
         ({"orientation": np.zeros(4)}, FaultKind.BAD_MEASUREMENT, "IMU"),
+        ({"orientation": np.zeros(0)}, FaultKind.BAD_MEASUREMENT, "IMU"),  # but a turn rate
+        ({"gyro": np.full(3, np.nan)}, FaultKind.BAD_MEASUREMENT, "IMU"),
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
         ({"voltage": 9.4}, FaultKind.LOW_VOLTAGE, "9.4 V for 0.0 s, expected 10.0 V or more"),
@@ -115,33 +99,30 @@ def test_a_stop_in_any_silence_outlives_it_and_the_connection_until_it_is_cleare
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("within", "beyond", "kind"),
     [
-        {"temperature": np.array([75.0, 25.0])},
-        {"voltage": 9.5},
-        {"imu_age": 0.3},
-        {"joint_age": np.array([0.0, 11.4 * PERIOD])},
+        (
+            {"temperature": np.array([75.0, 25.0])},
+            {"temperature": np.array([75.1, 25.0])},
+            "TOO_HOT",
+        ),
+        ({"voltage": 9.5}, {"voltage": 9.49}, "LOW_VOLTAGE"),
+        ({"imu_age": 0.3}, {"imu_age": 0.301}, "LOST_IMU"),
+        (
+            {"joint_age": np.array([0.0, 11.4 * PERIOD])},
+            {"joint_age": np.array([0.0, 11.6 * PERIOD])},
+            "LOST_JOINTS",
+        ),
     ],
 )
-def test_what_is_just_within_its_limit_is_no_fault(guard, backend, changes):
+def test_what_is_just_beyond_its_limit_is_a_fault_of_that_moment(
+    guard, backend, within, beyond, kind
+):
     turn(guard, backend, 0.0)
-    assert not turn(guard, backend, 0.0, **changes).is_limp
+    assert not turn(guard, backend, 0.0, **within).is_limp
     assert guard.fault is None
-
-
-@pytest.mark.parametrize(
-    ("changes", "kind"),
-    [
-        ({"temperature": np.array([75.1, 25.0])}, FaultKind.TOO_HOT),
-        ({"voltage": 9.49}, FaultKind.LOW_VOLTAGE),
-        ({"imu_age": 0.301}, FaultKind.LOST_IMU),
-        ({"joint_age": np.array([0.0, 11.6 * PERIOD])}, FaultKind.LOST_JOINTS),
-    ],
-)
-def test_what_is_just_beyond_its_limit_is_a_fault_of_that_moment(guard, backend, changes, kind):
-    turn(guard, backend, 0.0)
-    assert turn(guard, backend, 0.0, **changes, time=0.5).is_limp
-    assert (guard.fault.kind, guard.fault.time) == (kind, 0.5)
+    assert turn(guard, backend, 0.0, **beyond, time=0.05).is_limp
+    assert (guard.fault.kind, guard.fault.time) == (FaultKind[kind], 0.05)
 
 
 @pytest.mark.parametrize(("age", "holds"), [(2.4, 0), (2.6, 1)])
@@ -167,15 +148,6 @@ def test_only_silent_or_faulty_joints_are_named(guard, backend):
     turn(guard, backend, 0.0, alert=np.zeros(2, dtype=int), gyro=np.array([0.0, np.nan, 0.0]))
     assert guard.fault.kind is FaultKind.BAD_MEASUREMENT
     assert guard.fault.detail == "IMU, supply voltage or time"
-
-
-def test_a_guard_that_never_derates_keeps_the_full_torque_at_any_temperature(tiny, backend):
-    limits = replace(GuardLimits.of(tiny), max_temperature=np.inf)
-    with SafetyGuard(backend, limits) as guard:
-        sent = turn(guard, backend, 0.0, temperature=np.array([70.0, 400.0]))
-    assert sent.torque_limit == pytest.approx([4.1, 4.1])
-    same = replace(GuardLimits.of(tiny), derate_temperature=75.0)
-    assert same.derate(np.array([74.0, 80.0])) == pytest.approx([4.1, 4.1])
 
 
 def test_each_servo_is_stopped_below_the_limit_of_its_own_type(tiny):
@@ -261,27 +233,6 @@ def test_a_pause_without_torque_is_none(guard, backend):
 def test_limits_that_limit_nothing_are_refused(tiny, changes, words):
     with pytest.raises(ValueError, match=words):
         replace(GuardLimits.of(tiny), **changes)
-
-
-def test_a_joint_that_cannot_move_and_a_servo_without_torque_are_limits_too(tiny):
-    zero = {"max_velocity": np.zeros(2), "torque_limit": np.zeros(2), "lower": tiny.upper}
-    limits = replace(GuardLimits.of(tiny), **zero)
-    assert limits.lower.tolist() == limits.upper.tolist()
-    assert GuardLimits.of(tiny, torque_limit=0.0).torque_limit.tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("field", ["gain_scale", "pwm_limit"])
-def test_a_share_beyond_its_bounds_is_cut_and_counted_for_its_joint(guard, field):
-    guard.read()
-    command = Command.position(guard.robot, np.zeros(2))
-    sent = guard.write(replace(command, **{field: np.array([-0.5, 1.5])}))
-    assert getattr(sent, field).tolist() == [0.0, 1.0]
-    kind = {"gain_scale": "gain", "pwm_limit": "pwm"}[field]
-    assert getattr(guard.clips, kind).tolist() == [1, 1]
-    assert guard.clips.total == 2
-    assert guard.clips.describe(guard.robot) == [
-        f"joint '{name}': {kind} cut 1 times" for name in ("l_hip", "r_hip")
-    ]
 
 
 def test_a_command_without_a_measurement_takes_one_first(tiny, backend):

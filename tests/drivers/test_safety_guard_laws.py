@@ -60,9 +60,6 @@ def compute_excess(joint_pos: np.ndarray | float) -> float:
     return float(np.maximum(START - joint_pos, joint_pos - END).max())
 
 
-# The clock --------------------------------------------------------------------------------------
-
-
 @given(steps=st.lists(st.floats(-1.0, 0.0), min_size=PATIENCE, max_size=3 * PATIENCE))
 @laws
 def test_a_clock_that_stands_still_or_runs_backwards_makes_the_robot_limp(steps):
@@ -93,9 +90,6 @@ def test_no_step_of_the_clock_lets_a_target_move_further_in_one_command(steps, t
         last = sent.joint_pos
 
 
-# A joint outside its range ----------------------------------------------------------------------
-
-
 @given(
     start=st.floats(END, END + 3.0) | st.floats(START - 3.0, START),
     targets=st.lists(angles, min_size=1, max_size=30),
@@ -122,7 +116,6 @@ def test_a_joint_that_is_pushed_out_of_its_range_draws_no_target_after_it(pushed
         assert compute_excess(sent.joint_pos) <= 0.0
 
 
-# Before the end of a range ----------------------------------------------------------------------
 #
 # Promised: a target never passes the end of its range, and comes near it no faster than the
 # servo's top speed. Not promised: a limit of acceleration. A target at top speed stops at the end
@@ -141,12 +134,6 @@ def test_targets_near_the_end_of_a_range_no_faster_than_top_speed_and_never_pass
         last = sent
 
 
-def test_a_target_at_top_speed_stops_at_the_end_within_a_period():
-    guard, backend = make_guard(joint_pos=END - 2.5 * REACH)
-    sent = [turn(guard, backend, 99.0, 0.01 * cycle).joint_pos[0] for cycle in range(4)]
-    assert np.array(sent) == pytest.approx([END - 1.5 * REACH, END - 0.5 * REACH, END, END])
-
-
 @pytest.mark.parametrize("load", [Load(), Load(mass=0.5, arm=0.15)], ids=["bare", "loaded"])
 def test_a_servo_that_comes_at_top_speed_passes_the_end_of_its_range_by_a_tick_at_most(load):
     joint = make_bench_joint(servo_models()["XM430-W350"], 1)
@@ -160,9 +147,6 @@ def test_a_servo_that_comes_at_top_speed_passes_the_end_of_its_range_by_a_tick_a
     farthest = max(state.joint_pos[0] for state in states)
     assert max(state.joint_vel[0] for state in states) > 0.9 * desk.max_velocity[0]
     assert 0.95 < farthest < 1.0 + RAD_PER_TICK
-
-
-# A range outside of that of the joint -----------------------------------------------------------
 
 
 @given(

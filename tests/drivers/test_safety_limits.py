@@ -34,9 +34,6 @@ def test_torque_falls_from_the_whole_to_two_fifths_over_ten_degrees(tiny: Robot)
         assert limits.derate(np.full(2, degrees)) == pytest.approx([torque] * 2)
 
 
-# Inside the servos ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("limit", [40, 79, 80, 95])
 def test_a_guard_goes_by_the_limits_inside_the_servos_where_they_are_the_narrower(tiny, limit):
     rig = Rig(tiny)

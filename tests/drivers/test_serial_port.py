@@ -36,7 +36,7 @@ def port(request, wire):
     port.close()
 
 
-def soon(seconds: float = 2.0) -> float:
+def soon(seconds: float = 60.0) -> float:
     return time.monotonic() + seconds
 
 

@@ -6,6 +6,7 @@ import termios
 import threading
 
 import pytest
+from waiting import LONGEST_WAIT
 
 from drivers.terminal_keys import LOST, PRESSED, StopKey
 
@@ -37,7 +38,7 @@ def test_every_key_is_reported(terminal):
         for _ in range(2):
             heard.event.clear()
             os.write(master, b" ")
-            assert heard.event.wait(5.0)
+            assert heard.event.wait(LONGEST_WAIT)
     assert heard.reasons == [PRESSED, PRESSED]
 
 
@@ -47,10 +48,10 @@ def test_a_key_that_sends_several_bytes_is_one_press(terminal, sent: bytes):
     heard = Heard()
     with StopKey(heard, slave):
         os.write(master, sent)
-        assert heard.event.wait(5.0)
+        assert heard.event.wait(LONGEST_WAIT)
         heard.event.clear()
         os.write(master, b" ")
-        assert heard.event.wait(5.0)
+        assert heard.event.wait(LONGEST_WAIT)
     assert heard.reasons == [PRESSED, PRESSED]
 
 
@@ -59,7 +60,7 @@ def test_a_terminal_that_goes_away_stops_too(terminal):
     heard = Heard()
     with StopKey(heard, slave):
         os.close(master)
-        assert heard.event.wait(5.0)
+        assert heard.event.wait(LONGEST_WAIT)
     assert heard.reasons == [LOST]
 
 

@@ -1,16 +1,31 @@
-"""A flight log of a robot that swings its joints on the twin."""
+"""Flight logs: of a robot that swings its joints on the twin, and of made-up cycles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from recording_backend import still_state
 
-from drivers import Command, Cycle, Ending, GuardLimits, SafetyGuard, State, Twin, run
+from drivers import (
+    ClipCounts,
+    Command,
+    Cycle,
+    Ending,
+    GuardLimits,
+    Guidance,
+    SafetyGuard,
+    State,
+    Twin,
+    run,
+)
+from drivers.control_loop import Timing
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.simulation.world import World
-from robots import Posture, Robot
+from robots import Posture, Robot, quaternion
 from robots.servo import LimitMode
 
 SECOND = 1.0
@@ -52,3 +67,37 @@ def record_swing(
         for kind, text in events:
             log.event(report.duration, kind, text)
     assert report.ending is Ending.TIMEOUT
+
+
+def make_cycle(robot: Robot, number: int, first: float = 0.0, **changes: Any) -> Cycle:
+    """Make up a cycle of which every value is another."""
+    n, rng = robot.n, np.random.default_rng(number)
+    state = still_state(
+        robot,
+        time=first + number * robot.control_period,
+        joint_pos=rng.normal(size=n),
+        joint_vel=rng.normal(size=n),
+        joint_current=rng.normal(size=n),
+        gyro=rng.normal(size=3),
+        orientation=quaternion.normalize(rng.normal(size=4)),
+        joint_age=rng.random(n),
+        alert=rng.integers(0, 64, n),
+        voltage=float(rng.normal(12.0)),
+    )
+    command = Command(
+        joint_pos=rng.normal(size=n),
+        gain_scale=rng.random(n),
+        torque_limit=rng.random(n),
+        pwm_limit=rng.random(n),
+    )
+    clips = ClipCounts(*rng.integers(0, 9, (5, n)))
+    timing = Timing(late=0.0, read=float(rng.random()), step=1e-300, write=0.1 + 0.2)
+    sent = replace(command, joint_pos=-command.joint_pos)
+    guidance = Guidance(wanted=rng.normal(size=3), measured=rng.normal(size=3))
+    return replace(Cycle(state, command, sent, clips, timing, guidance), **changes)
+
+
+def write_flight(path: Path, robot: Robot, cycles: Iterable[Cycle]) -> None:
+    with FlightLog(path, robot) as log:
+        for cycle in cycles:
+            log.log(cycle)

@@ -1,6 +1,5 @@
 """The backend on servos: what reaches them, what is believed, and what happens when they fail."""
 
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -26,22 +25,14 @@ from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from robots.servo import MAX_TICKS, RAD_PER_TICK
+from robots.servo import MAX_TICKS
 
-GOAL, TORQUE, PWM, WATCHDOG = 116, 64, 100, 98
-ONE_TICK = RAD_PER_TICK + 1e-9
+GOAL, TORQUE, PWM = 116, 64, 100
 
 
 @pytest.fixture
 def rig(tiny):
     with Rig(tiny) as rig:
-        yield rig
-
-
-@pytest.fixture
-def pwm_rig(tiny):
-    """Servos in position mode, whose PWM limits their torque."""
-    with Rig(tiny, limit_by="pwm") as rig:
         yield rig
 
 
@@ -62,9 +53,6 @@ def writes_to(rig: Rig, address: int) -> list[int]:
         for place, packet in enumerate(rig.port.sent)
         if packet.instruction == Instruction.SYNC_WRITE and address_of(packet) == address
     ]
-
-
-# Connecting --------------------------------------------------------------------------------
 
 
 def test_connecting_powers_the_servos_sets_them_up_and_measures_them_limp(op3_rig):
@@ -99,9 +87,6 @@ def test_all_that_is_wrong_is_reported_at_once(op3, monkeypatch):
     assert not rig.port.is_open, "a failed connection keeps the port"
 
 
-# Moving ------------------------------------------------------------------------------------
-
-
 def test_torque_comes_on_at_the_present_position_with_the_watchdog_on(rig):
     rig.backend.read()
     rig.port.sent.clear()
@@ -120,16 +105,7 @@ def test_torque_comes_on_at_the_present_position_with_the_watchdog_on(rig):
     assert rig.peek("bus_watchdog") == [5, 5], "0.1 s in steps of 20 ms"
 
 
-def test_every_cycle_ends_with_one_write_of_all_goals(rig):
-    rig.turn()
-    for command in (Command.limp(2), Command.position(rig.robot, np.zeros(2)), None):
-        rig.port.sent.clear()
-        rig.turn(command)
-        assert writes_to(rig, GOAL) == [len(rig.port.sent) - 1]
-        assert len(rig.port.sent[-1].params) == 4 + 2 * 5
-
-
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
     numbers = st.floats(-1e6, 1e6)
@@ -173,23 +149,6 @@ def test_the_supply_is_measured_in_whole_decivolts(op3, decivolts):
         rig.virtual.physics.sag(decivolts / 10)
         state = rig.turn(Command.limp(20), cycles=70)
     assert state.voltage == decivolts / 10
-
-
-def test_a_cycle_of_twenty_servos_and_the_imu_is_small(op3_rig):
-    rig = op3_rig
-    rig.turn(cycles=200)
-    sizes = []
-    for _ in range(60):
-        rig.turn()
-        sizes.append(rig.backend.cycle_bytes)
-    # 114 goals, 34 question, 288 positions: 436; the IMU and one slow value: at most 60 more.
-    assert np.median(sizes) <= 496
-    # Now and then all gains or all limits are sent again: 14 + 20 * 3 more.
-    assert max(sizes) <= 496 + 74
-    assert rig.backend.statistics["main"].lost == 30, "while a servo booted, no other"
-
-
-# Servos that fail ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("firmware", [46, 44])
@@ -247,14 +206,6 @@ def test_a_reboot_needs_a_limp_joint_and_forgets_the_overload(rig):
     assert rig.peek("torque_enable") == [1, 1]
 
 
-def test_a_servo_that_never_comes_back_from_its_reboot_is_named(rig, monkeypatch):
-    monkeypatch.setattr("drivers.dynamixel.backend.BOOT_TIME", 0.0)
-    rig.turn(Command.limp(2))
-    rig.servo("r_hip").alive = False
-    with pytest.raises(RebootError, match="joint 'r_hip'"):
-        rig.backend.reboot("r_hip")
-
-
 def test_a_tripped_watchdog_is_cleared_and_the_goal_begins_at_the_present(rig):
     rig.turn(cycles=3)
     rig.virtual.physics.advance(rig.virtual.physics.time + 0.2)
@@ -274,9 +225,6 @@ def test_torque_does_not_begin_from_a_position_that_is_old(tiny):
             rig.turn(rig.hold(state))
             rig.port.spoil = answer
             assert rig.peek("torque_enable") == [torque] * 2
-
-
-# Instructions that get lost -----------------------------------------------------------------
 
 
 def drop(rig: Rig, address: int, count: int) -> None:
@@ -301,30 +249,7 @@ def test_torque_off_that_was_lost_is_sent_again_in_the_next_cycle(rig):
     assert rig.peek("torque_enable") == [0, 0]
 
 
-def test_torque_on_that_was_lost_is_sent_again(rig):
-    drop(rig, TORQUE, 1)
-    rig.turn()
-    assert rig.peek("torque_enable") == [0, 0], "the test shows nothing"
-    rig.turn()
-    assert rig.peek("torque_enable") == [1, 1]
-
-
-@pytest.mark.parametrize("lost", [1, 2])
-def test_a_limit_that_was_lost_is_sent_again(pwm_rig, lost):
-    pwm_rig.turn(cycles=3)
-    drop(pwm_rig, PWM, lost)
-    command = replace(
-        Command.position(pwm_rig.robot, np.zeros(2)), torque_limit=np.array([1.0, 1.0])
-    )
-    pwm_rig.turn(command, 66)
-    assert pwm_rig.peek("goal_pwm") == [215, 215]
-
-
-# Answers that lie ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("firmware", [46, 44])
-@pytest.mark.parametrize("rate", [1e-4, 1e-3, 1e-2, 1e-1])
+@pytest.mark.parametrize(("rate", "firmware"), [(1e-3, 44), (1e-2, 46), (1e-1, 44)])
 def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
     rng = np.random.default_rng(7)
 
@@ -358,36 +283,9 @@ def test_no_wrong_value_is_believed_on_a_noisy_wire(op3, rate, firmware):
         assert believed > (1000 if rate < 0.05 else 0)
 
 
-# IMU -----------------------------------------------------------------------------------------
-
-
-def test_a_silent_board_makes_the_orientation_older_and_nothing_else(op3_rig):
-    rig = op3_rig
-    rig.turn(Command.limp(20), 3)
-    rig.virtual.board.alive = False
-    state = rig.turn(Command.limp(20), 10)
-    assert state.imu_age == pytest.approx(10 * rig.robot.control_period)
-    assert state.joint_age.max() == 0.0
-    rig.virtual.board.alive = True
-    assert rig.turn(Command.limp(20), 6).imu_age < 5 * rig.robot.control_period
-
-
-# The port --------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def quick_reopen(monkeypatch):
     monkeypatch.setattr("drivers.dynamixel.servo_chain.REOPEN_EVERY", 0.0)
-
-
-def test_a_lost_port_raises_nothing_and_makes_everything_older(rig):
-    before = rig.turn(cycles=3)
-    rig.port.unplugged = True
-    state = rig.turn(cycles=10)
-    assert rig.backend.chains[0].is_lost
-    assert state.joint_age == pytest.approx(np.full(2, 10 * rig.robot.control_period))
-    assert np.array_equal(state.joint_pos, before.joint_pos)
-    assert rig.port.opened == 1, "it was opened again too soon"
 
 
 @pytest.mark.usefixtures("quick_reopen")
@@ -446,9 +344,6 @@ def test_two_ports_are_asked_together_and_move_one_robot(op3):
         assert np.all(state.joint_age[1::2] == 0.0), "one port's loss costs the other's servos"
 
 
-# Letting go -----------------------------------------------------------------------------------
-
-
 def test_closing_releases_everybody_and_twice_is_harmless(rig):
     rig.turn(cycles=3)
     rig.backend.close()
@@ -490,21 +385,13 @@ def test_nothing_is_handed_over_while_a_servo_does_not_confirm(tiny):
     assert rig.peek("torque_enable") == [0, 0]
 
 
-def test_a_servo_that_is_silent_for_a_moment_is_released_all_the_same(tiny):
+def test_a_servo_that_is_silent_for_a_moment_is_released_all_the_same(tiny, monkeypatch):
     with Rig(tiny) as rig:
         rig.turn(cycles=3)
-        rig.servo("r_hip").alive = False
-        back = threading.Timer(0.3, lambda: setattr(rig.servo("r_hip"), "alive", True))
-        back.start()
-    back.join()
+        servo = rig.servo("r_hip")
+        servo.alive = False
+        monkeypatch.setattr(driver_module.time, "sleep", lambda _: setattr(servo, "alive", True))
     assert rig.peek("torque_enable") == [0, 0]
-
-
-def test_a_servo_that_restarted_is_not_handed_over(tiny):
-    with Rig(tiny) as rig:
-        rig.turn(cycles=3)
-        rig.servo("r_hip").reboot()
-        assert rig.backend.hand_over() == ("r_hip",)
 
 
 def test_a_lost_port_keeps_no_other_under_torque(tiny):
@@ -536,16 +423,6 @@ def test_a_servo_that_did_not_confirm_is_named_until_it_does(tiny):
     assert rig.backend.unreleased == ()
 
 
-def test_a_silent_servo_that_never_had_torque_is_no_alarm(tiny):
-    with Rig(tiny) as rig:
-        rig.turn(Command.limp(2), cycles=3)
-        rig.servo("r_hip").alive = False
-    assert rig.backend.unreleased == ()
-
-
-# Over a real port ------------------------------------------------------------------------------
-
-
 def test_only_behind_a_pseudo_terminal_time_is_taken_to_wait(rig, monkeypatch):
     """A robot that is driven without deadlines would run at the speed of its bus."""
     assert rig.peek("realtime_tick") == rig.peek("realtime_tick")
@@ -574,7 +451,7 @@ def plugged(request, tiny):
             tiny,
             {name: request.param + path for name, path in ports.paths.items()},
             clock=CycleClock(),
-            options=DriverOptions(answer_margin=0.1),
+            options=DriverOptions(answer_margin=5.0),
         )
         with backend:
             yield backend, virtual, ports.main
@@ -604,3 +481,11 @@ def test_unplugged_under_torque_and_plugged_in_again_the_robot_is_limp(plugged):
     backend.write(Command.limp(2))
     hold_over(backend, 3)
     assert [servo.peek("torque_enable") for servo in virtual.servos] == [1, 1]
+
+
+def test_a_servo_that_never_comes_back_from_its_reboot_is_named(rig, monkeypatch):
+    monkeypatch.setattr("drivers.dynamixel.backend.BOOT_TIME", 0.0)
+    rig.turn(Command.limp(2))
+    rig.servo("r_hip").alive = False
+    with pytest.raises(RebootError, match="joint 'r_hip'"):
+        rig.backend.reboot("r_hip")

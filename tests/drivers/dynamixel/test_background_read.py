@@ -57,14 +57,6 @@ def test_a_silent_board_is_read_last_and_in_every_fifth_cycle(rig: Rig):
     assert all(read[0][0] == BOARD for read in background(rig, 5)[1:])
 
 
-def test_a_servo_that_is_left_out_is_polled_and_not_read(rig: Rig):
-    rig.servo("l_hip").alive = False
-    background(rig, 10)
-    reads = [one for read in background(rig, 20) for one in read]
-    assert [item for device, item in reads if device == 1] == [64, 64], "in every tenth cycle"
-    assert {item for device, item in reads if device == 2} == {64, 98, 144}
-
-
 def test_the_cause_of_an_alert_is_read_at_once_and_further_causes_in_turn(rig: Rig):
     servo = rig.servo("l_hip")
     servo.trip(HardwareError.OVERLOAD)

@@ -13,14 +13,6 @@ from robots import BoardSettings
 
 BAUD = 2_000_000
 OPENCR = BoardSettings(model="OpenCR", id=200, imu_axes=("y", "-x", "z"), powers_servos=True)
-BY_ADDRESS = BoardSettings(
-    id=100,
-    imu_axes=(1, -1, 1),
-    gyro_address=64,
-    accelerometer_address=52,
-    gyro_scale=0.001,
-    accelerometer_scale=0.01,
-)
 
 
 class Bench:
@@ -57,15 +49,6 @@ def test_the_length_of_its_reply_alternates_and_the_sample_does_not(bench: Bench
     assert spans[0].length != spans[1].length
     data = [bench.virtual.read(span.address, span.length)[1] for span in spans[:2]]
     assert bench.board.decode(data[0]).counts == bench.board.decode(data[1]).counts
-
-
-def test_a_sample_is_handed_over_once(bench: Bench):
-    bench.board.receive(bytes(12))
-    assert bench.board.poll() is not None
-    assert bench.board.poll() is None
-    bench.board.receive(bytes(12))
-    bench.board.close()
-    assert bench.board.poll() is None
 
 
 def test_the_check_switches_the_servos_on_and_its_delay_off(bench: Bench):

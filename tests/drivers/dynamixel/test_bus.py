@@ -1,7 +1,6 @@
 """Questions on a bus find their answers, and only theirs."""
 
 import time
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -62,15 +61,6 @@ def ask_group(bus: DynamixelBus, ids, *, fast: bool = False, length: int = 10) -
     return bus.collect_group(request)
 
 
-# One device ----------------------------------------------------------------------------------
-
-
-def test_a_read_brings_the_registers():
-    bus = bus_with([Status(7, 0, b"\x01\x02").encode()])
-    assert bus.read(7, Span(64, 2)) == Status(7, 0, b"\x01\x02")
-    assert bus.port.sent == [protocol2.read(7, Span(64, 2)).encode()]
-
-
 def test_a_silent_device_is_no_error_and_is_asked_as_often_as_wanted():
     bus = bus_with()
     assert bus.ping(3, tries=3) is None
@@ -94,46 +84,29 @@ def test_echo_noise_and_damage_around_an_answer_do_not_matter():
     assert bus.statistics.damaged == 1
 
 
-@settings(max_examples=300, deadline=None)
-@given(data=st.binary(min_size=10, max_size=10), cuts=st.lists(st.integers(1, 20), max_size=4))
-def test_stuffed_answers_come_out_as_they_went_in_however_they_are_cut(data, cuts):
-    frame = Status(3, 0, b"\xff\xff\xfd" + data[3:]).encode()
-    places = sorted({0, len(frame), *cuts})
-    chunks = [frame[a:b] for a, b in pairwise(places)]
-    message = bus_with(chunks).read(3, SPAN)
-    assert message is not None and message.data == b"\xff\xff\xfd" + data[3:]
-
-
-def test_a_deadline_is_the_time_on_the_wire_and_the_margin():
+def test_a_deadline_is_the_time_on_the_wire_and_the_margin(monkeypatch):
+    monkeypatch.setattr(time, "monotonic", lambda: 1000.0)
     bus = bus_with()
     bus.return_delay = 0.001
     bus.answer_margin = 0.5
     bus.send(bytes(1000))  # 10 ms at 1 Mbit/s, before the request can begin
     bus.read(3, SPAN)
     # 14 bytes of request, 21 of answer.
-    assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 / 10 * 10 + 0.001 + 0.5, abs=0.05)
+    assert bus.port.waits[0] == pytest.approx(0.010 + 35e-5 + 0.001 + 0.5)
 
 
-def test_a_request_right_after_a_broadcast_ping_waits_for_its_own_reply_only():
+def test_a_request_right_after_a_broadcast_ping_waits_for_its_own_reply_only(monkeypatch):
     """The ping's window is that of 253 slots; a request after it is due as any other."""
+    monkeypatch.setattr(time, "monotonic", lambda: 1000.0)
     bus = bus_with()
     bus.answer_margin = 0.004
     assert bus.ping_all() == {}
     # 10 bytes of ping; then 253 slots of 3 ms and the 14 bytes of a reply.
     window = 10e-5 + 253 * (0.003 + 14e-5) + 0.004
-    assert bus.port.waits == [pytest.approx(window, abs=0.05)]
+    assert bus.port.waits == [pytest.approx(window)]
     assert bus.read(3, SPAN) is None
-    assert bus.port.waits[1] == pytest.approx(35e-5 + 500e-6 + 0.004, abs=0.003)
-
-
-# Groups -------------------------------------------------------------------------------------
-
-
-def test_a_late_answer_between_others_is_overtaken_by_the_true_one():
-    frames = [row(1, 1), row(3, 99), row(2, 2), row(3, 3), row(4, 4)]
-    message = ask_group(bus_with([b"".join(f.encode() for f in frames)]), (1, 2, 3, 4))
-    assert message.devices.tolist() == [1, 2, 3, 4]
-    assert message.data[:, 0].tolist() == [1, 2, 3, 4]
+    # The ping's own 10 bytes; 14 bytes of request and 21 of reply, which waits its delay.
+    assert bus.port.waits[1] == pytest.approx(10e-5 + 35e-5 + 500e-6 + 0.004)
 
 
 def test_a_fast_frame_gives_all_values_errors_included():
@@ -154,13 +127,6 @@ def test_a_fast_frame_of_another_order_is_an_old_one():
     assert not len(ask_group(bus_with([old]), (2, 1), fast=True).devices)
 
 
-def test_of_a_cut_fast_frame_the_answers_before_the_cut_are_kept():
-    frame = encode_fast_status([row(1, 1), row(2, 2), row(3, 3)])
-    message = ask_group(bus_with([frame[: 8 + 28]]), (1, 2, 3), fast=True)
-    assert message.devices.tolist() == [1, 2]
-    assert not message.is_damaged, "who is silent may be blamed for it"
-
-
 def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
     frame = bytearray(encode_fast_status([row(1, 1), row(2, 2), row(3, 3)]))
     frame[8 + 14 + 5] ^= 4
@@ -169,7 +135,7 @@ def test_of_a_damaged_fast_frame_the_answers_before_the_damage_are_kept():
     assert message.is_damaged
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     fill=st.lists(st.integers(0, 255), min_size=6, max_size=6),
     flips=st.lists(st.tuples(st.integers(0, 91), st.integers(0, 7)), max_size=8),
@@ -186,16 +152,13 @@ def test_no_flipped_bits_make_a_wrong_value(fill, flips, before):
         assert data.tolist() == [fill[device - 1]] * 10
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(junk=st.binary(max_size=400), fast=st.booleans())
 def test_junk_is_no_answer_and_no_error(junk, fast):
     assert not len(ask_group(bus_with([junk]), (1, 2, 3), fast=fast).devices)
 
 
-# Sync writes ---------------------------------------------------------------------------------
-
-
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(values=st.lists(st.integers(-(2**31), 2**31 - 1), min_size=3, max_size=3))
 def test_a_sync_write_is_what_the_protocol_builds(values):
     writer = SyncWriter(116, "<i4", [1, 20, 252])
@@ -205,3 +168,10 @@ def test_a_sync_write_is_what_the_protocol_builds(values):
     some = np.array([True, False, True])
     (packet,) = FrameParser().feed(writer.encode(np.array(values), some))
     assert isinstance(packet, Packet) and len(packet.params) == 4 + 2 * 5
+
+
+def test_all_ids_are_pinged_at_once():
+    pongs = [Status(i, 0, b"\xfc\x03\x2e").encode() for i in (1, 4, 200)]
+    found = bus_with([b"".join(pongs)]).ping_all()
+    assert sorted(found) == [1, 4, 200]
+    assert found[4].data == b"\xfc\x03\x2e"

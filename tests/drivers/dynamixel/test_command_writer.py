@@ -128,30 +128,6 @@ def test_torque_that_should_not_be_is_released(bus, writer, states):
     assert not states.must_release.any()
 
 
-def test_torque_never_comes_on_from_an_old_position(bus, writer, states):
-    writer.write(registers(), states, np.array([True, False]))
-    assert ("torque", {1: 1}) in bus.take()
-    assert states.is_on.tolist() == [True, False]
-
-
-def test_a_servo_that_must_start_at_its_position_gets_gain_and_limit_again(bus, writer, states):
-    for _ in range(3):
-        writer.write(registers(), states, BOTH)
-    bus.take()
-    states.must_seed[1] = True
-    writer.write(registers(), states, BOTH)
-    assert bus.take() == [
-        ("gain", {2: 800}),
-        ("pwm", {2: 885}),
-        ("watchdog", {2: 0}),
-        ("seed", {2: 1100}),
-        ("watchdog", {2: 5}),
-        ("torque", {2: 1}),
-        ("goal", {1: 2048, 2: 1000}),
-    ]
-    assert not states.must_seed.any()
-
-
 def test_all_gains_and_all_limits_are_sent_again_every_64_cycles(bus, writer, states):
     sent = {"gain": [], "pwm": []}
     for cycle in range(1, 200):
@@ -173,24 +149,6 @@ def test_goals_and_seeds_are_in_the_turns_that_the_registers_count(bus, writer, 
     assert bus.take()[-1] == ("goal", {1: 40, 2: 904})
 
 
-def test_goal_currents_are_set_before_torque_and_seeds_may_lie_beyond_a_turn(
-    bus, current_writer, states
-):
-    """The servos count turns: a goal in another turn would be a leap."""
-    states.register[:] = [-40, 5000]
-    current_writer.write(registers(), states, BOTH)
-    assert bus.take() == [
-        ("gain", {1: 800, 2: 800}),
-        ("pwm", {1: 885, 2: 885}),
-        ("current", {1: 855, 2: 855}),
-        ("watchdog", {1: 0, 2: 0}),
-        ("seed", {1: 2**32 - 40, 2: 5000}),
-        ("watchdog", {1: 5, 2: 5}),
-        ("torque", {1: 1, 2: 1}),
-        ("goal", {1: 2048, 2: 1000}),
-    ]
-
-
 def test_a_current_limit_is_rounded_down_to_counts_and_returned_as_it_is(tiny):
     """2.0 N·m are 417.09 counts of 2.69 mA at 4.1 N·m / 2.3 A."""
     converter = CommandConverter(tiny, "current")
@@ -210,13 +168,6 @@ def test_a_current_limit_is_rounded_down_to_counts_and_returned_as_it_is(tiny):
     assert sent.pwm_limit == pytest.approx([1.0, 221 / 885])
     again = converter.to_registers(sent)
     assert np.array_equal(again.current, found.current)
-
-
-def test_the_current_limit_of_a_servo_limits_its_torque(tiny):
-    converter = CommandConverter(tiny, "current")
-    converter.note_limits(1, {"pwm_limit": 885, "current_limit": 100})
-    found = converter.to_registers(Command.position(tiny, np.zeros(2)))
-    assert found.current.tolist() == [855, 100]
 
 
 @pytest.mark.parametrize("limit", [0.0, 1e-4])
@@ -272,8 +223,3 @@ def test_a_gain_scale_is_a_share_of_the_joints_own_gain(tiny):
     registers = converter.to_registers(command)
     assert registers.p_gain.tolist() == [400, 1050]
     assert converter.to_command(registers, command).gain_scale == pytest.approx([0.5, 0.5])
-
-
-def test_a_negative_gain_is_none(tiny):
-    command = replace(Command.position(tiny, np.zeros(2)), gain_scale=np.array([-0.5, -3.0]))
-    assert CommandConverter(tiny, "pwm").to_registers(command).p_gain.tolist() == [0, 0]

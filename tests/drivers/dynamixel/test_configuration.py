@@ -71,15 +71,6 @@ def test_whatever_was_written_before_all_registers_are_set(bench: Bench):
     assert setup.eeprom_writes == 4, "the lower limit was right"
 
 
-def test_the_mode_follows_from_what_limits_torque(bench: Bench):
-    assert bench.setup("pwm").run(bench.bus)
-    assert bench.servo.peek("operating_mode") == 4
-    assert bench.servo.peek("position_d_gain") == 0
-    assert bench.setup("current").run(bench.bus)
-    assert bench.servo.peek("operating_mode") == 5
-    assert bench.servo.peek("position_d_gain") == bench.joint.servo.model.d_gain
-
-
 def test_a_servo_that_is_set_up_needs_no_more_writes_to_its_eeprom(bench: Bench):
     bench.setup().run(bench.bus)
     assert list_eeprom_settings(bench.facts(), "current") == {}

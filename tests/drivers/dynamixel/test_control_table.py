@@ -17,7 +17,6 @@ from drivers.dynamixel.control_table import (
     table_for,
     table_named,
 )
-from drivers.dynamixel.protocol2 import Span
 from drivers.errors import DriverError
 from drivers.state import HardwareError
 from robots.bus_settings import BAUD_RATES
@@ -28,9 +27,6 @@ EEPROM_ENDS = {"1.0": 24, "2.0": 64, "feetech": 40, "OpenCR": 24, "XL-320": 24}
 TABLES = [table_named(name, firmware) for name in known_models() for firmware in (None, 38, 46, 52)]
 XM430 = table_named("XM430-W350")
 items = st.sampled_from([item for table in TABLES for item in table])
-
-
-# Laws ---------------------------------------------------------------------------------------
 
 
 def test_items_lie_in_order_apart_and_are_found_by_their_addresses():
@@ -79,14 +75,6 @@ def test_values_survive_the_trip_through_registers(item: Item, data: st.DataObje
             item.encode(outside)
 
 
-@given(item=items, data=st.data())
-def test_registers_survive_the_trip_through_values(item: Item, data: st.DataObject):
-    encoded = data.draw(st.binary(min_size=item.size, max_size=item.size))
-    value = item.decode(encoded)
-    assert item.decode(item.encode(value)) == value
-    assert item.sign_bit is not None or item.encode(value) == encoded
-
-
 def test_registers_of_another_size_are_refused():
     with pytest.raises(ValueError, match="present_position has 4 bytes, not 3"):
         XM430["present_position"].decode(bytes(3))
@@ -96,9 +84,6 @@ def test_negative_values_are_two_s_complement_low_byte_first():
     assert XM430["present_current"].encode(-2) == b"\xfe\xff"
     assert XM430["goal_position"].decode(b"\xff\xff\xff\xff") == -1
     assert XM430["bus_watchdog"].decode(b"\xff") == -1
-
-
-# Finding ------------------------------------------------------------------------------------
 
 
 def test_a_number_and_a_name_find_the_same_table():
@@ -118,8 +103,6 @@ def test_an_unknown_model_is_answered_with_the_known_ones():
     with pytest.raises(UnknownModelError, match="model AX-12"):
         table_named("AX-12")
 
-
-# ROBOTIS' own lists ---------------------------------------------------------------------------
 
 LISTS = files("dynamixel_easy_sdk").joinpath("control_table")
 OTHERS = {  # numbers of models that are not in them: e-manual, feetech-servo-sdk
@@ -175,15 +158,6 @@ def check_addresses(model: str, name: str, firmware: int | None) -> None:
     newer = {"startup_configuration", "backup_ready"}
     assert ours.keys() - newer == theirs.keys() - newer, name
     assert theirs == {item: ours[item] for item in theirs}, name
-
-
-# Figures ------------------------------------------------------------------------------------
-
-
-def test_the_feedback_of_a_cycle_lies_side_by_side():
-    assert XM430.span("present_current", "present_position") == Span(126, 10)
-    assert XM430.span("present_input_voltage", "present_temperature") == Span(144, 3)
-    assert XM430["goal_position"].span == Span(116, 4)
 
 
 def test_a_servo_tells_either_current_or_load_and_its_goals_reach_as_far_as_its_limits():
@@ -269,9 +243,6 @@ def test_modes_and_errors_have_the_manual_s_numbers():
         named = [table_named(model).name_errors(1 << place) for place in range(len(expected))]
         assert named == expected, model
     assert BAUD_RATES[1] == 57_600
-
-
-# Firmware -----------------------------------------------------------------------------------
 
 
 def test_old_firmware_lacks_what_newer_ones_brought():

@@ -14,7 +14,7 @@ from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Status
-from drivers.dynamixel.requests import Replies, Request
+from drivers.dynamixel.requests import Replies
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
@@ -114,9 +114,6 @@ def ticks_of(replies: Replies) -> dict[int, int]:
     )
 
 
-# The request ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("firmwares", "kind", "instruction"),
     [
@@ -199,24 +196,6 @@ def test_replies_that_come_a_cycle_late_are_never_believed(joint, ids, firmware)
             assert ticks == 2000 + 10 * cycle + i
 
 
-def test_many_orders_are_not_all_kept(joint, monkeypatch):
-    """Whatever was forgotten is built again: one request a cycle, and none is kept for ever."""
-    monkeypatch.setattr("drivers.dynamixel.cyclic_read.CACHED_REQUESTS", 2)
-    built: list[Request] = []
-
-    def build(spans, *, fast=False) -> Request:
-        built.append(Request.group(spans, fast=fast))
-        return built[-1]
-
-    bench = Bench(joint)
-    monkeypatch.setattr(bench.bus, "group", build)
-    assert bench.turns(12) == [set(IDS)] * 12
-    assert len(built) == 12
-
-
-# Retries -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("firmware", [46, 44])
 def test_what_is_missing_is_requested_once_more_the_silent_one_last(joint, firmware):
     bench = Bench(joint, firmwares=(firmware,))
@@ -231,16 +210,6 @@ def test_what_is_missing_is_requested_once_more_the_silent_one_last(joint, firmw
     assert bench.requests[0][2] == [4, 5, 1, 2, 3], "last from the next cycle on, too"
 
 
-def test_of_a_silent_group_all_are_requested_again_but_only_the_first_is_blamed(bench):
-    bench.mute(FAST)
-    bench.turn()
-    assert [request[2] for request in bench.requests] == [[2, 3, 4, 5, 1], [3, 4, 5, 1, 2]]
-    bench.turn()
-    first, second = bench.requests
-    assert (first[1], second[1]) == (13, 13), "suspects make an order ambiguous"
-    assert first[2][-1] == 2
-
-
 @pytest.mark.parametrize(("spare", "retries"), [(0.0, 0), (0.00049, 0), (0.00051, 1)])
 def test_there_is_a_retry_only_if_its_replies_can_come_in_time(bench, frozen_time, spare, retries):
     bench.mute(FAST)
@@ -251,17 +220,6 @@ def test_there_is_a_retry_only_if_its_replies_can_come_in_time(bench, frozen_tim
     bench.turn(limit=frozen_time + on_the_wire + spare)
     assert bench.bus.statistics.retries == retries
     assert len(bench.requests) == 1 + retries
-
-
-def test_without_a_retry_the_replies_that_came_count(joint, frozen_time):
-    bench = Bench(joint, gap=ReadGap.SLOT_STAYS_EMPTY, firmwares=(44,))
-    bench.silence(4)
-    found = ticks_of(bench.turn(limit=frozen_time))
-    assert found == {i: 1000 + i for i in (1, 2, 3, 5)}
-    assert bench.bus.statistics.retries == 0
-
-
-# Silence -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("firmware", [46, 44])
@@ -283,15 +241,6 @@ def test_a_silent_servo_is_left_out_after_three_misses_and_costs_no_other(
         assert bench.turns(1) == [others]
         assert [set(request[2]) for request in bench.requests] == [others], "still asked"
     assert bench.cyclic.left_out == [silent]
-
-
-def test_misses_that_are_not_in_a_row_do_not_count(bench):
-    for _ in range(3):
-        bench.silence(3)
-        bench.turns(2)
-        bench.silence(3, is_silent=False)
-        assert bench.turns(1) == [set(IDS)]
-    assert bench.cyclic.left_out == []
 
 
 def flip(_: Packet, replies: list[bytes]) -> list[bytes]:
@@ -323,9 +272,6 @@ def test_when_all_are_left_out_nothing_is_sent(joint):
     assert replies.data.shape == (0, 10) and not replies.devices.size
 
 
-# Coming back ---------------------------------------------------------------------------------
-
-
 def leave_out(bench: Bench, device: int) -> None:
     """Let a servo be silent until it is left out."""
     bench.silence(device)
@@ -344,31 +290,6 @@ def test_a_servo_that_is_left_out_is_polled_every_ten_cycles(bench):
     assert due == [10, 20, 30]
 
 
-def test_two_that_are_left_out_are_polled_in_different_cycles(bench):
-    for device in (2, 5):
-        bench.silence(device)
-    bench.turns(6)
-    polled = []
-    for _ in range(10):
-        bench.turn()
-        polled.append(bench.cyclic.due_poll())
-    assert sorted(device for device in polled if device) == [2, 5]
-
-
-def test_a_servo_that_is_back_is_read_at_once_and_may_miss_three_again(bench):
-    leave_out(bench, 3)
-    bench.silence(3, is_silent=False)
-    bench.cyclic.restore(3)
-    assert bench.cyclic.left_out == []
-    assert bench.turns(1) == [set(IDS)]
-    assert len(bench.requests) == 1 and bench.requests[0][2][-1] != 3, "no suspect any more"
-    bench.silence(3)
-    bench.turns(2)
-    assert bench.cyclic.left_out == []
-    bench.turn()
-    assert bench.cyclic.left_out == [3]
-
-
 def test_a_servo_that_leaves_and_comes_back_three_times_ends_fast_reads(bench):
     for times in (1, 2, 3):
         assert bench.cyclic.kind is GroupKind.FAST
@@ -378,9 +299,6 @@ def test_a_servo_that_leaves_and_comes_back_three_times_ends_fast_reads(bench):
         bench.turn()
         assert (bench.cyclic.kind is GroupKind.SYNC) == (times == 3)
     assert bench.requests[0][0] == SYNC
-
-
-# Fast reads that fail ------------------------------------------------------------------------
 
 
 def test_three_fast_reads_without_a_reply_end_them_for_500_cycles(bench):
@@ -396,18 +314,6 @@ def test_three_fast_reads_without_a_reply_end_them_for_500_cycles(bench):
     bench.turn()
     assert bench.cyclic.kind is GroupKind.FAST
     assert bench.requests[0][0] == FAST
-
-
-def test_a_whole_fast_read_restarts_the_count(bench):
-    for _ in range(3):
-        bench.mute(FAST)
-        bench.turns(2)
-        bench.mute()
-        assert bench.turns(1) == [set(IDS)]
-    assert bench.cyclic.kind is GroupKind.FAST
-
-
-# Error bits ----------------------------------------------------------------------------------
 
 
 def change_error(device: int, error: int):
@@ -447,9 +353,6 @@ def test_an_alert_is_passed_on_and_a_refusal_is_no_value(joint, error, is_believ
     assert ticks_of(replies) == {i: 1000 + i for i in expected}
     bench.turns(5)
     assert bench.cyclic.left_out == [], "it is not silent"
-
-
-# Servos that know no group read -----------------------------------------------------------------
 
 
 def test_servos_that_are_read_one_by_one_are_not_left_out_for_want_of_time():

@@ -193,8 +193,6 @@ def test_the_error_tells_everything_in_one_line(rig):
     assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)
 
 
-# One servo, by its registers ------------------------------------------------------------------
-
 SOUND = {
     "drive_mode": 0,
     "secondary_id": 255,
@@ -262,9 +260,6 @@ def test_a_range_that_leaves_the_positions_of_a_servo_that_counts_no_turns_is_a_
     moved = replace(joint, servo=replace(joint.servo, model=model, zero_ticks=100))
     found = check(moved, 9, "STS3215", present_position=100)
     assert any("its range needs ticks -" in line and "expected 0 to 4095" in line for line in found)
-
-
-# Ranges ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("beyond", "count"), [(0.09, 0), (0.12, 1)])

@@ -66,16 +66,3 @@ def test_servos_without_current_sensor_have_no_current_mode(tiny: Robot):
     assert DynamixelBackend(robot, ports).limit_by == "pwm"
     with pytest.raises(SetupError, match=r"'current', expected 'pwm': the XL430-W250 of joint"):
         DynamixelBackend(robot, ports, limit_by="current")
-
-
-@pytest.mark.parametrize("by", ["current", "pwm"])
-def test_present_pwm_is_the_voltage_on_the_motor(tiny: Robot, by):
-    """A blocked servo has all of what limits it; one without torque has nothing."""
-    command = Command.position(tiny, tiny.upper + 1.0, torque_limit=2.05)
-    with Rig(tiny, limit_by=by) as rig:
-        rig.turn(command, 200)
-        signs = [joint.servo.sign for joint in tiny.joints]
-        found = np.array(rig.peek("present_pwm")) * signs
-        assert found == pytest.approx([442, 442], abs=3), "half of 885"
-        rig.turn(Command.limp(2), 3)
-        assert rig.peek("present_pwm") == [0, 0]

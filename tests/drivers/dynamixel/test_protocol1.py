@@ -69,13 +69,6 @@ def test_instructions_are_the_published_bytes_and_are_read_back(packet: Packet, 
     assert PROTOCOL_1.parse_instructions().feed(bytes.fromhex(published)) == [packet]
 
 
-def test_a_published_reply_is_read():
-    # "internal temperature of id 1 is 32" (e-manual, read instruction).
-    (packet,) = PROTOCOL_1.parse_replies().feed(bytes.fromhex("FF FF 01 03 00 20 DB"))
-    assert isinstance(packet, Packet)
-    assert PROTOCOL_1.decode_status(packet) == Status(1, 0, b"\x20")
-
-
 @given(
     device=st.integers(0, 253),
     address=st.integers(0, 255),
@@ -92,25 +85,6 @@ def test_each_frame_is_that_of_the_vendors_encoders(device: int, address: int, d
     handler.syncWriteTxOnly(port, address, len(data), param, len(param))
     assert PROTOCOL_1.encode(p2.sync_write(address, rows)) == port.written
 
-
-@given(address=st.integers(0, 255), length=st.integers(1, 40))
-def test_a_bulk_read_is_that_of_the_vendors_encoder(address: int, length: int):
-    handler, port = dynamixel_sdk.Protocol1PacketHandler(), Recorder()
-    param = [length, 3, address, 2, 4, 36]
-    handler.bulkReadTx(port, param, len(param))
-    spans = {3: Span(address, length), 4: Span(36, 2)}
-    assert PROTOCOL_1.encode(p2.bulk_read(spans)) == port.written
-
-
-@given(address=st.integers(0, 255), length=st.integers(1, 40))
-def test_a_sync_read_is_that_of_feetechs_encoder(address: int, length: int):
-    scservo_sdk = pytest.importorskip("scservo_sdk")
-    handler, port = scservo_sdk.PacketHandler(0), Recorder()
-    handler.syncReadTx(port, address, length, [1, 5, 7], 3)
-    assert FEETECH.encode(p2.sync_read([1, 5, 7], Span(address, length))) == port.written
-
-
-# The parser -----------------------------------------------------------------------------------
 
 noise = st.binary(max_size=20).map(lambda data: data.replace(b"\xff", b"\xfe"))
 statuses = st.builds(Status, st.integers(0, 253), st.just(0), st.binary(max_size=30))
@@ -147,13 +121,6 @@ def test_a_frame_behind_a_header_in_data_is_found():
     found = parser.feed(b"\xff\xff\x01\x04" + good)  # a header whose length swallows part of it
     assert found[-1] == Packet(5, Instruction.STATUS, b"\x00\x11")
     assert parser.damaged == 1
-
-
-def test_frames_of_protocol_2_are_not_frames_of_protocol_1():
-    assert PROTOCOL_1.parse_instructions().feed(p2.ping().encode()) == []
-
-
-# Errors ---------------------------------------------------------------------------------------
 
 
 DYNAMIXEL_BITS = (  # lowest first (e-manual, Protocol 1.0)

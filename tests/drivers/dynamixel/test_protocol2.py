@@ -18,7 +18,6 @@ from drivers.dynamixel.protocol2 import (
     MAX_LENGTH,
     PREFIX,
     Damaged,
-    ErrorNumber,
     FrameParser,
     Instruction,
     Packet,
@@ -62,7 +61,6 @@ def contents(frame: bytes) -> Packet:
     return Packet(frame[4], body[0], body[1:])
 
 
-# Published frames ---------------------------------------------------------------------------
 # From the e-manual's protocol pages; where a CRC there is a slip of print, the right one.
 
 POSITION, GOAL = Span(132, 4), 116
@@ -129,14 +127,6 @@ def test_a_request_is_the_published_bytes(frame: bytes, published: str):
     assert frame == hexed(published)
 
 
-@pytest.mark.parametrize("published", [row[1] for row in REQUESTS])
-def test_published_bytes_are_taken_apart_and_put_together_again(published: str):
-    (packet,) = FrameParser().feed(hexed(published))
-    assert isinstance(packet, Packet)
-    assert packet == contents(hexed(published))
-    assert packet.encode() == hexed(published)
-
-
 @pytest.mark.parametrize(("status", "published"), STATUSES)
 def test_a_status_is_the_published_bytes_both_ways(status: Status, published: str):
     assert status.encode() == hexed(published)
@@ -149,9 +139,6 @@ def test_a_status_is_the_published_bytes_both_ways(status: Status, published: st
 def test_a_fast_status_is_the_published_bytes_both_ways(answers: list[Status], published: str):
     assert encode_fast_status(answers) == hexed(published)
     assert p2.decode_fast_status(hexed(published), [len(a.data) for a in answers]) == answers
-
-
-# CRC and stuffing ---------------------------------------------------------------------------
 
 
 @given(data=st.binary(max_size=300), cut=st.integers(0, 300))
@@ -191,13 +178,6 @@ def test_a_request_is_no_status():
         Status.from_packet(Packet(1, Instruction.STATUS))
 
 
-def test_a_status_tells_alert_and_error_apart():
-    status = Status(1, p2.ALERT | ErrorNumber.DATA_RANGE)
-    assert status.alert
-    assert status.number == ErrorNumber.DATA_RANGE
-    assert not Status(1, ErrorNumber.ACCESS).alert
-
-
 class RecordingPort:
     """A port of the SDK that keeps what is written."""
 
@@ -225,8 +205,6 @@ def test_frames_without_stuffing_are_those_of_the_dynamixel_sdk(packet: Packet):
     assert packet.encode() == port.written
 
 
-# The parser ---------------------------------------------------------------------------------
-
 quiet_noise = st.binary(max_size=20).map(lambda data: data.replace(b"\xff", b"\xfe"))
 
 
@@ -245,15 +223,6 @@ def test_frames_are_found_however_the_stream_is_cut_and_whatever_lies_between(
     assert parser.pending == 0
 
 
-@pytest.mark.parametrize(
-    "noise", ["FF", "FFFF", "FFFFFD", "FFFFFF", "FFFFFDFD", "00FFFFFD", "FDFD"]
-)
-def test_half_a_header_before_a_frame_does_not_hide_it(noise: str):
-    parser = FrameParser()
-    assert parser.feed(hexed(noise) + p2.ping(3).encode()) == [Packet(3, Instruction.PING)]
-    assert parser.noise == len(hexed(noise))
-
-
 def test_a_header_with_an_impossible_id_or_length_is_noise():
     for start in ("FD 0300", "FF 0300", "01 0200", "01 0000", "01 FFFF"):
         parser = FrameParser()
@@ -261,16 +230,6 @@ def test_a_header_with_an_impossible_id_or_length_is_noise():
             Packet(3, Instruction.PING)
         ]
         assert parser.noise == PREFIX
-
-
-@given(packet=packets, follower=packets, data=st.data())
-def test_a_cut_frame_is_forgotten_by_a_reset(packet: Packet, follower: Packet, data: st.DataObject):
-    frame, parser = packet.encode(), FrameParser()
-    cut = data.draw(st.integers(0, len(frame) - 1))
-    assert parser.feed(frame[:cut]) == []
-    parser.reset()
-    assert (parser.pending, parser.noise) == (0, cut)
-    assert parser.feed(follower.encode()) == [follower]
 
 
 def test_a_frame_inside_a_damaged_one_is_found():
@@ -321,30 +280,7 @@ def test_up_to_three_flipped_bits_of_a_body_are_always_noticed(packet: Packet, d
     assert parser.damaged >= 1
 
 
-@given(noise=st.one_of(st.binary(max_size=300), tricky), chunk=st.integers(1, 50))
-def test_noise_alone_only_gives_what_an_oracle_finds_in_it(noise: bytes, chunk: int):
-    parser, found = FrameParser(), []
-    for i in range(0, len(noise), chunk):
-        found += parser.feed(noise[i : i + chunk])
-    found += parser.give_up()
-    valid = [contents(frame) for frame in frames_in(noise)]
-    assert [packet for packet in found if isinstance(packet, Packet) and packet not in valid] == []
-    assert parser.pending == 0
-
-
-# Fast answers -------------------------------------------------------------------------------
-
 fast_answers = st.lists(statuses, min_size=1, max_size=6)
-
-
-@given(answers=fast_answers)
-def test_a_fast_status_survives_the_wire_unstuffed(answers: list[Status]):
-    frame = encode_fast_status(answers)
-    assert p2.decode_fast_status(frame, [len(a.data) for a in answers]) == answers
-    (packet,) = FrameParser().feed(frame)
-    assert isinstance(packet, Packet)
-    assert (packet.id, packet.instruction) == (BROADCAST, Instruction.STATUS)
-    assert packet.params == frame[PREFIX + 1 : -2]
 
 
 @given(answers=fast_answers)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 from memory_port import MemoryPort
-from memory_rig import split
 
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.dynamixel.robot_ports import build_ports, find_imu, open_ports, using_margin
@@ -22,20 +21,6 @@ class NamedPort(MemoryPort):
     def __init__(self, path: str, baud: int) -> None:
         super().__init__(None, baud)
         self.path = path
-
-
-def test_each_port_has_its_joints_in_the_robots_order_and_one_the_board(op3: Robot):
-    robot = split(op3)
-    ports = {name: tuple(reversed(joints)) for name, joints in robot.bus.ports.items()}
-    robot = replace(robot, bus=replace(robot.bus, ports=ports))
-    left, right = build_ports(robot, PATHS, NamedPort, answer_margin=0.01)
-    assert (left.name, right.name) == ("left", "right")
-    assert [joint.name for joint in left.joints] == list(robot.joint_names[::2])
-    assert [joint.name for joint in right.joints] == list(robot.joint_names[1::2])
-    assert (left.board, right.board.id) == (None, robot.bus.board.id)
-    assert [port.bus.port.path for port in (left, right)] == ["/dev/a", "/dev/b"]
-    assert {port.bus.port.baud for port in (left, right)} == {robot.bus.baud}
-    assert not left.bus.port.is_open
 
 
 def test_the_imu_is_the_board_a_line_of_its_own_or_none(tiny: Robot):

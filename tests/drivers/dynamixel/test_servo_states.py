@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel.protocol2 import ALERT, Status
 from drivers.dynamixel.requests import Replies
-from drivers.dynamixel.servo_states import ERROR, SUPPLY, TORQUE, WATCHDOG, ServoStates
+from drivers.dynamixel.servo_states import ERROR, TORQUE, ServoStates
 from robots.description.servo_catalog import servo_models
 
 RPM = 2.0 * np.pi / 60.0
@@ -41,19 +41,6 @@ def test_velocity_and_current_have_the_sign_of_the_joint(tiny, velocity, current
     update(states, reply(1, 2048, velocity, current), reply(2, 1000, velocity, current))
     assert states.velocity == pytest.approx([0.229 * RPM * velocity, -0.229 * RPM * velocity])
     assert states.current == pytest.approx([2.69e-3 * current, -2.69e-3 * current])
-
-
-def test_background_items_go_where_they_belong(states):
-    states.update_background(1, SUPPLY, bytes((148, 0, 41)))
-    assert (states.voltage[1], states.temperature[1]) == (14.8, 41.0)
-    states.update_background(0, ERROR, bytes((0x20,)))
-    assert states.alert.tolist() == [0x20, 0]
-    states.update_background(0, ERROR, bytes((0,)))
-    assert states.alert[0] == ALERT, "the cause of an alert is not yet known"
-    states.note_on(np.array([0]))
-    states.update_background(0, WATCHDOG, bytes((0xFF,)))
-    states.update_background(1, WATCHDOG, bytes((0xFF,)))
-    assert states.must_seed.tolist() == [True, False], "only under torque does a watchdog matter"
 
 
 def test_torque_that_is_off_twice_in_a_row_is_a_restart_and_once_is_not(states):
@@ -130,13 +117,6 @@ def test_a_servo_that_restarts_beyond_its_first_turn_is_where_it_was(tiny, befor
     assert states.ticks[0] == register - 4096
 
 
-def test_a_silent_servo_may_be_further_away_the_longer_it_was_silent(states):
-    update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
-    far = 2000 + 30 + 13030  # a second's way
-    update(states, reply(1, far), now=BEGIN + 1.0)
-    assert states.register[0] == far
-
-
 @pytest.mark.parametrize(("silence", "is_unsure"), [(2.4, False), (2.6, True)])
 def test_a_servo_under_torque_that_was_silent_may_have_restarted(states, silence, is_unsure):
     update(states, reply(1, 2000), reply(2, 1000), now=BEGIN)
@@ -182,19 +162,6 @@ def test_torque_where_none_was_written_is_released(states):
     assert not states.must_release.any() and not states.is_unsure.any()
 
 
-def test_after_a_pause_every_servo_under_torque_starts_at_its_position(states):
-    for row in (0, 1):
-        states.note_ready(row)
-    states.note_on(np.array([1]))
-    every, none = np.array([True, True]), np.array([False, False])
-    assert states.permit_torque(every, none, was_paused=False).tolist() == [False, True]
-    assert not states.must_seed.any()
-    states.permit_torque(every, none, was_paused=True)
-    assert states.must_seed.tolist() == [False, True]
-    states.note_off(np.array([1]))
-    assert not states.must_seed.any() and not states.is_on.any()
-
-
 def test_a_lost_port_leaves_no_servo_ready_and_locks_those_under_torque(states):
     for row in (0, 1):
         states.note_ready(row)
@@ -203,15 +170,6 @@ def test_a_lost_port_leaves_no_servo_ready_and_locks_those_under_torque(states):
     assert states.is_locked.tolist() == [False, True]
     assert states.must_release.tolist() == [True, True]
     assert not (states.is_on | states.is_ready | states.is_unsure).any()
-
-
-def test_a_reboot_makes_a_servo_ready_limp_and_keeps_only_an_alert_that_stays(states):
-    states.note_on(np.array([0, 1]))
-    states.update_background(0, ERROR, bytes((32,)))
-    states.note_rebooted(0, has_alert=False)
-    states.note_rebooted(1, has_alert=True)
-    assert states.is_ready.all() and not states.is_on.any()
-    assert states.alert.tolist() == [0, ALERT]
 
 
 def test_a_servo_without_a_current_sensor_reports_its_load(tiny):

@@ -21,10 +21,8 @@ from drivers.dynamixel.startup import (
     check_period,
     diagnose_robot,
     measure_once,
-    open_imu,
 )
 from drivers.errors import NoBusError, SetupError
-from drivers.imu.source import ImuError
 from robots import Robot
 from robots.bench import make_bench_joint
 from robots.description.servo_catalog import servo_models
@@ -78,15 +76,6 @@ def test_the_wait_for_silent_servos_ends(monkeypatch: pytest.MonkeyPatch):
     bus = BootingBus({1: 0, 2: np.inf})
     await_on(bus, monkeypatch)
     assert BOOT_TIME <= bus.now <= BOOT_TIME + 2 * BOOT_MARGIN
-
-
-def test_an_imu_that_does_not_open_is_a_finding():
-    def refuse() -> None:
-        raise ImuError("IMU X", "silent", "check its cable")
-
-    (finding,) = open_imu(SimpleNamespace(open=refuse))
-    assert str(finding) == "IMU X: silent; check its cable"
-    assert open_imu(SimpleNamespace(open=lambda: None)) == []
 
 
 def test_a_bus_that_is_too_slow_for_the_control_period_is_an_error(tiny: Robot):

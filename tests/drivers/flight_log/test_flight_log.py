@@ -6,21 +6,21 @@ import signal
 import subprocess
 import sys
 import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 import orjson
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from flight_recording import make_cycle, write_flight
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from paths import REPOSITORY, TINY
-from recording_backend import still_state
 
-from drivers import ClipCounts, Command, Cycle, Guidance
+from drivers import Cycle
 from drivers.control_loop import Timing
 from drivers.flight_log.content import Event
 from drivers.flight_log.foxglove import SCHEMAS
@@ -29,39 +29,8 @@ from drivers.flight_log.writer import FlightLog
 from robots import Posture, Robot, load_robot
 
 
-def make_cycle(robot: Robot, number: int, rng: np.random.Generator) -> Cycle:
-    n = robot.n
-    state = replace(
-        still_state(robot),
-        time=number * 0.008,
-        joint_pos=rng.normal(size=n),
-        gyro=rng.normal(size=3),
-        joint_age=rng.random(n),
-        alert=rng.integers(0, 64, n),
-        voltage=float(rng.normal(12.0)),
-    )
-    command = Command(
-        joint_pos=rng.normal(size=n),
-        gain_scale=rng.random(n),
-        torque_limit=rng.random(n),
-        pwm_limit=rng.random(n),
-    )
-    clips = ClipCounts(*rng.integers(0, 9, (5, n)))
-    timing = Timing(late=0.0, read=float(rng.random()), step=1e-300, write=0.1 + 0.2)
-    sent = replace(command, joint_pos=-command.joint_pos)
-    guidance = Guidance(wanted=rng.normal(size=3), measured=rng.normal(size=3))
-    return Cycle(state, command, sent, clips, timing, guidance)
-
-
 def make_flight(robot: Robot, count: int) -> list[Cycle]:
-    rng = np.random.default_rng(3)
-    return [make_cycle(robot, number, rng) for number in range(count)]
-
-
-def write_flight(path: Path, robot: Robot, cycles: list[Cycle]) -> None:
-    with FlightLog(path, robot) as log:
-        for cycle in cycles:
-            log.log(cycle)
+    return [make_cycle(robot, number) for number in range(count)]
 
 
 def rewrite(
@@ -123,34 +92,6 @@ def test_every_field_comes_back_bit_for_bit(logged, robot, flight):
     assert not record.truncated
 
 
-def test_a_log_of_before_there_were_pwm_limits_tells_of_none(logged, flight):
-    record = FlightRecord.load(logged)
-    columns = {name: v for name, v in record.sent.columns.items() if name != "pwm_limit"}
-    record = replace(record, tracks={"sent": replace(record.sent, columns=columns)})
-    assert np.array_equal(record.command(7).pwm_limit, np.ones(len(record.joint_names)))
-    assert np.array_equal(record.command(7).torque_limit, flight[7].sent.torque_limit)
-
-
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=2))
-def test_any_float_survives(tmp_path_factory, robot, values: list[float]):
-    path = tmp_path_factory.mktemp("floats") / "flight.mcap"
-    cycle = make_flight(robot, 1)[0]
-    state = replace(cycle.state, joint_pos=np.array(values))
-    write_flight(path, robot, [replace(cycle, state=state)])
-    read = FlightRecord.load(path).state["joint_pos"][0]
-    assert read.tobytes() == np.array(values).tobytes()  # tells -0.0 from 0.0
-
-
-def test_what_is_no_number_comes_back_as_nan(tmp_path, robot):
-    cycle = make_flight(robot, 1)[0]
-    asked = replace(cycle.asked, joint_pos=np.array([np.nan, np.inf]))
-    state = replace(cycle.state, time=np.nan)
-    write_flight(tmp_path / "f", robot, [replace(cycle, asked=asked, state=state)])
-    record = FlightRecord.load(tmp_path / "f")
-    assert np.isnan(record.tracks["asked"]["joint_pos"]).all()
-    assert np.isnan(record.time).all()
-
-
 def test_a_command_of_the_wrong_length_is_recorded_and_spoils_no_other(tmp_path, robot, flight):
     cycles = flight[:2000]
     bad = replace(cycles[5].asked, joint_pos=np.zeros(7))
@@ -174,15 +115,6 @@ def test_new_fields_of_a_cycle_are_recorded_without_being_named(tmp_path, robot,
     assert tracks["rates"]["write"].tolist() == [0.1 + 0.2] * 4
     assert tracks["cycle"]["lost"].tolist() == [3] * 4
     assert tracks["cycle"]["phase"].tolist() == ["play"] * 4
-
-
-def test_guidance_is_recorded_in_the_cycles_that_have_it(tmp_path, robot, flight):
-    cycles = [replace(c, guidance=c.guidance if 3 <= i < 7 else None) for i, c in enumerate(flight)]
-    write_flight(tmp_path / "f", robot, cycles)
-    tracks = FlightRecord.load(tmp_path / "f").tracks
-    assert tracks["guidance"].cycle.tolist() == [3, 4, 5, 6]
-    assert np.array_equal(tracks["guidance"]["wanted"][1], flight[4].guidance.wanted)
-    assert len(tracks["state"].cycle) == len(flight)
 
 
 def test_it_tells_whose_flight_it_was_and_what_happened(tmp_path, robot, flight):
@@ -245,28 +177,25 @@ def test_earlier_logs_are_moved_and_not_written_over(tmp_path, robot, flight):
     assert [FlightRecord.load(tmp_path / name).cycles for name in names] == [1, 2, 3]
 
 
-def test_closing_twice_and_logging_afterwards_are_harmless(tmp_path, robot, flight):
-    with FlightLog(tmp_path / "f", robot) as log:
-        log.log(flight[0])
-        log.close()
-        log.close()
-        log.log(flight[1])
-    assert FlightRecord.load(tmp_path / "f").cycles == 1
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size [bytes]."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flight):
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     with FlightLog(tmp_path / "f", robot) as log:
         for cycle in flight[:200]:
             log.log(cycle)
         log.event(1.6, "phase", "on disk")
-        size = (tmp_path / "f").stat().st_size
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, hard))
-        try:
+        with room_for((tmp_path / "f").stat().st_size + 100):
             log.event(1.6, "phase", "no more room")
             log.log(flight[200])
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert log.fault == (
         f"flight log {tmp_path / 'f'}: File too large, recording stopped; "
         "at least its first 200 cycles can be replayed"
@@ -280,14 +209,9 @@ def test_a_full_disk_stops_the_recording_and_not_the_robot(tmp_path, robot, flig
 def test_a_disk_that_is_full_before_the_first_chunk_is_left_without_a_log(
     tmp_path, robot, flight, room
 ):
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
-    try:
-        with FlightLog(tmp_path / "f", robot) as log:
-            log.log(flight[0])
-            log.event(0.0, "phase", "to disk at once")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with room_for(room), FlightLog(tmp_path / "f", robot) as log:
+        log.log(flight[0])
+        log.event(0.0, "phase", "to disk at once")
     reason = "File too large, recording stopped; removed"
     assert log.fault == f"flight log {tmp_path / 'f'}: {reason}"
     assert not (tmp_path / "f").exists()
@@ -329,7 +253,7 @@ def test_a_log_cut_anywhere_is_read_as_far_as_it_is_whole(short, tmp_path, fligh
     data = short.read_bytes()
     described = data.index(b"started") + 400  # the description is whole by then
     counts = set()
-    for end in np.random.default_rng(5).integers(described, len(data), 12):
+    for end in np.random.default_rng(5).integers(described, len(data), 6):
         for tail in (b"", bytes(100), bytes(50_000)):  # a power cut leaves zeros
             (tmp_path / "cut").write_bytes(data[:end] + tail)
             record = FlightRecord.load(tmp_path / "cut")
@@ -345,7 +269,7 @@ def test_a_damaged_log_is_read_around_the_damage_and_never_wrong(short, tmp_path
     whole, data = FlightRecord.load(short), short.read_bytes()
     rng, spoiled = np.random.default_rng(6), tmp_path / "spoiled"
     refused, shorter = 0, 0
-    for _ in range(40):
+    for _ in range(30):
         content = bytearray(data)
         for at in rng.integers(0, len(data), rng.integers(1, 4)):
             content[at] ^= 1 << rng.integers(8)
@@ -364,7 +288,7 @@ def test_a_damaged_log_is_read_around_the_damage_and_never_wrong(short, tmp_path
         if record.cycles < whole.cycles:  # else it was the index at the end
             shorter += 1
             assert record.truncated and record.lost_bytes > 0
-    assert refused and shorter > 20
+    assert refused and shorter > 12
 
 
 def chunk_places(data: bytes) -> list[tuple[int, int]]:
@@ -381,8 +305,8 @@ def chunk_places(data: bytes) -> list[tuple[int, int]]:
 MOST_IN_CHUNK = 45  # cycles of the robot of these tests
 
 
-@pytest.mark.parametrize("number", [0, 2, -2])
-@pytest.mark.parametrize("spoiled", [100, -8, -7, -4], ids=["content", *["length"] * 3])
+@pytest.mark.parametrize("number", [0, -2])
+@pytest.mark.parametrize("spoiled", [100, -8, -4], ids=["content", *["length"] * 2])
 def test_a_damaged_chunk_costs_itself_alone(logged, tmp_path, number, spoiled):
     data = bytearray(logged.read_bytes())
     whole = FlightRecord.load(logged)
@@ -412,20 +336,6 @@ def test_a_log_that_lost_its_first_cycle_does_not_know_its_start(tmp_path, robot
     record = FlightRecord.load(path)
     assert record.state.cycle[0] > 0
     assert record.start is None
-
-
-@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
-@pytest.mark.parametrize("junk", [b"", b"junk", bytes(40)], ids=["noise", "junk", "zeros"])
-def test_bad_compression_is_damage_and_no_error_of_the_decoder(logged, tmp_path, compression, junk):
-    rewrite(logged, tmp_path / "f", [b"{}"], compression)
-    data = bytearray((tmp_path / "f").read_bytes())
-    [(start, length)] = chunk_places(data)
-    packed = start + 28 + 4 + len(compression.name) + 8  # behind times, size, CRC, name and length
-    data[packed : start + length] = junk.ljust(start + length - packed, b"\xa5")
-    (tmp_path / "f").write_bytes(data)
-    record = FlightRecord.load(tmp_path / "f")
-    assert (record.cycles, record.truncated) == (0, True)
-    assert record.damage
 
 
 @pytest.mark.parametrize("compression", CompressionType)
@@ -466,15 +376,6 @@ def test_no_chunk_is_unpacked_beyond_the_size_that_it_says(logged, tmp_path, com
     assert most < 8 << 20
 
 
-def test_a_file_of_many_bytes_is_refused(logged, monkeypatch):
-    size = logged.stat().st_size
-    monkeypatch.setattr("drivers.flight_log.reader.MOST_BYTES", size)
-    assert FlightRecord.load(logged).cycles == 1100
-    monkeypatch.setattr("drivers.flight_log.reader.MOST_BYTES", size - 1)
-    with pytest.raises(ValueError, match=f"it has more than {size - 1} bytes"):
-        FlightRecord.load(logged)
-
-
 def test_a_fifo_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     with pytest.raises(ValueError, match=r"flight log .*fifo: it is a FIFO, expected a file"):
@@ -502,30 +403,23 @@ def test_another_robots_log_is_refused(logged, op3):
         FlightRecord.load(logged, op3)
 
 
-@pytest.mark.parametrize("message", [b"[]", b"3", b'"text"', b"null"])
-def test_a_message_that_is_no_object_is_refused_in_one_line(logged, tmp_path, message):
-    rewrite(logged, tmp_path / "f", [message])
-    with pytest.raises(ValueError, match=r"flight log .*f: damaged \("):
+def test_a_description_that_was_altered_is_refused(logged, tmp_path):
+    data = logged.read_bytes()
+    (tmp_path / "f").write_bytes(data.replace(b"0.008", b"0.004", 1))  # the control period
+    with pytest.raises(ValueError, match=r"damaged \(crc validation failed in DataEnd"):
         FlightRecord.load(tmp_path / "f")
 
 
-@pytest.mark.parametrize("time", [b'"soon"', b"[]", b"{}"])
-def test_an_event_at_no_time_is_refused_in_one_line(logged, tmp_path, time):
-    message = b'{"time": %b, "kind": "phase", "text": ""}' % time
-    rewrite(logged, tmp_path / "f", [message], topic="/event")
-    with pytest.raises(ValueError, match=r"flight log .*f: damaged \("):
-        FlightRecord.load(tmp_path / "f")
+def test_a_row_comes_back_as_the_type_that_it_was(logged, flight):
+    record = FlightRecord.load(logged)
+    state, command = record.measurement(7), record.command(7)
+    assert (state.time, state.voltage) == (flight[7].state.time, flight[7].state.voltage)
+    assert np.array_equal(state.alert, flight[7].state.alert)
+    assert np.array_equal(command.joint_pos, flight[7].sent.joint_pos)
 
 
 def test_currents_of_another_number_of_joints_are_refused(tmp_path, robot, flight):
     state = replace(flight[0].state, joint_current=np.zeros(7))
     write_flight(tmp_path / "f", robot, [replace(flight[0], state=state)])
     with pytest.raises(ValueError, match=r"state has joint_current of shape \(1, 7\), expected"):
-        FlightRecord.load(tmp_path / "f")
-
-
-def test_a_description_that_was_altered_is_refused(logged, tmp_path):
-    data = logged.read_bytes()
-    (tmp_path / "f").write_bytes(data.replace(b"0.008", b"0.004", 1))  # the control period
-    with pytest.raises(ValueError, match=r"damaged \(crc validation failed in DataEnd"):
         FlightRecord.load(tmp_path / "f")

@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 import orjson
 import pytest
+from flight_recording import make_cycle, write_flight
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from nonempty import nonempty
 from paths import TINY
-from recording_backend import still_state
 from tiny_robots import leg, write_robot
 
-from drivers import ClipCounts, Command, Cycle
-from drivers.control_loop import Timing
+from drivers import Command
 from drivers.flight_log.foxglove import JOINT_COMMANDS, JOINT_STATES, SCHEMAS, TRANSFORM
 from drivers.flight_log.reader import FlightRecord
-from drivers.flight_log.writer import FlightLog
 from robots import Robot, load_robot, quaternion
 
 SECOND = 1_000_000_000
@@ -30,28 +28,6 @@ TILTED_IMU = '<site name="imu" quat="0 0.6 0.8 0"/>'
 @pytest.fixture(scope="module")
 def robot() -> Robot:
     return load_robot(TINY)
-
-
-def make_cycle(robot: Robot, number: int, first: float = 0.0, **changes: Any) -> Cycle:
-    rng = np.random.default_rng(number)
-    state = still_state(
-        robot,
-        time=first + number * robot.control_period,
-        joint_pos=rng.normal(size=robot.n),
-        joint_vel=rng.normal(size=robot.n),
-        joint_current=rng.normal(size=robot.n),
-        orientation=quaternion.normalize(rng.normal(size=4)),
-    )
-    sent = Command.position(robot, rng.normal(size=robot.n), 1.0)
-    timing = Timing(late=0.0, read=0.0, step=0.0, write=0.0)
-    clips = ClipCounts(*np.zeros((5, robot.n), dtype=int))
-    return replace(Cycle(state, sent, sent, clips, timing), **changes)
-
-
-def write_flight(path: Path, robot: Robot, cycles: list[Cycle]) -> None:
-    with FlightLog(path, robot) as log:
-        for cycle in cycles:
-            log.log(cycle)
 
 
 def read_messages(path: Path, topic: str) -> list[SimpleNamespace]:
@@ -161,6 +137,15 @@ def test_the_frame_of_the_torso_turns_as_the_torso_does_however_the_imu_is_mount
     np.testing.assert_allclose(imu, cycle.state.orientation, atol=1e-12)
 
 
+def test_a_released_servo_has_no_target(tmp_path, robot):
+    half = replace(make_cycle(robot, 0).sent, torque_limit=np.array([0.0, 1.0]))
+    cycles = [make_cycle(robot, 0, sent=Command.limp(robot.n)), make_cycle(robot, 1, sent=half)]
+    write_flight(tmp_path / "f", robot, cycles)
+    limp, driven = read_messages(tmp_path / "f", JOINT_COMMANDS)
+    assert limp.content["joints"] == []
+    assert [joint["name"] for joint in driven.content["joints"]] == ["r_hip"]
+
+
 def test_what_is_unknown_is_left_out(tmp_path, robot):
     state = replace(
         make_cycle(robot, 0).state,
@@ -173,12 +158,3 @@ def test_what_is_unknown_is_left_out(tmp_path, robot):
     known = [set(joint) - {"name"} for joint in message.content["joints"]]
     assert known == [{"velocity", "effort"}, {"position", "velocity"}]
     assert read_messages(tmp_path / "f", TRANSFORM) == []
-
-
-def test_a_released_servo_has_no_target(tmp_path, robot):
-    half = replace(make_cycle(robot, 0).sent, torque_limit=np.array([0.0, 1.0]))
-    cycles = [make_cycle(robot, 0, sent=Command.limp(robot.n)), make_cycle(robot, 1, sent=half)]
-    write_flight(tmp_path / "f", robot, cycles)
-    limp, driven = read_messages(tmp_path / "f", JOINT_COMMANDS)
-    assert limp.content["joints"] == []
-    assert [joint["name"] for joint in driven.content["joints"]] == ["r_hip"]

@@ -10,8 +10,6 @@ from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError
 from robots import ImuSettings
 
-SETTINGS = ImuSettings(kind="bno08x", connection="i2c", i2c_bus=250)
-
 
 class SlowSensor:
     """A source whose only transfer takes half a second of a clock that it advances itself."""
@@ -53,20 +51,6 @@ def test_a_sample_is_as_old_as_its_transfer_and_the_time_since(monkeypatch):
         source.close()
     assert sensor.requests[0] == 10.0
     assert sample is not None and sample.age == 0.25 + 12.0 - 10.0
-
-
-def test_a_source_that_is_opened_again_hands_over_nothing_old(monkeypatch):
-    sensor = SlowSensor()
-    monkeypatch.setattr("drivers.imu.background.time", sensor)
-    source = BackgroundImu(sensor)
-    source.open()
-    wait_until(lambda: len(sensor.requests) > 2)
-    source.close()
-    assert source.poll() is None
-    count = len(sensor.requests)
-    source.open()
-    wait_until(lambda: len(sensor.requests) > count)
-    source.close()
 
 
 @pytest.mark.parametrize("kind", ["bno055", "bno08x"])

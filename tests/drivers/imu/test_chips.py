@@ -13,10 +13,8 @@ from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
-from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
 from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
-from robots import ImuSettings, quaternion
+from robots import ImuSettings
 
 READING = ImuReading(
     time=0.0,
@@ -52,52 +50,27 @@ def counts_of(chip: VirtualBno055, register: int) -> list[int]:
     return np.frombuffer(chip.transfer(bytes([register]), 6), "<i2").tolist()
 
 
-def test_a_bno055_has_the_registers_of_its_data_sheet_after_power_up():
-    chip = VirtualBno055()
-    chip.transfer(bytes.fromhex("3D 05"))
-    chip.restart()
-    assert chip.transfer(b"\x00", 4) == bytes.fromhex("A0 FB 32 0F")
-    assert chip.transfer(b"\x3b", 3) == bytes.fromhex("80 00 00"), "units, _, mode"
-    chip.transfer(bytes.fromhex("07 01"))
-    assert chip.transfer(b"\x08", 3) == bytes.fromhex("0D 00 38"), "4 g, 62.5 Hz; 2000 deg/s, 32 Hz"
-
-
-def test_a_bno055_gives_the_unit_that_is_selected():
-    # 1 rad/s are 900 counts, 1 mg is 1 count (data sheet, 3.6.4).
-    chip = bno055("AA 00 3B 01 03", "AA 00 3D 01 05")
-    assert counts_of(chip, 0x14) == [16, -31, 0]  # 1 and -2 deg/s
-    assert counts_of(chip, 0x08) == [0, 102, 1000]
-    chip = bno055("AA 00 3B 01 00", "AA 00 3D 01 05")
-    assert counts_of(chip, 0x14) == [16, -32, 0]
-    assert counts_of(chip, 0x08) == [0, 100, 981]
-
-
-@pytest.mark.parametrize(("code", "degrees"), [(0, 2000), (1, 1000), (2, 500), (3, 250), (4, 125)])
-def test_the_gyro_of_a_bno055_reaches_as_far_as_its_range(code: int, degrees: int):
+def test_a_bno055_reaches_as_far_as_its_ranges():
     spinning = replace(READING, gyro=np.radians([3000.0, -3000.0, 100.0]))
-    setting = f"AA 00 0A 01 {0x38 | code:02X}"
-    frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3D 01 05")
-    chip = bno055(*frames, reading=spinning)
-    assert counts_of(chip, 0x14) == [16 * degrees, -16 * degrees, 1600]
-
-
-@pytest.mark.parametrize(("code", "g"), [(0, 2), (1, 4), (2, 8), (3, 16)])
-def test_the_accelerometer_of_a_bno055_reaches_as_far_as_its_range(code: int, g: int):
     shaken = replace(READING, accelerometer=9.81 * np.array([20.0, -20.0, 1.0]))
-    setting = f"AA 00 08 01 {0x0C | code:02X}"
-    frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3B 01 01", "AA 00 3D 01 05")
-    chip = bno055(*frames, reading=shaken)
-    assert counts_of(chip, 0x08) == [1000 * g, -1000 * g, 1000]
+    for code, degrees in enumerate((2000, 1000, 500, 250, 125)):
+        setting = f"AA 00 0A 01 {0x38 | code:02X}"
+        frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3D 01 05")
+        chip = bno055(*frames, reading=spinning)
+        assert counts_of(chip, 0x14) == [16 * degrees, -16 * degrees, 1600]
+    for code, g in enumerate((2, 4, 8, 16)):
+        setting = f"AA 00 08 01 {0x0C | code:02X}"
+        frames = ("AA 00 07 01 01", setting, "AA 00 07 01 00", "AA 00 3B 01 01", "AA 00 3D 01 05")
+        chip = bno055(*frames, reading=shaken)
+        assert counts_of(chip, 0x08) == [1000 * g, -1000 * g, 1000]
 
 
-MODES = {0: "", 1: "a", 2: "", 3: "g", 4: "a", 5: "ag", 6: "g", 7: "ag", 9: "a", 12: "ag"}
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_a_bno055_measures_what_its_mode_says(mode: int):
-    chip = bno055(f"AA 00 3D 01 {mode:02X}")
-    assert any(counts_of(chip, 0x08)) == ("a" in MODES[mode])
-    assert any(counts_of(chip, 0x14)) == ("g" in MODES[mode])
+def test_a_bno055_measures_what_its_mode_says():
+    modes = {0: "", 1: "a", 2: "", 3: "g", 4: "a", 5: "ag", 6: "g", 7: "ag", 9: "a", 12: "ag"}
+    for mode, measured in modes.items():
+        chip = bno055(f"AA 00 3D 01 {mode:02X}")
+        assert any(counts_of(chip, 0x08)) == ("a" in measured), mode
+        assert any(counts_of(chip, 0x14)) == ("g" in measured), mode
 
 
 @given(sizes=st.lists(st.integers(4, 40), min_size=1, max_size=60))
@@ -124,24 +97,6 @@ def test_a_packet_read_in_parts_is_the_packet_read_at_once(sizes: list[int]):
     assert whole[4:].startswith(cargo)
 
 
-def test_reports_of_a_bno08x_are_in_the_units_of_their_q_points():
-    """Q8 for m/s², Q9 for rad/s (SH-2)."""
-    chip = VirtualBno08xI2c()
-    chip.sense(READING)
-    chip.transfer(b"", 5)
-    for sensor, scale, expected in ((1, 256.0, READING.accelerometer), (2, 512.0, READING.gyro)):
-        for on in (sensor, 3 - sensor):  # this one alone
-            interval = "88130000" if on == sensor else "00000000"
-            feature = bytes.fromhex(f"FD {on:02X} 00 0000 {interval} 00000000 00000000")
-            chip.transfer(PACKET.pack(4 + len(feature), 2, 0) + feature)
-        packet = b""
-        while (more := chip.transfer(b"", 40))[0]:
-            packet = more
-        assert packet[0] == 19 and packet[2] == 3 and packet[4] == 0xFB and packet[9] == sensor
-        values = np.frombuffer(packet[13:19], "<i2")
-        assert values / scale == pytest.approx(expected, abs=0.002)
-
-
 def set_feature(chip: VirtualBno08xI2c, sensor: int, interval: int) -> None:
     """Ask for the reports of a sensor, an interval [µs] apart."""
     feature = bytes.fromhex(f"FD {sensor:02X} 00 0000") + interval.to_bytes(4, "little") + bytes(8)
@@ -160,9 +115,6 @@ def test_a_bno08x_reports_as_often_as_it_is_asked_to(interval: int):
             assert packet[9] == 2
             count += 1
     assert count == 1_000_000 // interval
-
-
-# The drivers, against chips that only remember what is written to them ------------------------
 
 
 class MemoryChip(I2cChip):
@@ -328,14 +280,6 @@ def measuring_08x() -> tuple[Memory08x, ImuSource]:
     return chip, source
 
 
-def test_of_all_packets_that_wait_the_newest_counts():
-    chip, source = measuring_08x()
-    chip.packets += [packet_of("0000 0000 0001", f"00{k:02X} 0000 0000") for k in range(9)]
-    sample = source.poll()
-    assert sample is not None and sample.gyro[0] == 8 * 256 / 512
-    assert chip.packets == []
-
-
 def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
     chip, source = measuring_08x()
     packet = packet_of("0000 0000 0001", "0001 0000 0000")
@@ -346,37 +290,3 @@ def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
     chip.exchange = exchange  # type: ignore[method-assign]
     assert source.poll() is None
     assert source.damaged > 0
-
-
-def test_a_bno08x_on_a_uart_sends_the_frame_of_its_data_sheet():
-    """Yaw 0.01, pitch -1.10, roll 20.85 degrees; -371, -20 and 977 mg (BNO080, 1.3.5.2)."""
-    yaw, pitch, roll = 0.5 * np.radians([0.01, -1.10, 20.85])
-    turns = [[np.cos(yaw), 0, 0, np.sin(yaw)], [np.cos(pitch), 0, np.sin(pitch), 0]]
-    orientation = quaternion.multiply(*map(np.array, turns))
-    orientation = quaternion.multiply(orientation, np.array([np.cos(roll), np.sin(roll), 0, 0]))
-    force = 9.81e-3 * np.array([-371.0, -20.0, 977.0])
-    chip = VirtualBno08xRvc()
-    chip.sense(ImuReading(2.22, np.zeros(3), force, orientation))
-    frames = chip.take()
-    assert len(frames) == 223 * 19, "one every 10 ms"
-    assert frames[-19:] == bytes.fromhex("AAAA DE 0100 92FF 2508 8DFE ECFF D103 000000 E7")
-    chip.sense(ImuReading(2.56, np.zeros(3), force, orientation))
-    assert chip.take()[-17] == 0, "the index is one byte"
-
-
-def test_a_virtual_line_is_written_in_the_format_of_its_settings():
-    settings = ImuSettings(
-        kind="serial_line",
-        format="ax ay az _ gx gy gz",
-        separator=",",
-        gyro_unit="deg/s",
-        accelerometer_unit="g",
-        checksum="nmea",
-    )
-    chip = VirtualSerialLine(settings)
-    chip.sense(READING)
-    text = "0.000000,0.101937,1.000000,0.000000,1.000000,-2.000000,0.000000"
-    checksum = 0
-    for byte in text.encode():
-        checksum ^= byte
-    assert chip.take() == f"${text}*{checksum:02X}\r\n".encode()

@@ -73,14 +73,6 @@ def test_a_register_is_read_in_one_transfer_with_a_repeated_start(kernel: Kernel
     assert kernel.transfers == [[write, read], [write], [write, read]]
 
 
-def test_bytes_are_read_without_writing_any(kernel: Kernel):
-    kernel.chip.exchange = lambda _, count: bytes(range(count))  # type: ignore[method-assign]
-    chip = LinuxI2cChip(1, 0x28)
-    chip.open()
-    assert chip.transfer(b"", 3) == b"\x00\x01\x02"
-    assert kernel.transfers == [[(0x28, True)]]
-
-
 def test_a_bus_is_opened_once_and_closed_once(kernel: Kernel):
     chip = LinuxI2cChip(1, 0x28)
     assert chip.path == "/dev/i2c-1 at 0x28"

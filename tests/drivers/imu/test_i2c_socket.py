@@ -176,28 +176,6 @@ def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
                 source.open()
 
 
-def test_a_bus_that_cannot_be_made_leaves_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def refuse(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(socket.socket, "bind", refuse)
-    with pytest.raises(PortLinkError, match="i2c: No space left on device, name a path"):
-        I2cLine(make_chip("bno055"), 0x28, link=None)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_program_that_does_not_greet_is_no_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(i2c_socket, "TIMEOUT", 0.01)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as mute:
-        mute.bind(str(tmp_path / "mute"))
-        mute.listen()
-        with pytest.raises(OSError, match="is no I2C bus"):
-            SocketI2cChip(str(tmp_path / "mute"), 0x28).open()
-
-
 def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -229,3 +207,46 @@ def test_a_path_is_a_bus_of_linux_or_a_socket(tmp_path: Path):
     ]
     (tmp_path / "link").symlink_to("/dev/null")
     assert isinstance(choose_chip(settings, str(tmp_path / "link")), LinuxI2cChip)
+
+
+def make_line(link: Path) -> I2cLine:
+    return I2cLine(make_chip("bno055"), 0x28, link=link)
+
+
+def test_a_socket_that_a_dead_bus_left_behind_is_replaced(tmp_path: Path):
+    kept = tmp_path / "kept"
+    first = make_line(tmp_path / "bus")
+    (tmp_path / "bus").rename(kept)
+    first.close()
+    assert kept.is_socket()
+    again = make_line(kept)
+    again.close()
+    assert not kept.exists()
+
+
+def test_a_path_that_is_in_use_or_not_to_be_written_is_refused(tmp_path: Path):
+    line, file = make_line(tmp_path / "bus"), tmp_path / "file"
+    file.write_text("mine")
+    for link in (tmp_path / "bus", file):
+        with pytest.raises(PortLinkError, match="a file is there, name another path"):
+            make_line(link)
+    line.close()
+    assert file.read_text() == "mine"
+    with pytest.raises(PortLinkError, match="No such file or directory, name a path you may"):
+        make_line(tmp_path / "none" / "bus")
+    with pytest.raises(PortLinkError, match="File name too long, name a path"):
+        make_line(tmp_path / ("x" * LONGEST_PATH))
+
+
+def test_the_path_of_a_bus_may_be_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = tmp_path / ("x" * 200)
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    line = I2cLine(make_chip("bno055"), 0x28, link=None)
+    with serving_line(line):
+        assert line.path.startswith(str(folder))
+        chip = SocketI2cChip(line.path, 0x28)
+        chip.open()
+        assert len(chip.transfer(b"\0", 1)) == 1
+        chip.close()
+    assert list(folder.iterdir()) == []

@@ -63,16 +63,6 @@ def test_a_fast_turn_comes_through_whole(kind: str, rate: float):
 
 
 @EVERY_KIND
-def test_a_silent_sensor_delivers_nothing_until_it_speaks_again(kind: str):
-    bench = ImuBench(KINDS[kind])
-    bench.first()
-    bench.sensor.alive = False
-    assert [bench.cycle() for _ in range(20)] == [None] * 20
-    bench.sensor.alive = True
-    assert bench.first().accelerometer[2] == pytest.approx(GRAVITY, abs=0.02)
-
-
-@EVERY_KIND
 def test_a_frozen_sensor_is_not_believed_while_joints_move(kind: str):
     bench, fusion = ImuBench(KINDS[kind]), ImuFusion(PERIOD)
     fusion.start(bench.first(), bench.time)

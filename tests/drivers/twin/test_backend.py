@@ -54,29 +54,6 @@ def test_a_period_is_bit_for_bit_four_plain_physics_steps(op3):
     assert np.array_equal(twin.data.qpos, data.qpos)
 
 
-def test_a_limp_robot_falls_as_if_it_had_no_motors(op3):
-    twin = Twin(op3)
-    play(twin, Command.limp(op3.n), 60)
-
-    model = build_flat_world(op3)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    data, layout = mujoco.MjData(model), op3.layout(model)
-    data.qpos[layout.root_qpos :][:3] = op3.standing.position
-    data.qpos[layout.root_qpos + 3 :][:4] = op3.standing.orientation
-    data.qpos[layout.qpos] = op3.standing.joint_pos
-    mujoco.mj_step(model, data, nstep=240)
-    assert np.array_equal(twin.data.qpos, data.qpos)
-
-
-def test_the_model_it_is_given_stays_as_it_is(tiny):
-    model = build_flat_world(tiny)
-    ranges, gains = model.actuator_forcerange.copy(), model.actuator_gainprm.copy()
-    twin = Twin(World(tiny, model=model), voltage=11.0)
-    play(twin, Command.position(tiny, np.zeros(2), torque_limit=1.0), 2)
-    assert np.array_equal(model.actuator_forcerange, ranges)
-    assert np.array_equal(model.actuator_gainprm, gains)
-
-
 def test_a_placed_robot_is_at_rest_and_its_clock_at_zero(tiny):
     twin = Twin(tiny)
     play(twin, Command.position(tiny, np.array([0.5, -0.5])), 30)
@@ -147,14 +124,6 @@ def test_a_lower_supply_makes_slower_servos(tiny):
     assert (slow + 0.12) / (fast + 0.12) == pytest.approx(10.0 / 12.0, rel=0.03)
 
 
-def test_the_supply_sags_under_load_and_recovers(op3):
-    twin = Twin(op3, options=SimulationOptions(supply_resistance=0.2))
-    assert play(twin, Command.limp(op3.n), 1).voltage == pytest.approx(12.0)
-    loaded = play(twin, Command.position(op3, op3.standing.joint_pos + 0.3), 5).voltage
-    assert 9.0 < loaded < 11.9
-    assert play(twin, Command.limp(op3.n), 5).voltage == pytest.approx(12.0)
-
-
 def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
     twin = Twin(tiny, options=SimulationOptions(period=0.1))  # few cycles, and the same physics
     twin.model.jnt_range[1:] = [[0.0, 0.001]] * 2  # legs that cannot move
@@ -217,3 +186,11 @@ def test_limits_that_change_back_are_those_from_before(op3):
     assert np.all(second.torque_limit < 0.11 * first.torque_limit)
     assert np.all(by_pwm.pwm_limit < 0.2)
     assert np.all(second.pwm_limit > 0.4)
+
+
+def test_the_supply_sags_under_load_and_recovers(op3):
+    twin = Twin(op3, options=SimulationOptions(supply_resistance=0.2))
+    assert play(twin, Command.limp(op3.n), 1).voltage == pytest.approx(12.0)
+    loaded = play(twin, Command.position(op3, op3.standing.joint_pos + 0.3), 5).voltage
+    assert 9.0 < loaded < 11.9
+    assert play(twin, Command.limp(op3.n), 5).voltage == pytest.approx(12.0)

@@ -10,8 +10,6 @@ from drivers import Command, Twin
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
 
-SUPINE = np.array([math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0])
-
 
 def place(twin, z, orientation=quaternion.IDENTITY, joint_pos=None):
     n = twin.robot.n
@@ -42,13 +40,6 @@ def test_a_standing_op3_stands(op3):
     assert twin.truth.posture.position[2] == pytest.approx(0.256, abs=2e-3)
     assert twin.truth.self_penetration == 0.0
     assert twin.truth.ground_penetration < 1e-3
-
-
-def test_a_robot_in_the_air_touches_nothing(tiny):
-    truth = place(Twin(tiny), 0.5)
-    assert names(truth) == []
-    assert truth.ground_penetration == 0.0
-    assert truth.site_pos[truth.model.site(tiny.neck_site).id, 2] == pytest.approx(0.55)
 
 
 def test_penetration_of_the_ground_is_measured(tiny):

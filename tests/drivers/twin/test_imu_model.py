@@ -43,12 +43,6 @@ def test_a_body_at_rest_feels_one_g_upwards():
     assert imu.gyro.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_a_body_that_falls_freely_feels_nothing():
-    body = Body()
-    body.fall()
-    assert body.imu.accelerometer == pytest.approx(np.zeros(3), abs=FORCE_STEP)
-
-
 def test_forces_and_turns_are_in_the_axes_of_the_body():
     """On its right side the world's up is the body's left; it spins about its own z."""
     body = Body()

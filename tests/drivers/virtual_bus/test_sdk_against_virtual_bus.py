@@ -18,7 +18,7 @@ XM430 = 1020  # model number
 FIRMWARE = 46
 GOAL_POSITION = 116
 PRESENT_PWM, PRESENT_CURRENT, PRESENT_POSITION = 124, 126, 132
-TORQUE_ENABLE, LED, PROFILE_VELOCITY = 64, 65, 112
+LED = 65
 PATIENCE_MS = 1000  # of the SDK beyond the wire's time; its own 16 are few on a busy machine
 
 
@@ -72,22 +72,6 @@ def test_write_and_read_of_every_size(port, packets):
     assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == (2345, 0, 0)
 
 
-def test_an_error_comes_with_its_number(port, packets):
-    assert packets.write1ByteTxRx(port, 3, PRESENT_POSITION, 1) == (0, 7)  # read only
-    assert packets.write1ByteTxRx(port, 3, TORQUE_ENABLE, 2) == (0, 4)  # out of range
-
-
-def test_reg_write_waits_for_action(port, packets):
-    goal = list((1234).to_bytes(4, "little"))
-    before = packets.read4ByteTxRx(port, 3, GOAL_POSITION)
-    assert packets.regWriteTxRx(port, 3, GOAL_POSITION, 4, goal) == (0, 0)
-    assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == before
-    packets.action(port, dynamixel_sdk.BROADCAST_ID)
-    # The SDK leaves the port marked as busy after a broadcast without an answer.
-    port.is_using = False
-    assert packets.read4ByteTxRx(port, 3, GOAL_POSITION) == (1234, 0, 0)
-
-
 def test_sync_write_then_sync_read(port, packets):
     write = dynamixel_sdk.GroupSyncWrite(port, packets, GOAL_POSITION, 4)
     read = dynamixel_sdk.GroupSyncRead(port, packets, GOAL_POSITION, 4)
@@ -121,9 +105,3 @@ def test_bulk_reads(port, packets, how: str):
     assert [read.getData(i, PRESENT_POSITION, 4) for i in IDS] == [1000 + i for i in IDS]
     assert {read.getData(i, 144, 2) for i in IDS} == {120}  # 12.0 V
     assert [read.isAvailable(i, 146, 1) for i in IDS] == [i % 2 == 1 for i in IDS]
-
-
-def test_the_bus_sees_that_the_sdk_forgets_to_stuff(bus: VirtualBus, port, packets):
-    goal = [0xFF, 0xFF, 0xFD, 0x00]
-    assert packets.writeTxRx(port, 3, PROFILE_VELOCITY, 4, goal)[0] == 0
-    assert bus.statistics.unstuffed == 1

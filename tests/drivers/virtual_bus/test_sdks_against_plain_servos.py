@@ -1,4 +1,4 @@
-"""The makers' own handlers talk to virtual AX, MX(1.0), XL-320 and Feetech servos."""
+"""The maker's own handlers talk to virtual AX, MX(1.0) and XL-320 servos."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,17 +21,7 @@ LONGEST_WAIT_MS = 1000  # of an SDK beyond the wire's time; its own 16 are few o
 
 @pytest.fixture(autouse=True)
 def _wait_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("dynamixel_sdk", "scservo_sdk"):
-        if module == "dynamixel_sdk" or has_scservo():
-            monkeypatch.setattr(f"{module}.port_handler.LATENCY_TIMER", LONGEST_WAIT_MS)
-
-
-def has_scservo() -> bool:
-    try:
-        import scservo_sdk  # noqa: F401
-    except ImportError:
-        return False
-    return True
+    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", LONGEST_WAIT_MS)
 
 
 def make_chain(model: str) -> Chain:
@@ -50,20 +40,20 @@ def make_chain(model: str) -> Chain:
 
 
 @contextmanager
-def opening(model: str, sdk: Any) -> Iterator[Any]:
+def opening(model: str) -> Iterator[Any]:
     with VirtualBus(make_chain(model), time_mode=TimeMode.LOCK_STEP) as bus:
-        port = sdk.PortHandler(bus.path)
+        port = dynamixel_sdk.PortHandler(bus.path)
         assert port.openPort()
         assert port.setBaudRate(BAUD)
         yield port
         port.closePort()
 
 
-@pytest.mark.parametrize("model", ["AX-12A", "AX-18A", "MX-28(1.0)", "MX-64(1.0)", "MX-106(1.0)"])
+@pytest.mark.parametrize("model", ["AX-12A", "MX-28(1.0)"])
 def test_a_dynamixel_of_protocol_1_is_pinged_read_and_written(model: str):
     table, packets = table_named(model), dynamixel_sdk.PacketHandler(1.0)
     position, goal, led = (table[n].address for n in ("present_position", "goal_position", "led"))
-    with opening(model, dynamixel_sdk) as port:
+    with opening(model) as port:
         assert packets.ping(port, 2) == (table.number, 0, 0)
         assert packets.ping(port, 3)[1] == dynamixel_sdk.COMM_RX_TIMEOUT
         assert packets.read2ByteTxRx(port, 7, position) == (107, 0, 0)
@@ -83,7 +73,7 @@ def test_a_sync_write_reaches_all_and_a_bulk_read_is_known_to_mx_alone():
     packets = dynamixel_sdk.PacketHandler(1.0)
     goal = table_named("AX-12A")["goal_position"].address
     for model, result in (("MX-28(1.0)", 0), ("AX-12A", dynamixel_sdk.COMM_RX_TIMEOUT)):
-        with opening(model, dynamixel_sdk) as port:
+        with opening(model) as port:
             writer = dynamixel_sdk.GroupSyncWrite(port, packets, goal, 2)
             for i in IDS:
                 writer.addParam(i, [200 + i, 0])
@@ -101,7 +91,7 @@ def test_a_sync_write_reaches_all_and_a_bulk_read_is_known_to_mx_alone():
 
 def test_an_xl_320_is_read_by_protocol_2_with_its_own_addresses():
     packets, table = dynamixel_sdk.PacketHandler(2.0), table_named("XL-320")
-    with opening("XL-320", dynamixel_sdk) as port:
+    with opening("XL-320") as port:
         assert packets.ping(port, 7) == (350, 0, 0)
         assert packets.read2ByteTxRx(port, 7, table["present_position"].address) == (107, 0, 0)
         reader = dynamixel_sdk.GroupSyncRead(port, packets, 37, 2)
@@ -109,25 +99,6 @@ def test_an_xl_320_is_read_by_protocol_2_with_its_own_addresses():
             reader.addParam(i)
         assert reader.txRxPacket() == dynamixel_sdk.COMM_SUCCESS
         assert [reader.getData(i, 37, 2) for i in IDS] == [101, 102, 107]
-
-
-def test_a_feetech_is_pinged_read_and_written_by_its_makers_handler():
-    scservo_sdk = pytest.importorskip("scservo_sdk")
-    packets, table = scservo_sdk.PacketHandler(0), table_named("STS3215")
-    with opening("STS3215-C018", scservo_sdk) as port:
-        assert packets.ping(port, 7)[:2] == (777, scservo_sdk.COMM_SUCCESS)
-        assert packets.read2ByteTxRx(port, 7, table["present_position"].address) == (107, 0, 0)
-        speed = table["present_velocity"].address
-        assert packets.read2ByteTxRx(port, 7, speed) == (1 << 15 | 5, 0, 0)
-        reader = scservo_sdk.GroupSyncRead(port, packets, 56, 2)
-        writer = scservo_sdk.GroupSyncWrite(port, packets, 42, 2)
-        for i in IDS:
-            assert reader.addParam(i)
-            writer.addParam(i, [200 + i, 0])
-        assert reader.txRxPacket() == scservo_sdk.COMM_SUCCESS
-        assert [reader.getData(i, 56, 2) for i in IDS] == [101, 102, 107]
-        assert writer.txPacket() == scservo_sdk.COMM_SUCCESS
-        assert packets.read2ByteTxRx(port, 7, 42) == (207, 0, 0)
 
 
 def test_what_a_feetech_keeps_without_power_is_behind_its_lock():
@@ -140,21 +111,3 @@ def test_what_a_feetech_keeps_without_power_is_behind_its_lock():
         servo.powered = False
         servo.powered = True
         assert servo.peek("temperature_limit") == kept
-
-
-RUSTYPOT = {
-    "AX-12A": "AxPyController",
-    "MX-28(1.0)": "MxPyController",
-    "STS3215-C018": "Sts3215PyController",
-}
-
-
-@pytest.mark.parametrize("model", RUSTYPOT)
-def test_rustypot_reads_the_angle_that_the_table_gives(model: str):
-    rustypot = pytest.importorskip("rustypot")
-    with VirtualBus(make_chain(model), time_mode=TimeMode.LOCK_STEP) as bus:
-        controller = getattr(rustypot, RUSTYPOT[model])(bus.path, BAUD, 10.0)
-        (angle,) = controller.read_present_position(7)
-    middle = servo_models()[model].middle_tick
-    scale = table_named(model)["present_position"].scale
-    assert angle == pytest.approx((107 - middle) * scale, abs=1e-3)

@@ -10,7 +10,7 @@ import pytest
 from spoiling import spoil
 
 from drivers import Backend, Command, SafetyGuard, State, Twin
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.errors import NoBusError
@@ -28,7 +28,7 @@ IN_THE_AIR = Posture(
 )
 
 
-CYCLES = 150  # long enough for every joint to swing
+CYCLES = 100  # long enough for every joint to swing
 
 
 def thrash(backend: Backend, cycles: int, torque_limit: float | None = None) -> list[State]:
@@ -45,12 +45,16 @@ def thrash(backend: Backend, cycles: int, torque_limit: float | None = None) -> 
     return states
 
 
-@pytest.mark.parametrize("torque_limit", [None, 1.2])
+def test_twin_and_virtual_bus_give_one_and_the_same_path(op3: Robot):
+    assert_one_path(op3, "current", 1.2)
+
+
 @pytest.mark.parametrize("limit_by", ["current", "pwm"])
-def test_twin_and_virtual_bus_give_one_and_the_same_path(
-    op3: Robot, limit_by: LimitMode, torque_limit: float | None
+@pytest.mark.parametrize("body", ["tiny", "geared", "coupled"])
+def test_with_or_without_gears_and_couplings_and_whatever_limits_torque(
+    body: str, limit_by: LimitMode, request: pytest.FixtureRequest
 ):
-    assert_one_path(op3, limit_by, torque_limit)
+    assert_one_path(request.getfixturevalue(body), limit_by, 1.0)
 
 
 def test_servos_of_other_types_with_gains_of_their_own_take_one_path_too(own_robot: Path):
@@ -59,16 +63,6 @@ def test_servos_of_other_types_with_gains_of_their_own_take_one_path_too(own_rob
     robot = load_robot(own_robot)
     assert robot.p_gain.tolist() == [800, 900]
     assert_one_path(robot, "current", None)
-
-
-@pytest.mark.parametrize("limit_by", ["current", "pwm"])
-def test_joints_behind_gears_take_one_path_too(geared: Robot, limit_by: LimitMode):
-    assert_one_path(geared, limit_by, 1.0)
-
-
-@pytest.mark.parametrize("limit_by", ["current", "pwm"])
-def test_coupled_joints_take_one_path_too(coupled: Robot, limit_by: LimitMode):
-    assert_one_path(coupled, limit_by, 1.0)
 
 
 def test_a_control_period_that_2_ms_do_not_divide_gives_one_path_too(own_robot: Path):
@@ -81,6 +75,16 @@ def test_a_robot_that_hits_the_ground_takes_one_path_too(op3: Robot):
     assert_one_path(op3, "current", None, replace(op3.standing, position=np.array([0.0, 0.0, 0.6])))
 
 
+def make_driver(
+    robot: Robot, ports: VirtualPorts, limit_by: LimitMode | None = None
+) -> DynamixelBackend:
+    """Make a driver that no busy computer makes miss a reply."""
+    options = DriverOptions(make_port=ports.make_port)
+    return DynamixelBackend(
+        robot, ports.paths, clock=CycleClock(), limit_by=limit_by, options=options
+    )
+
+
 def assert_one_path(
     robot: Robot, limit_by: LimitMode, torque_limit: float | None, start: Posture | None = None
 ) -> None:
@@ -89,7 +93,7 @@ def assert_one_path(
     by_twin = thrash(twin, CYCLES, torque_limit)
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(robot, ports.paths, clock=CycleClock(), limit_by=limit_by)
+        driver = make_driver(robot, ports, limit_by)
         with driver:
             pass  # the first connection waits for the servos' power, and that takes time
         ports.main.call(lambda: virtual.place(start or robot.standing))
@@ -105,19 +109,13 @@ def assert_one_path(
     assert moved.min() > 0.25, "it hardly moved: the test shows nothing"
 
 
-@pytest.mark.parametrize("side", [[1.0, 0.0, -1.0, 0.0], [1.0, 1.0, 0.0, 0.0]])
-def test_a_robot_without_torque_lies_still(op3: Robot, side: list[float]):
-    virtual = VirtualRobot(Simulation(op3))
-    virtual.place(
-        Posture(
-            position=np.array([0.0, 0.0, 0.15]),
-            orientation=np.array(side) / np.linalg.norm(side),
-            joint_pos=op3.standing.joint_pos,
-        )
-    )
+def test_a_robot_without_torque_lies_still(op3: Robot):
+    virtual, on_its_side = VirtualRobot(Simulation(op3)), np.sqrt([0.5, 0.5, 0.0, 0.0])
+    at = np.array([0.0, 0.0, 0.15])
+    virtual.place(replace(op3.standing, position=at, orientation=on_its_side))
     virtual.physics.advance(4.0)
     settled = virtual.simulation.joint_pos.copy()
-    virtual.physics.advance(8.0)
+    virtual.physics.advance(6.0)
     moved = np.abs(virtual.simulation.joint_pos - settled) / RAD_PER_TICK
     assert moved.max() < 1.0
 
@@ -144,21 +142,6 @@ def drive_in(
         assert servo.write(64, b"\x01") == 0
         assert servo.write(item.address, item.encode(value)) == 0
     virtual.physics.advance(virtual.physics.time + time)
-
-
-def test_in_velocity_mode_a_servo_turns_at_its_goal(floating: VirtualRobot):
-    drive_in(floating, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
-    speed = [servo.peek("present_velocity") for servo in floating.servos]
-    assert speed == pytest.approx([40, 40], abs=3)
-
-
-def test_a_servo_behind_a_gear_turns_at_its_goal_itself(geared: Robot):
-    virtual = float_in_space(geared)
-    drive_in(virtual, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
-    speed = [servo.peek("present_velocity") for servo in virtual.servos]
-    assert speed == pytest.approx([40, 40], abs=3)
-    # 40 counts of 0.229 rev/min are 0.959 rad/s, behind the gears divided by 1.2 and 10/11.
-    assert np.abs(virtual.simulation.joint_vel) == pytest.approx([0.799, 1.055], abs=0.08)
 
 
 def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Robot):
@@ -197,7 +180,7 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
     virtual = VirtualRobot(Simulation(robot))
     with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as served:
         assert sorted(served.paths) == ["l_hip", "r_hip"]
-        driver = DynamixelBackend(robot, served.paths, clock=CycleClock())
+        driver = make_driver(robot, served)
         with SafetyGuard(driver) as guard:
             begun = served.main.time
             for _ in range(60):

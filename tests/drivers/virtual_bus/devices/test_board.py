@@ -3,7 +3,7 @@
 from wire_talk import read, read_answers, request, write
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Span
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -46,14 +46,6 @@ def test_measurements_are_read_only_and_servo_instructions_unknown():
         assert status is not None and status.number == ErrorNumber.INSTRUCTION
 
 
-def test_the_board_takes_no_part_in_a_fast_read():
-    chain = Chain([VirtualServo(1), VirtualBoard()])
-    fast = protocol2.sync_read([1, 200], Span(24, 2), fast=True).encode()
-    assert [answer.device for answer in chain.handle(request(fast))] == [1]
-    slow = protocol2.sync_read([1, 200], Span(24, 2)).encode()
-    assert [answer.device for answer in chain.handle(request(slow))] == [1, 200]
-
-
 def test_without_power_the_board_is_gone_and_so_is_the_servos_power():
     switched = []
     board = VirtualBoard(on_power=switched.append)
@@ -63,11 +55,3 @@ def test_without_power_the_board_is_gone_and_so_is_the_servos_power():
     board.powered = True
     board.advance(1.0)
     assert board.listens and read(board, "dynamixel_power") == 0
-
-
-def test_a_registered_write_works_without_an_item_that_tells_of_it():
-    board = VirtualBoard()
-    assert board.handle(Instruction.REG_WRITE, b"\x19\0\5") is not None
-    assert read(board, "led") == 0
-    board.handle(Instruction.ACTION)
-    assert read(board, "led") == 5

@@ -7,7 +7,6 @@ from wire_talk import find_device, read, read_answers, request, sense, talk
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import (
-    ALERT,
     BROADCAST,
     Damaged,
     ErrorNumber,
@@ -38,8 +37,6 @@ def servo(chain: Chain, servo_id: int) -> VirtualServo:
     assert isinstance(device, VirtualServo)
     return device
 
-
-# The manual's examples, byte for byte -------------------------------------------------------
 
 OK_FROM_1 = "FFFFFD00 01 0400 55 00 A10C"
 MEASURED = {  # by id
@@ -129,21 +126,6 @@ def test_ping_as_in_the_manual():
     assert talk(chain, bytes.fromhex("FFFFFD00 FE 0300 01 3142")) == one + two
 
 
-# Order and time -----------------------------------------------------------------------------
-
-
-def test_group_answers_come_in_the_order_of_the_list():
-    chain = servos(*range(1, 6))
-    for order in ([1, 2, 3, 4, 5], [4, 1, 5, 3, 2]):
-        for frame in (
-            protocol2.sync_read(order, POSITION).encode(),
-            protocol2.bulk_read(dict.fromkeys(order, POSITION)).encode(),
-            protocol2.sync_read(order, POSITION, fast=True).encode(),
-            protocol2.bulk_read(dict.fromkeys(order, POSITION), fast=True).encode(),
-        ):
-            assert [answer.device for answer in chain.handle(request(frame))] == order
-
-
 def test_each_answer_waits_its_own_return_delay():
     chain = servos(1, 2, 3)
     for device, delay in zip(chain.devices, (250, 0, 100), strict=True):
@@ -168,9 +150,6 @@ def test_all_answer_a_broadcast_ping_in_order_of_id_each_in_its_slot():
         begins.append(now)
         now += len(answer.data) * 10 / 1_000_000
     assert begins == pytest.approx([0.009, 0.027, 0.6])
-
-
-# Everything to everyone ---------------------------------------------------------------------
 
 
 def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
@@ -204,63 +183,6 @@ def test_a_read_of_everyone_and_unknown_instructions_are_not_done():
         assert chain.handle(Packet(BROADCAST, instruction, b"\1\2\3\4\5\6")) == []
 
 
-def test_new_firmware_refuses_to_reset_all_ids_at_once():
-    reset = request(protocol2.factory_reset(BROADCAST, Reset.ALL).encode())
-    new, old = servos(3, 4, firmware=42), servos(3, 4, firmware=41)
-    new.handle(reset)
-    old.handle(reset)
-    assert [device.id for device in new.devices] == [3, 4]
-    assert [device.id for device in old.devices] == [1, 1]
-
-
-def test_a_group_instruction_to_one_id_is_no_instruction():
-    chain = servos(1)
-    for kind in (0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A):
-        (status,) = read_answers(chain.handle(Packet(1, kind, b"\x84\0\4\0\1")))
-        assert status.number == ErrorNumber.INSTRUCTION
-
-
-# Group writes -------------------------------------------------------------------------------
-
-
-def test_in_group_writes_an_id_counts_once_and_a_cut_row_not_at_all():
-    chain = servos(1, 2)
-    chain.handle(Packet(BROADCAST, Instruction.SYNC_WRITE, b"\x41\0\1\0" + b"\1\1\1\0\2"))
-    assert [read(device, "led") for device in chain.devices] == [1, 0]
-    chain = servos(1, 2)
-    rows = b"\1\x41\0\1\0\1" + b"\1\x41\0\1\0\0" + b"\2\x41\0\1\0"
-    chain.handle(Packet(BROADCAST, Instruction.BULK_WRITE, rows))
-    assert [read(device, "led") for device in chain.devices] == [1, 0]
-
-
-def test_a_secondary_id_gathers_servos_for_silent_writes():
-    chain = servos(1, 2, 3)
-    for servo_id in (1, 2):
-        find_device(chain, servo_id).poke("secondary_id", 50)
-    find_device(chain, 3).poke("secondary_id", 1)
-    assert chain.handle(request(protocol2.write(50, 65, b"\1").encode())) == []
-    assert [read(device, "led") for device in chain.devices] == [1, 1, 0]
-    (answer,) = chain.handle(request(protocol2.write(1, 68, b"\2").encode()))
-    assert answer.device == 1  # its own id: it answers, and 3 obeys beside it
-    chain.handle(request(protocol2.sync_write(65, {50: b"\0", 1: b"\1"}).encode()))
-    assert [read(device, "led") for device in chain.devices] == [1, 0, 1]
-    assert chain.handle(request(protocol2.sync_read([50], POSITION).encode())) == []
-    assert chain.handle(request(protocol2.write(50, 9, b"\7").encode())) == []
-    assert [read(device, "return_delay_time") for device in chain.devices] == [0, 0, 0]
-
-
-# Group reads --------------------------------------------------------------------------------
-
-
-def test_an_alert_shows_in_every_kind_of_read():
-    chain = servos(1, 2)
-    servo(chain, 2).trip(32)
-    slow = read_answers(chain.handle(request(protocol2.sync_read([1, 2], POSITION).encode())))
-    assert [status.error for status in slow] == [0, ALERT]
-    frame = talk(chain, protocol2.sync_read([1, 2], POSITION, fast=True).encode())
-    assert [status.error for status in decode_fast_status(frame, [4, 4])] == [0, ALERT]
-
-
 def test_a_failed_part_of_a_fast_read_keeps_the_frame_whole():
     chain = servos(1, 2)
     spans = {1: Span(661, 4), 2: POSITION}
@@ -279,12 +201,6 @@ def test_fast_reads_are_never_stuffed():
     assert decode_fast_status(frame, [10])[0].data[:6] == b"\xff\xff\xfd\xff\xff\xff"
     slow = talk(chain, protocol2.sync_read([1], span).encode())
     assert b"\xff\xff\xfd\xfd" in slow[8:]
-
-
-def test_a_fast_read_longer_than_any_frame_is_not_answered():
-    chain = servos(*range(1, 21))
-    frame = protocol2.sync_read(range(1, 21), Span(0, 300), fast=True).encode()
-    assert chain.handle(request(frame)) == []
 
 
 DEAD = pytest.mark.parametrize(
@@ -337,9 +253,6 @@ def test_a_model_without_fast_reads_breaks_them():
         assert [answer.device for answer in chain.handle(request(frame))] == [1]
         frame = protocol2.sync_read(order, POSITION).encode()
         assert [answer.device for answer in chain.handle(request(frame))] == order
-
-
-# What goes wrong on a wire ------------------------------------------------------------------
 
 
 def test_a_broken_instruction_is_passed_over_in_silence_or_answered_with_error_3():

@@ -4,7 +4,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from wire_talk import sense
 
-from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet
+from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
@@ -168,14 +168,4 @@ def test_nor_does_it_with_any_physics_or_fault_behind_it(choice, happenings, phy
         chain.advance(now)
         if not isinstance(happening, float):
             check_answers(chain.handle(happening))
-    check_registers(chain)
-
-
-@settings(max_examples=60, deadline=None)
-@given(pieces=st.lists(st.one_of(st.binary(max_size=60), raw.map(Packet.encode)), max_size=8))
-def test_nor_does_any_stream_of_bytes(pieces: list[bytes]):
-    chain, parser = build(Quirks()), FrameParser()
-    for piece in pieces:
-        for item in parser.feed(piece):
-            check_answers(chain.handle(item))
     check_registers(chain)

@@ -10,7 +10,6 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots.description.servo_catalog import servo_models
 
-DEFAULT_SHUTDOWN = HardwareError.OVERHEATING | HardwareError.SHOCK | HardwareError.OVERLOAD
 STALL = servo_models()["XM430-W350"].stall_current
 ALL_ERRORS = [HardwareError(1 << bit) for bit in (0, 2, 3, 4, 5)]
 
@@ -21,20 +20,6 @@ def powered(**registers: int) -> VirtualServo:
         assert write(servo, name, value) == 0
     assert write(servo, "torque_enable", 1) == 0
     return servo
-
-
-# Hardware errors ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("error", ALL_ERRORS)
-def test_an_error_alerts_and_shuts_down_only_by_its_shutdown_bit(error: HardwareError):
-    servo = powered()
-    servo.trip(error)
-    assert read(servo, "hardware_error_status") == error
-    status = servo.handle(Instruction.PING)
-    assert status is not None and status.error == ALERT
-    assert servo.motor_command().torque_on == (not error & DEFAULT_SHUTDOWN)
-    assert read(servo, "torque_enable") == int(not error & DEFAULT_SHUTDOWN)
 
 
 @pytest.mark.parametrize("error", ALL_ERRORS)
@@ -53,14 +38,6 @@ def test_after_a_shutdown_only_a_reboot_brings_torque_back(error: HardwareError)
     assert read(servo, "hardware_error_status") == 0
     assert write(servo, "torque_enable", 1) == 0
     assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1500.0
-
-
-def test_errors_add_up_and_an_alert_comes_beside_an_error_number():
-    servo = powered()
-    servo.trip(HardwareError.ENCODER)
-    servo.trip(HardwareError.OVERLOAD)
-    assert read(servo, "hardware_error_status") == 8 | 32
-    assert write(servo, "present_position", 0) == ALERT | ErrorNumber.ACCESS
 
 
 def test_heat_trips_above_the_limit_and_again_after_a_reboot_while_hot():
@@ -86,9 +63,6 @@ def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
     assert servo.torque_on  # voltage is not in the default shutdown mask
     sense(servo, voltage=12.0)
     assert read(servo, "hardware_error_status") == 0
-
-
-# OverloadModel -----------------------------------------------------------------------------------
 
 
 def time_to_trip(current: float, quirks: Quirks | None = None, longest: float = 60.0) -> float:
@@ -117,9 +91,6 @@ def test_the_larger_the_load_the_sooner_it_trips_and_a_bearable_one_never_does()
     assert time_to_trip(0.79 * STALL) == float("inf")
 
 
-# Bus watchdog -------------------------------------------------------------------------------
-
-
 def test_silence_trips_the_watchdog_and_motion_stops_where_it_is():
     servo = powered(profile_velocity=50, profile_acceleration=5)
     write(servo, "bus_watchdog", 5)  # 100 ms
@@ -134,14 +105,6 @@ def test_silence_trips_the_watchdog_and_motion_stops_where_it_is():
     assert read(servo, "profile_velocity") == read(servo, "profile_acceleration") == 0
 
 
-def test_traffic_keeps_the_watchdog_quiet():
-    servo = powered(bus_watchdog=5)
-    for i in range(1, 50):
-        servo.advance(0.09 * i)
-        servo.note_traffic()
-    assert read(servo, "bus_watchdog") == 5
-
-
 def test_goals_are_refused_until_the_watchdog_is_cleared():
     servo = powered(bus_watchdog=1)
     servo.advance(0.1)
@@ -152,18 +115,6 @@ def test_goals_are_refused_until_the_watchdog_is_cleared():
     assert write(servo, "bus_watchdog", 0) == 0
     assert write(servo, "goal_position", 2100) == 0
     assert servo.motor_command().target_ticks == 2100.0
-
-
-def test_the_watchdog_counts_only_under_torque():
-    servo = VirtualServo(1)
-    write(servo, "bus_watchdog", 1)
-    servo.advance(10.0)
-    assert read(servo, "bus_watchdog") == 1
-    write(servo, "torque_enable", 1)
-    servo.advance(10.01)
-    assert servo.peek("bus_watchdog") == 1
-    servo.advance(10.03)
-    assert servo.peek("bus_watchdog") == -1
 
 
 @pytest.mark.parametrize(

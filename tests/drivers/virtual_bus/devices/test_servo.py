@@ -57,9 +57,6 @@ def test_servos_come_with_the_defaults_of_their_tables_and_without_an_error():
         assert read(servo, "hardware_error_status") == 0, model
 
 
-# Error numbers ------------------------------------------------------------------------------
-
-
 def test_every_item_has_its_access_and_its_range():
     """Write the least, the greatest, and one beyond each, of every item, torque off."""
     for model in nonempty(MODELS):
@@ -179,19 +176,6 @@ def test_status_return_level_decides_what_is_answered():
     assert servo.peek("led") == 1  # obeyed all the same
 
 
-def test_a_new_id_is_confirmed_under_the_old_one():
-    servo = VirtualServo(1)
-    assert tell(servo, Instruction.WRITE, b"\x07\0\x09") == Status(1)
-    assert servo.id == 9
-
-
-def test_drive_mode_takes_only_the_bits_of_its_model():
-    servo = VirtualServo(1)
-    assert write(servo, "drive_mode", 0b0010) == ErrorNumber.DATA_RANGE  # slave: XM540 only
-    assert write(servo, "drive_mode", 0b1101) == 0
-    assert write(VirtualServo(1, "XM540-W270"), "drive_mode", 0b0010) == 0
-
-
 def test_a_registered_write_is_judged_when_it_comes_and_forgotten_by_a_reboot():
     servo = VirtualServo(1)
     cases = {
@@ -212,9 +196,6 @@ def test_a_registered_write_is_judged_when_it_comes_and_forgotten_by_a_reboot():
     servo.handle(Instruction.REBOOT)
     wake(servo)
     assert tell(servo, Instruction.ACTION).number == ErrorNumber.INSTRUCTION
-
-
-# Indirect registers -------------------------------------------------------------------------
 
 
 def test_indirect_data_is_the_register_that_its_address_names():
@@ -244,9 +225,6 @@ def test_indirect_writes_obey_the_rules_of_the_register_behind():
     assert raw_write(servo, 230, b"\0") == ErrorNumber.ACCESS  # a gap
     assert write(servo, "indirect_address_1", 63) == ErrorNumber.DATA_RANGE  # EEPROM
     assert write(servo, "indirect_address_1", 662) == ErrorNumber.DATA_RANGE
-
-
-# Restart, reset, backup ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("by_power", [False, True])

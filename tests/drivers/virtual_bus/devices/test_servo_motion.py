@@ -29,9 +29,6 @@ def powered(mode: int = OperatingMode.POSITION, **registers: int) -> VirtualServ
     return servo
 
 
-# Position -----------------------------------------------------------------------------------
-
-
 @given(raw=st.integers(-20 * TURN, 20 * TURN), mode=st.sampled_from([3, 4, 5]))
 def test_power_up_shows_the_position_inside_one_turn(raw: int, mode: int):
     servo = VirtualServo(1)
@@ -94,16 +91,6 @@ def test_sensors_show_si_values_in_counts_of_their_model():
     assert read(xl430, "present_load") == 250  # 0.1 %
 
 
-def test_torque_on_in_position_mode_drops_turns_and_in_extended_mode_keeps_them():
-    for mode, shown in ((3, 100), (4, 2 * TURN + 100), (5, 2 * TURN + 100)):
-        servo = VirtualServo(1)
-        write(servo, "operating_mode", mode)
-        sense(servo, ticks=2 * TURN + 100)
-        write(servo, "torque_enable", 1)
-        assert read(servo, "present_position") == read(servo, "goal_position") == shown
-        assert servo.motor_command().target_ticks == 2 * TURN + 100
-
-
 def test_clear_drops_turns_at_standstill_and_nothing_moves():
     servo = powered(OperatingMode.EXTENDED_POSITION)
     write(servo, "goal_position", 3 * TURN + 5)
@@ -118,9 +105,6 @@ def test_clear_drops_turns_at_standstill_and_nothing_moves():
     old = VirtualServo(1, firmware=41)
     status = old.handle(Instruction.CLEAR, CLEAR_TURNS)
     assert status is not None and status.number == ErrorNumber.INSTRUCTION
-
-
-# Goals --------------------------------------------------------------------------------------
 
 
 def test_torque_on_holds_the_present_position_whatever_the_old_goal():
@@ -141,15 +125,6 @@ def test_without_that_quirk_an_old_goal_makes_the_servo_jump():
     assert servo.motor_command().target_ticks == 4000.0
 
 
-def test_torque_on_beyond_the_limits_holds_there():
-    servo = VirtualServo(1)
-    write(servo, "max_position_limit", 2000)
-    sense(servo, ticks=2500.0)
-    write(servo, "torque_enable", 1)
-    assert servo.motor_command().target_ticks == 2500.0
-    assert write(servo, "goal_position", 2500) == ErrorNumber.DATA_LIMIT
-
-
 def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
     servo = powered()
     servo.handle(Instruction.REG_WRITE, b"\x74\0\x10\x0a\0\0")
@@ -160,26 +135,6 @@ def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
         write(servo, f"indirect_address_{i + 1}", 116 + i)
     servo.handle(Instruction.WRITE, b"\xe0\0\x00\x09\0\0")
     assert servo.motor_command().target_ticks == 0x0900
-
-
-def test_gain_and_goal_pwm_reach_the_motor_under_torque():
-    servo = powered()
-    drive = servo.motor_command()
-    assert (drive.p_gain, drive.pwm_limit) == (800, 1.0)
-    write(servo, "position_p_gain", 200)
-    write(servo, "goal_pwm", 177)
-    drive = servo.motor_command()
-    assert drive.p_gain == 200
-    assert drive.pwm_limit == 177 / 885
-
-
-def test_current_limits():
-    servo = powered()
-    assert servo.motor_command().current_limit == pytest.approx(1193 * 2.69e-3)
-    assert VirtualServo(1, "XL430-W250").motor_command().current_limit == math.inf
-    servo = powered(OperatingMode.CURRENT_BASED_POSITION)
-    write(servo, "goal_current", -100)
-    assert servo.motor_command().current_limit == pytest.approx(0.269)
 
 
 @pytest.mark.parametrize("reverse", [0, 1])
@@ -211,19 +166,6 @@ def test_velocity_mode_ramps_with_the_profile_acceleration():
     assert not servo.has_profile
 
 
-def test_narrower_limits_pull_goals_in():
-    servo = VirtualServo(1)
-    write(servo, "goal_velocity", -150)
-    write(servo, "velocity_limit", 120)
-    write(servo, "pwm_limit", 300)
-    write(servo, "current_limit", 40)
-    goals = ("goal_velocity", "goal_pwm", "goal_current")
-    assert [read(servo, name) for name in goals] == [-120, 300, 40]
-
-
-# Profile and moving flags -------------------------------------------------------------------
-
-
 def test_a_profile_takes_the_target_along_and_the_flags_tell():
     servo = powered(profile_velocity=100, profile_acceleration=20)
     write(servo, "goal_position", 3048)
@@ -248,39 +190,6 @@ def test_a_profile_takes_the_target_along_and_the_flags_tell():
     assert read(servo, "moving_status") & 0xF == IN_POSITION
 
 
-def test_a_new_goal_in_motion_continues_from_the_trajectory():
-    servo = powered(profile_velocity=100, profile_acceleration=20)
-    write(servo, "goal_position", 3048)
-    servo.advance(0.3)
-    before = servo.motor_command().target_ticks
-    write(servo, "goal_position", 1000)
-    assert servo.motor_command().target_ticks == pytest.approx(before)
-    servo.advance(0.301)
-    assert 0.0 < servo.motor_command().target_ticks - before < 2.0  # still braking, 1.5 ticks a ms
-    servo.advance(20.0)
-    assert servo.motor_command().target_ticks == 1000.0
-
-
-def test_moving_compares_the_speed_with_its_threshold():
-    servo = VirtualServo(1)
-    for counts, moving in ((10, 0), (11, 1), (-11, 1), (-10, 0)):
-        sense(servo, velocity=counts * SPEED)
-        assert read(servo, "moving") == moving
-    write(servo, "moving_threshold", 50)
-    sense(servo, velocity=50 * SPEED)
-    assert read(servo, "moving") == 0
-
-
-def test_torque_off_ends_a_profile():
-    servo = powered(profile_velocity=10)
-    write(servo, "goal_position", 3000)
-    servo.advance(0.1)
-    write(servo, "torque_enable", 0)
-    assert not servo.has_profile and not servo.motor_command().torque_on
-    write(servo, "torque_enable", 1)
-    assert servo.motor_command().target_ticks == 2048.0
-
-
 @given(
     goals=st.lists(
         st.tuples(st.integers(-1_048_575, 1_048_575), st.integers(0, 32737), st.integers(0, 32737)),
@@ -297,3 +206,23 @@ def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
         assert write(servo, "goal_position", goal) == 0
         servo.advance(0.37 * (i + 1))
         assert math.isfinite(servo.motor_command().target_ticks)
+
+
+def test_torque_by_goal_update_switches_torque_on_and_goes():
+    servo = VirtualServo(1)
+    write(servo, "drive_mode", 8)
+    assert not servo.motor_command().torque_on
+    write(servo, "goal_position", 2100)
+    assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
+    assert read(servo, "torque_enable") == 1
+
+
+def test_a_time_based_profile_arrives_on_time():
+    servo = powered(drive_mode=4, profile_velocity=2000, profile_acceleration=500)
+    write(servo, "goal_position", 2248)
+    servo.advance(1.0)
+    assert servo.motor_command().target_ticks == pytest.approx(2148.0)
+    servo.advance(1.999)
+    assert servo.has_profile
+    servo.advance(2.0)
+    assert servo.motor_command().target_ticks == 2248.0 and not servo.has_profile

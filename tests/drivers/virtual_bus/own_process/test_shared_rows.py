@@ -1,7 +1,5 @@
 """Rows that another process publishes: whole, in order, and never waited for."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -21,33 +19,6 @@ from drivers.virtual_bus.own_process.row_formats import (
 )
 from drivers.virtual_bus.own_process.shared_rows import SLOTS, SharedRows
 from robots.quaternion import Array
-
-WIDTH, LAST = 200, 2_000
-WRITER = f"""
-import sys
-import numpy as np
-from drivers.virtual_bus.own_process.shared_rows import SharedRows
-rows = SharedRows({WIDTH}, int(sys.argv[1]))
-for number in range(1, {LAST} + 1):
-    rows.publish(np.full({WIDTH}, float(number)))
-"""
-
-
-def test_rows_of_another_process_are_whole_and_come_in_their_order():
-    rows, number, seen = SharedRows(WIDTH), 0, list[float]()
-    with subprocess.Popen(
-        [sys.executable, "-c", WRITER, str(rows.descriptor)], pass_fds=(rows.descriptor,)
-    ) as writer:
-        while number < LAST:
-            if (found := rows.read(after=number)) is None:
-                assert writer.poll() in (None, 0)
-                continue
-            number, row = found
-            assert np.ptp(row) == 0.0
-            seen.append(row[0])
-    assert seen == sorted(set(seen))
-    assert seen[-1] == LAST
-    rows.close()
 
 
 class OvertakenRows:

@@ -48,23 +48,6 @@ def test_scheduled_faults_find_physics_at_their_times(tmp_path: Path):
     assert exchange.time == 0.06
 
 
-def test_a_fault_within_a_period_of_lock_step_comes_at_its_end(tmp_path: Path):
-    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
-    exchange, injector = exchange_with(FakeDevices(IDS), schedule=faults)
-    silent = []
-    for _ in range(8):  # of 8 ms
-        exchange.pass_period()
-        silent.append(injector.silent)
-    assert silent == [False, True, True, True, True, True, False, False]
-
-
-def test_an_exchange_that_leaves_time_to_another_one_lets_none_pass():
-    exchange, _ = exchange_with(FakeDevices(IDS), advances_time=False)
-    exchange.pass_until(1.0)
-    exchange.pass_period()
-    assert exchange.time == 0.0
-
-
 def test_an_echo_comes_first_and_replies_are_counted():
     exchange, faults = exchange_with(FakeDevices(IDS))
     faults.strike_next(LineFault.ECHO)
@@ -123,3 +106,22 @@ def test_every_byte_for_the_client_is_delivered_lost_or_missed():
 )
 def test_a_client_waits_for_whatever_a_device_confirms(item: Packet | Damaged, expected: bool):
     assert expects_reply(item) == expected
+
+
+def test_a_fault_within_a_period_of_lock_step_comes_at_its_end(tmp_path: Path):
+    faults = schedule(tmp_path / "faults.toml", SILENT_FROM_10_TO_50_MS)
+    exchange, injector = exchange_with(FakeDevices(IDS), schedule=faults)
+    silent = []
+    for _ in range(8):  # of 8 ms
+        exchange.pass_period()
+        silent.append(injector.silent)
+    assert silent == [False, True, True, True, True, True, False, False]
+
+
+def test_a_silent_bus_counts_what_it_does_not_hear():
+    devices = FakeDevices(IDS)
+    exchange, faults = exchange_with(devices)
+    faults.silence()
+    assert exchange.run(received(READ)) == []
+    assert devices.heard == []
+    assert faults.counts["silenced"] == 1

@@ -8,10 +8,10 @@ import serial
 from fake_devices import FakeDevices
 from hypothesis import given
 from hypothesis import strategies as st
-from waiting import wait_until
+from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol2 import FrameParser, Packet, Span, Status
+from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
 from drivers.virtual_bus.reply import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule, FaultScheduleError
@@ -23,7 +23,6 @@ IDS = (1, 2, 3)
 PERIOD = 0.008  # s
 STATUS = Status(2, 0, bytes(range(10)))
 REPLY = Reply(2, 0.0, STATUS.encode())
-GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4))).encode()
 REQUESTS = (LineFault.LOSE_REQUEST, LineFault.FLIP_REQUEST, LineFault.ECHO)
 REPLY_FAULTS = tuple(fault for fault in LineFault if fault not in REQUESTS)
 
@@ -65,7 +64,7 @@ def bus(devices: FakeDevices):
 
 @pytest.fixture
 def port(bus: VirtualBus):
-    with serial.Serial(bus.path, 1_000_000, timeout=5.0) as port:
+    with serial.Serial(bus.path, 1_000_000, timeout=LONGEST_WAIT) as port:
         yield port
 
 
@@ -73,26 +72,6 @@ def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
     """Send a request; return so many bytes of the replies."""
     port.write(request)
     return port.read(count)
-
-
-def ask_all(bus: VirtualBus, port: serial.Serial, request: bytes) -> bytes:
-    """Send a request; return all that comes back until it has been executed."""
-    before = bus.statistics
-    port.write(request)
-    wait_until(lambda: bus.statistics.bytes_in == before.bytes_in + len(request))
-    return port.read(bus.statistics.bytes_out - before.bytes_out)
-
-
-# Bytes -------------------------------------------------------------------------------------
-
-
-def test_without_faults_nothing_changes_and_no_chance_is_drawn():
-    rng = np.random.default_rng(5)
-    line = LineFaults(rng)
-    assert bytes_of(line.disturb_reply(REPLY)) == REPLY.data
-    assert line.disturb_request(Packet(1, 1)) == [Packet(1, 1)]
-    assert not line.strikes_echo()
-    assert rng.random() == np.random.default_rng(5).random()
 
 
 @pytest.mark.parametrize("fault", REPLY_FAULTS)
@@ -144,17 +123,6 @@ def test_a_wrong_id_is_never_the_right_one_and_its_crc_fits(device: int, data: b
     assert Status.from_packet(packet).data == data
 
 
-def test_flips_come_at_their_rate():
-    line = line_faults()
-    line.set_rate(LineFault.FLIP, 0.01)
-    data = bytes(200_000)
-    flipped = bytes_of(line.disturb_reply(Reply(1, 0.0, data)))
-    hit = [byte for byte in flipped if byte]
-    assert 1800 < len(hit) < 2200  # 2000 expected, standard deviation 44
-    assert all(byte.bit_count() == 1 for byte in hit)
-    assert len(set(hit)) == 8
-
-
 @pytest.mark.parametrize("fault", REPLY_FAULTS)
 def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault):
     line = line_faults()
@@ -163,29 +131,6 @@ def test_answers_are_hit_at_their_rate_and_every_hit_is_counted(fault: LineFault
     hit = sum(line.disturb_reply(REPLY) != plain for _ in range(1000))
     assert line.counts[fault.value] == hit
     assert 240 < hit < 400  # flips: 1 - 0.98**21 = 0.346; else 0.3
-
-
-def test_a_rate_is_a_share():
-    with pytest.raises(ValueError, match=r"rate of lose is 1\.5, expected 0 to 1"):
-        line_faults().set_rate(LineFault.LOSE, 1.5)
-
-
-# On the bus --------------------------------------------------------------------------------
-
-
-def test_one_lost_answer_of_a_group_costs_no_other(bus: VirtualBus, port: serial.Serial):
-    bus.faults.strike_next(LineFault.LOSE, 2)
-    frames = FrameParser().feed(ask_all(bus, port, protocol2.sync_read(IDS, Span(132, 4)).encode()))
-    assert [frame.id for frame in frames] == [1, 3]
-
-
-def test_a_dead_device_is_silent_until_it_is_revived(bus: VirtualBus, port: serial.Serial):
-    bus.faults.kill(2)
-    assert ask_all(bus, port, protocol2.ping(2).encode()) == b""
-    assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
-    bus.faults.revive(2)
-    assert len(ask(port, protocol2.ping(2).encode(), 14)) == 14
-    assert bus.faults.counts == Counter(kill=1, revive=1)
 
 
 def test_device_faults_reach_devices_and_body(bus: VirtualBus, devices: FakeDevices):
@@ -211,9 +156,6 @@ def test_a_fault_that_cannot_happen_says_what_can_and_harms_nothing(bus, port):
         bus.faults.freeze_imu()
     assert len(ask(port, protocol2.ping(1).encode(), 14)) == 14
     assert bus.faults.counts == Counter()
-
-
-# Schedules ---------------------------------------------------------------------------------
 
 
 def write(tmp_path, text: str):
@@ -308,3 +250,8 @@ def test_a_schedule_tells_all_that_is_wrong_with_it_in_one_line(tmp_path):
 def test_a_file_that_is_no_schedule_says_so(tmp_path, text: str, message: str):
     with pytest.raises(FaultScheduleError, match=message):
         FaultSchedule.from_file(write(tmp_path, text))
+
+
+def test_a_rate_is_a_share():
+    with pytest.raises(ValueError, match=r"rate of lose is 1\.5, expected 0 to 1"):
+        line_faults().set_rate(LineFault.LOSE, 1.5)

@@ -43,12 +43,6 @@ def test_a_cycle_of_reads_and_goals_takes_one_period():
     assert served.exchange.time == served.devices.now == PERIOD
 
 
-def test_a_client_that_waits_in_vain_waits_once_for_each_request():
-    served = Served()
-    served.ask(protocol2.ping(99).encode() + protocol2.sync_read([99], Span(132, 4)).encode())
-    assert served.exchange.time == pytest.approx(2 * QUIET)
-
-
 @given(seed=st.integers(0, 1000), late=st.floats(0.0, 1.0), split=st.floats(0.0, 1.0))
 def test_late_and_split_replies_come_whole_and_in_order(seed: int, late: float, split: float):
     requests = [GROUP, READ, GOALS, GROUP, protocol2.ping(3).encode(), GOALS]
@@ -75,18 +69,6 @@ def test_a_late_reply_lets_time_pass_as_a_missing_one_does():
     assert served.exchange.time == pytest.approx(2 * QUIET)
 
 
-def test_without_a_port_time_passes_and_what_was_held_back_is_gone():
-    served = Served()
-    served.faults.strike_next(LineFault.LATE)
-    served.ask(READ)
-    served.wire.plugged = False
-    at = served.exchange.time
-    served.bus.serve()
-    assert served.exchange.time == pytest.approx(at + QUIET)
-    served.wire.plugged = True
-    assert len(served.ask(protocol2.ping(1).encode())) == 14
-
-
 @pytest.mark.parametrize("is_abandoned", [True, False])
 def test_what_was_held_back_for_a_client_that_has_gone_is_dropped(is_abandoned: bool):
     served = Served()
@@ -107,7 +89,3 @@ def test_a_cycle_ends_where_a_sync_write_covers_the_whole_goal(address: int, len
     assert X_SERIES.is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, rows)) == covers
     assert not X_SERIES.is_ended_by(Packet(0xFE, Instruction.BULK_WRITE, rows))
     assert not X_SERIES.is_ended_by(Damaged(0xFE, Instruction.SYNC_WRITE, rows))
-
-
-def test_a_sync_write_that_is_cut_short_ends_no_cycle():
-    assert not X_SERIES.is_ended_by(Packet(0xFE, Instruction.SYNC_WRITE, b"\x74\x00\x04"))

@@ -6,7 +6,6 @@ import select
 import signal
 import subprocess
 import sys
-import termios
 from pathlib import Path
 
 import pytest
@@ -59,23 +58,6 @@ def test_the_wire_knows_the_rate_that_its_client_set(wire: PseudoTerminal, baud:
         assert wire.baud == baud
 
 
-def test_a_client_that_never_reads_loses_bytes_and_blocks_nothing(wire: PseudoTerminal):
-    client = open_port(wire)
-    taken = [wire.write(bytes(1000)) for _ in range(1000)]
-    assert taken[0] == 1000
-    assert taken[-1] == 0
-    os.close(client)
-
-
-def test_a_flush_by_the_client_discards_answers(wire: PseudoTerminal):
-    with serial.Serial(wire.path, 1_000_000, timeout=0.0) as client:
-        wire.write(b"old")
-        select.select([client], [], [], 5.0)
-        client.reset_input_buffer()
-        wire.write(b"new")
-        assert read_all(client.fileno(), 3) == b"new"
-
-
 def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: PseudoTerminal):
     client = open_port(wire)
     wire.unplug()
@@ -121,18 +103,6 @@ def test_a_killed_client_leaves_no_lock_and_no_answers_behind(wire: PseudoTermin
     client.stdout.close()
 
 
-def test_a_port_left_in_another_mode_is_raw_again_for_the_next_client(wire: PseudoTerminal):
-    client = open_port(wire)
-    mode = termios.tcgetattr(client)
-    mode[3] |= termios.ECHO | termios.ICANON
-    termios.tcsetattr(client, termios.TCSANOW, mode)
-    os.close(client)
-    wire.tidy()
-    client = open_port(wire)
-    assert not termios.tcgetattr(client)[3] & (termios.ECHO | termios.ICANON)
-    os.close(client)
-
-
 def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
     link = tmp_path / "port"
     link.symlink_to("/dev/pts/no-such")
@@ -152,15 +122,6 @@ def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target:
     assert link.readlink() == Path(target)
 
 
-def test_the_link_of_a_running_bus_is_refused_to_another(tmp_path):
-    link = tmp_path / "port"
-    wire = PseudoTerminal(link)
-    with pytest.raises(PortLinkError, match=r"a link to /dev/pts/\d+ is there"):
-        PseudoTerminal(link)
-    assert link.is_char_device()
-    wire.close()
-
-
 def test_a_file_or_a_missing_folder_is_refused(tmp_path):
     file = tmp_path / "notes"
     file.write_text("mine")
@@ -169,15 +130,6 @@ def test_a_file_or_a_missing_folder_is_refused(tmp_path):
     assert file.read_text() == "mine"
     with pytest.raises(PortLinkError, match="no folder"):
         PseudoTerminal(tmp_path / "missing" / "port")
-
-
-def test_closing_leaves_a_link_that_points_elsewhere_by_now(tmp_path):
-    link = tmp_path / "port"
-    wire = PseudoTerminal(link)
-    link.unlink()
-    link.symlink_to("/dev/null")
-    wire.close()
-    assert link.readlink() == Path("/dev/null")
 
 
 def test_closing_removes_the_folder_and_may_be_repeated():

@@ -43,15 +43,6 @@ class Served:
         return [at - 100.0 for at, _ in self.wire.received]
 
 
-def test_replies_of_a_group_follow_one_another_by_their_delays(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.0005))
-    served.send(0.01, GROUP)
-    served.run(0.02)
-    first = 0.01 + 17 * BYTE
-    expected = [first + k * (0.0005 + 15 * BYTE) for k in (1, 2, 3)]
-    assert served.times == pytest.approx(expected, abs=STEP)
-
-
 def test_replies_within_a_microframe_are_delivered_together(monkeypatch):
     baud = 4_000_000
     assert 2 * 15 * 10 / baud < MICROFRAME
@@ -98,17 +89,6 @@ def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
     assert served.times[1] == pytest.approx(end, abs=STEP)
 
 
-def test_a_reply_to_a_ping_that_has_begun_comes_whole_before_the_next_instruction(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.003))
-    served.send(0.01, protocol2.ping().encode())
-    begin = 0.01 + 10 * BYTE + 0.003
-    served.send(begin + 5 * BYTE, READ)
-    served.run(0.05)
-    end = begin + 14 * BYTE
-    expected = [end, end + (14 + 15) * BYTE + 0.003]
-    assert served.times == pytest.approx(expected, abs=STEP)
-
-
 def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS))
     served.faults.set_times(late_by=0.02)
@@ -121,23 +101,6 @@ def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
     assert len(served.wire.data) == 45
 
 
-def test_bytes_at_another_rate_than_the_clients_are_lost(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS, delay=0.01))
-    served.send(0.01, READ)
-    served.run(0.015)
-    served.wire.baud = 57_600
-    served.run(0.03)
-    assert served.wire.data == b""
-    assert served.exchange.statistics.missed == 15
-
-
-def test_physics_follows_the_clock_while_nothing_is_sent(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS))
-    served.run(0.5)
-    assert served.exchange.time == pytest.approx(0.5, abs=0.005)
-    assert served.devices.now == served.exchange.time
-
-
 def test_an_idle_port_is_tidied_now_and_then_and_a_used_one_is_not(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS, delay=0.05))
     for k in range(10):
@@ -146,17 +109,6 @@ def test_an_idle_port_is_tidied_now_and_then_and_a_used_one_is_not(monkeypatch):
     assert served.wire.tidied == 0
     served.run(9.5 * IDLE)
     assert 2 <= served.wire.tidied <= 4
-
-
-def test_an_unplugged_port_is_not_read(monkeypatch):
-    served = Served(monkeypatch, FakeDevices(IDS))
-    served.wire.plugged = False
-    served.send(0.01, READ)
-    served.run(0.05)
-    assert served.exchange.statistics.bytes_in == 0
-    served.wire.plugged = True
-    served.run(0.1)
-    assert len(served.wire.data) == 15
 
 
 def test_lateness_is_counted(monkeypatch):

@@ -377,11 +377,12 @@ class DynamixelBackend(Backend):
             return False
         with using_margin((chain.bus for chain in self.chains), SETUP_MARGIN):
             for _ in range(TRIES):
-                before = [chain.read_tick() for chain in self.chains]
-                time.sleep(STILL)
-                after = [chain.read_tick() for chain in self.chains]
-                if None not in before + after:
-                    return before == after
+                ticks = [[chain.read_tick() for chain in self.chains]]
+                for _ in range(2):  # once is not enough: a clock that is late jumps back
+                    time.sleep(STILL)
+                    ticks.append([chain.read_tick() for chain in self.chains])
+                if all(None not in tick for tick in ticks):
+                    return ticks[0] == ticks[1] == ticks[2]
         return False
 
     def reboot(self, joint: str) -> None:

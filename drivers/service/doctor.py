@@ -26,6 +26,7 @@ from drivers.dynamixel.diagnostics import (
 from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import RobotPort
+from drivers.dynamixel.virtual_clock import VirtualClock
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import POLL_STEP, ImuSource
 from drivers.orientation_filter import GRAVITY
@@ -124,6 +125,7 @@ class HealthCheck:
 def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     """Check a robot's health; its joints keep their torque, and nothing is configured."""
     robot, torque = bus.robot, bus.find_torque()
+    clocks = [VirtualClock(port.bus, port.joints) for port in bus.ports]
     diagnostics = bus.diagnose()
     place = {joint.name: i for i, joint in enumerate(robot.joints)}
     servos = tuple(sorted(diagnostics.servos, key=lambda servo: place[servo.joint.name]))
@@ -135,6 +137,10 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
     findings += [f for port in ports for f in check_port(port, robot.control_period)]
     findings += [*_check_imu(bus.imu, imu), *_check_rate(bus.imu, rate, robot.control_period)]
     findings += [*_check_settings(servos, robot.limit_by)]
+    for port, clock in zip(bus.ports, clocks, strict=True):
+        if lag := clock.describe_lag():
+            device, remedy = f"port {port.bus.port.path}", "stop other programs"
+            findings.append(Finding(Severity.WARNING, device, lag, remedy))
     is_calibrated = (robot.folder / CALIBRATION_FILE).exists()
     if not is_calibrated:
         text = "no calibration: zeros and signs are those of the description"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from drivers import Backend, Twin
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
+from drivers.dynamixel.virtual_clock import LAG, LEAST_LAG, VirtualClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
@@ -33,6 +34,8 @@ class BackendChoice:
     """Places a simulated robot in a posture."""
     warnings: tuple[str, ...] = ()
     """What its driver found that forbids no motion, to be shown before torque comes on."""
+    findings: list[str] = field(default_factory=list)
+    """What was found at the end, to be shown with the result."""
 
 
 @contextmanager
@@ -55,12 +58,16 @@ def open_backend(
         with driver:  # a problem of the port or of servos is reported before anything is planned
             waits = driver.waits_for_commands()
             warnings = tuple(map(str, driver.diagnostics.warnings))
+            clocks = [VirtualClock(chain.bus, chain.joints) for chain in driver.chains]
         if waits:
             driver = DynamixelBackend(
                 robot, ports, clock=CycleClock(), limit_by=limit_by, without_imu=without_imu
             )
         realtime = request.realtime or not waits
-        yield BackendChoice(backend=driver, realtime=realtime, warnings=warnings)
+        choice = BackendChoice(backend=driver, realtime=realtime, warnings=warnings)
+        yield choice
+        if not waits:
+            choice.findings.extend(lag for clock in clocks if (lag := clock.describe_lag()))
         return
     simulation, rng = Simulation(world), np.random.default_rng(request.seed)
     time_mode = TimeMode.REAL_TIME if realtime else TimeMode.LOCK_STEP
@@ -76,6 +83,9 @@ def open_backend(
         )
         with driver:  # switches servo power on, as on a robot that was used before
             pass
-        yield BackendChoice(
+        choice = BackendChoice(
             backend=driver, realtime=realtime, simulation=simulation, place=served.place
         )
+        yield choice
+        if served.behind > LEAST_LAG:
+            choice.findings.append(LAG.format(served.behind))

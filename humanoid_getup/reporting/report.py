@@ -97,6 +97,7 @@ def print_summary(report: RiseReport, files: list[str], console: Console) -> Non
         ("then", _describe_after(report)),
         ("files", ", ".join(files)),
         ("no film", report.strip_reason),
+        ("warnings", "; ".join(report.warnings)),
     ):
         if text:
             table.add_row(f"[dim]{label}", escape(text))

@@ -32,6 +32,8 @@ class MotorServo(VirtualDevice, ABC):
         self._protection = Protection(self.registers, quirks, stall)
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
         self._boot_start = 0.0
+        self.late = 0.0
+        """Time by which its physics, and so its own clock, is behind that of the bus [s]."""
         self._motor_command: MotorCommand | None = None
 
     def motor_command(self) -> MotorCommand:
@@ -46,7 +48,7 @@ class MotorServo(VirtualDevice, ABC):
         if not self._powered or now < self._booted_at:
             return
         if self._at_tick is not None:
-            tick = int((now - self._boot_start) * 1000.0)
+            tick = int((now - self._boot_start - self.late) * 1000.0)
             memory, at = self.registers.memory, self._at_tick
             memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
         self._run(duration)

@@ -114,6 +114,7 @@ class MirroredPhysics(Physics):
         found = Measurements.read(row[1])
         for servo, measured in zip(robot.servos, found.servos, strict=True):
             servo.sense(measured)
+            servo.late = found.late
         if robot.board is not None:
             robot.board.sense_voltage(found.board.voltage)
             robot.board.sense_body(found.board.gyro, found.board.accelerometer)

@@ -75,7 +75,6 @@ class RealTimeRobot:
             robot=robot, options=options or PortOptions(), powered=powered, quirks=quirks
         )
         self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
-        self._late = 0.0
         board = self._devices.board if has_board else None
         self.physics = ServoPhysics(simulation, self._devices.servos, board, rests=True)
         self._connect_imu()
@@ -98,7 +97,7 @@ class RealTimeRobot:
     @property
     def behind(self) -> float:
         """Return by how much physics has fallen behind the clock since the start [s]."""
-        return self._late
+        return self._devices.late
 
     @property
     def pid(self) -> int:
@@ -209,7 +208,7 @@ class RealTimeRobot:
             late = monotonic() - start - self.physics.time - LONGEST_CATCH_UP
             if late > 0.0:
                 start += late
-                self._late += late
+                self._devices.late += late
             self._devices.receive()
             self.physics.advance(monotonic() - start)
             step = self.simulation.model.opt.timestep

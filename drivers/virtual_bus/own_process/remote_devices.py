@@ -97,6 +97,8 @@ class RemoteDevices:
         self.board = RemoteBoard()
         self.imu: ImuReading | None = None
         """What an IMU on a line of its own measured last; None without one."""
+        self.late = 0.0
+        """Time by which physics has fallen behind the clock since the start [s]."""
         self.commands = SharedRows(count_commands(n))
         self.measurements = SharedRows(count_measurements(n))
         self._read = 0
@@ -113,7 +115,9 @@ class RemoteDevices:
     def publish(self) -> None:
         """Publish the newest measurements."""
         measured = [servo.measured for servo in self.servos]
-        found = Measurements(servos=measured, board=self.board.reading, imu=self.imu)
+        found = Measurements(
+            servos=measured, board=self.board.reading, imu=self.imu, late=self.late
+        )
         self.measurements.publish(found.write())
 
     def close(self) -> None:

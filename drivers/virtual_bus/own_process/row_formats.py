@@ -14,7 +14,7 @@ from drivers.virtual_bus.imu.reading import ImuReading
 from robots.quaternion import Array
 
 COMMAND_FIELDS, MEASURED_FIELDS = len(fields(MotorCommand)), len(Measured._fields)
-BOARD_FIELDS, IMU_FIELDS = 7, 11
+BOARD_FIELDS, REST_FIELDS = 7, 12  # the rest: IMU, and by how much physics is late
 
 
 def count_commands(servos: int) -> int:
@@ -24,7 +24,7 @@ def count_commands(servos: int) -> int:
 
 def count_measurements(servos: int) -> int:
     """Return the width of a row of measurements."""
-    return servos * MEASURED_FIELDS + BOARD_FIELDS + IMU_FIELDS
+    return servos * MEASURED_FIELDS + BOARD_FIELDS + REST_FIELDS
 
 
 def write_commands(commands: Sequence[MotorCommand], profiles: Sequence[bool]) -> Array:
@@ -72,22 +72,25 @@ class Measurements:
     board: BodyReading
     imu: ImuReading | None
     """None if the robot has no IMU on a line of its own."""
+    late: float = 0.0
+    """Time by which physics has fallen behind the clock since the start [s]."""
 
     def write(self) -> Array:
         """Write them as a row."""
-        imu = np.full(IMU_FIELDS, np.nan)
+        imu = np.full(REST_FIELDS - 1, np.nan)
         if self.imu is not None:
             reading = self.imu
             imu = np.r_[reading.time, reading.gyro, reading.accelerometer, reading.orientation]
         board = self.board
         servos = np.array(self.servos, dtype=float).ravel()
-        return np.r_[servos, board.voltage, board.gyro, board.accelerometer, imu]
+        return np.r_[servos, board.voltage, board.gyro, board.accelerometer, imu, self.late]
 
     @classmethod
     def read(cls, row: Array) -> Measurements:
         """Read them from a row."""
-        servos, board, imu = np.split(row, (-BOARD_FIELDS - IMU_FIELDS, -IMU_FIELDS))
+        servos, board, rest = np.split(row, (-BOARD_FIELDS - REST_FIELDS, -REST_FIELDS))
         measured = [Measured(*each) for each in servos.reshape(-1, MEASURED_FIELDS).tolist()]
+        imu, late = rest[:-1], float(rest[-1])
         reading = None if np.isnan(imu[0]) else ImuReading(imu[0], imu[1:4], imu[4:7], imu[7:])
         body = BodyReading(float(board[0]), board[1:4], board[4:])
-        return cls(servos=measured, board=body, imu=reading)
+        return cls(servos=measured, board=body, imu=reading, late=late)

@@ -82,12 +82,14 @@ def finish_rise(
     request: GetUpOptions,
     settings: RiseSettings,
     motion: Motion | None = None,
+    findings: Sequence[str] = (),
 ) -> FinishedRise:
-    """Report a rise, and write its files."""
+    """Report a rise, with what was found beside it, and write its files."""
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
     with naming_hand_over(lambda: result.hand_over):
         report = make_report(result, _make_head(result, world, request, origin), settings, motion)
         report = replace(report, keys=_measure_keys(result, world))
+        report.warnings.extend(findings)
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:
                 report = replace(report, strip_reason=_draw(result, world, request, folder))

@@ -85,7 +85,7 @@ def run_session(
                 manager = AttemptManager(session, strategy, max_attempts=request.most_attempts)
             rise = hooks.work(session.guard, lambda: manager.get_up(rng))
     monitor.begin("drawing")
-    return finish_rise(rise, start, world, request, settings, motion)
+    return finish_rise(rise, start, world, request, settings, motion, choice.findings)
 
 
 def _locate(request: GetUpOptions, options: SessionOptions) -> SessionOptions:

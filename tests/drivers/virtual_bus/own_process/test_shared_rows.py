@@ -80,10 +80,11 @@ def test_measurements_survive_a_row(has_imu: bool):
     servos = [Measured(*rng.normal(size=6).tolist()) for _ in range(3)]
     board = BodyReading(11.5, rng.normal(size=3), rng.normal(size=3))
     imu = ImuReading(0.25, *(rng.normal(size=n) for n in (3, 3, 4))) if has_imu else None
-    row = Measurements(servos=servos, board=board, imu=imu).write()
+    row = Measurements(servos=servos, board=board, imu=imu, late=0.75).write()
     assert row.shape == (count_measurements(3),)
     found = Measurements.read(row)
     assert found.servos == servos
+    assert found.late == 0.75
     assert found.board.voltage == board.voltage
     assert np.array_equal(found.board.gyro, board.gyro)
     assert np.array_equal(found.board.accelerometer, board.accelerometer)

@@ -28,7 +28,8 @@ from robots import Posture, Robot
 from robots.bench import ServoBench
 
 CHECK_PERIOD = 0.2  # s between two checks that the buses still run
-LATE = 0.5  # s by which physics falls behind before that is said, again and again
+LATE = 0.5  # s by which physics falls further behind before that is said
+CLEAR = "\r\x1b[K"  # begins the line of a terminal anew
 
 
 def serve_bus(command: ServeBus) -> int:
@@ -59,7 +60,7 @@ def serve_bus(command: ServeBus) -> int:
         for path in paths.values():
             print(path, flush=True)
         print(describe(devices, paths), file=sys.stderr)
-        _wait(served, person)
+        wait(served, person)
     return DID_IT
 
 
@@ -105,26 +106,31 @@ def describe(robot: VirtualDevices, paths: Mapping[str, str]) -> str:
     )
 
 
-def _wait(served: ServedRobot, person: VirtualPerson) -> None:
+def wait(served: ServedRobot, person: VirtualPerson) -> None:
     """Wait for an interrupt, or for a bus that ends by itself; do what is typed meanwhile.
 
-    Says when physics is late.
+    Where physics is late, that is one line: of a terminal it is kept up to date, elsewhere it is
+    said once, and again at the end.
     """
-    typed, said = TypedLines(), 0.0
+    typed, said, in_place = TypedLines(), 0.0, sys.stderr.isatty()
     try:
         while served.running:
             for sentence in typed.wait(CHECK_PERIOD):
                 _do(person, sentence)
-            if served.behind > said + LATE:
+            if served.behind > said + LATE and (in_place or not said):
                 said = served.behind
-                print(
-                    f"getup: physics is {said:.1f} s behind the clock: this computer has too "
-                    "little time for it",
-                    file=sys.stderr,
-                )
+                _say_late(said, CLEAR if in_place else "", end="" if in_place else "\n")
     except KeyboardInterrupt:
         return
+    finally:
+        if said:
+            _say_late(served.behind, CLEAR if in_place else "")
     raise BadInputError("the virtual bus stopped unexpectedly")
+
+
+def _say_late(behind: float, before: str, end: str = "\n") -> None:
+    text = f"physics is {behind:.1f} s behind the clock: this computer has too little time for it"
+    print(f"{before}getup: {text}", end=end, file=sys.stderr, flush=True)
 
 
 def _do(person: VirtualPerson, sentence: str) -> None:

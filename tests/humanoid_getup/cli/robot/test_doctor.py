@@ -249,13 +249,13 @@ def test_two_servos_of_one_id_are_named(tiny_served, capsys):
     )
 
 
-def test_a_low_battery_is_one_error(capsys):
+def test_a_low_supply_is_one_error(capsys):
     with serving(TINY, voltage=9.6) as served:
         code, message = examine(served, capsys)
     assert code == 3
     (error,) = list_findings(message, "error")
     assert "all 2 servos: supply is 9.6 V, expected 10.0 to 14.8 V" in error
-    assert "battery" in error
+    assert "charge or change the supply" in error
 
 
 def test_a_latched_overload_says_what_to_do(tiny_served, capsys):

@@ -176,16 +176,14 @@ def spread(values: Any, size: int, what: str) -> Array:
         ForeignPolicyError: if they are neither.
     """
     try:
-        array = np.asarray(values, dtype=float)
+        array = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError, OverflowError):
         raise ForeignPolicyError(f"{what} is {values!r:.60}, expected numbers") from None
-    if array.ndim == 0 or array.shape == (1,):
-        array = np.full(size, float(array.reshape(-1)[0]))
-    if array.shape != (size,):
+    if array.shape not in ((1,), (size,)):
         raise ForeignPolicyError(f"{what} has shape {array.shape}, expected ({size},)")
     if not np.isfinite(array).all():
         raise ForeignPolicyError(f"{what} holds {array[~np.isfinite(array)][0]}, expected finite")
-    return array
+    return np.resize(array, size)
 
 
 def find_quantity(name: str) -> str:

@@ -53,6 +53,8 @@ def test_three_formats_that_say_the_same_read_the_same(tmp_path: Path):
     np.testing.assert_array_equal(mjlab.position_gain, [2.0, 3.0, 4.0])
     np.testing.assert_array_equal(isaac.position_gain, [2.0, 3.0, 4.0])
     assert microduck.p_gain == 200.0
+    damped = read(made.mjlab_metadata(joint_damping="-0.1,0.2,-0.3"))  # of a MuJoCo bias
+    np.testing.assert_array_equal(damped.damping, [0.1, 0.2, 0.3])
     np.testing.assert_allclose(isaac.scale, made.SCALE)  # by patterns of names
     np.testing.assert_allclose(isaac.observation[0].scale, 0.2)
 
@@ -95,6 +97,13 @@ def test_isaac_limits_and_orders_its_actions(tmp_path: Path):
     np.testing.assert_array_equal(policy.offset, [-0.2, 0.1, 0.3])
     inf = np.inf
     np.testing.assert_array_equal(policy.limits, [[-0.4, -inf, -inf], [0.1, inf, inf]])
+
+
+def test_isaac_may_count_angles_from_zero_and_keep_a_history_of_the_whole_group(tmp_path: Path):
+    text = made.ENV.replace("history_length: null", "history_length: 2")
+    terms = read_env(tmp_path, text.replace(":joint_pos_rel", ":joint_pos"), size=30).observation
+    assert [term.history for term in terms] == [2] * 5
+    assert [term.is_offset for term in terms] == [True, True, False, True, True]
 
 
 def test_a_relative_action_of_isaac_is_added_to_the_measured_angle(tmp_path: Path):

@@ -1,6 +1,7 @@
 """Wrapped networks: what they observe and do is what their own project would compute."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,33 @@ def test_the_gain_of_the_training_is_a_share_of_the_servos(nodding: Robot, tmp_p
     save_network(network, made.weights(), made.microduck_metadata())
     policy = OnnxPolicy.load(bring_in(tmp_path, network), nodding)
     np.testing.assert_allclose(policy.action.gain_share, 200.0 / nodding.p_gain)
+
+
+def fit_gain(robot: Robot, share: float) -> tuple[float, ...]:
+    """Fit a policy whose gains are shares of a robot's; return the shares that servos get."""
+    gains = ",".join(f"{share * gain}" for gain in robot.position_gain)
+    names, ones = ",".join(robot.joint_names), ",".join(["1"] * robot.n)
+    metadata = made.mjlab_metadata(
+        joint_names=names, joint_stiffness=gains, joint_damping=ones, action_scale=ones
+    )
+    metadata |= {"default_joint_pos": ones, "observation_names": "joint_pos"}
+    network = ForeignNetwork(
+        model=onnx.ModelProto(), metadata=metadata, observation=robot.n, action=robot.n
+    )
+    return fit_policy(describe_policy(network, rate=50.0), robot).action.gain_share
+
+
+def test_a_gain_above_the_servos_is_refused_and_coupled_servos_keep_theirs(nodding: Robot):
+    slow = replace(nodding, control_period=0.01)
+    np.testing.assert_allclose(fit_gain(slow, 0.5), 0.5)
+    assert fit_gain(slow, 1.005) == ()
+    with pytest.raises(ForeignPolicyError, match=r"'l_hip' 19.3 \(the servo: 18.9\).*expected"):
+        fit_gain(slow, 1.02)
+    robot = replace(load_robot("toddlerbot"), control_period=0.01)
+    coupled = [i for coupling in robot.couplings for i in coupling.joints]
+    shares = np.array(fit_gain(robot, 0.5))
+    assert len(coupled) >= 2 and np.all(shares[coupled] == 1.0)
+    np.testing.assert_allclose(np.delete(shares, coupled), 0.5)
 
 
 def test_names_of_joints_are_matched_by_their_words(nodding: Robot):

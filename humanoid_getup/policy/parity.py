@@ -168,7 +168,7 @@ def _explain(theirs: Array, mine: Array, names: Sequence[str]) -> str:
         i, j = divmod(int(np.abs(mine - theirs).argmax()), mine.shape[1])
         return f"'{names[j]}' is {theirs[i, j]:.3f} at step {i} of the trace, here {mine[i, j]:.3f}"
     factor = np.where(np.ptp(mine, axis=0) > _limit(mine), np.diag(factors), 1.0)
-    for i in np.flatnonzero(np.abs(factor - 1.0) > SAME_SCALE):
+    for i in np.flatnonzero(np.abs(factor - 1.0) > SAME_SCALE).tolist():
         hint = "the opposite sign" if abs(factor[i] + 1.0) < SAME_SCALE else "another scale"
         return f"'{names[i]}' is {factor[i]:.3g} times as large in the trace: {hint}"
     i = int(np.abs(zero := (theirs - mine).mean(axis=0)).argmax())

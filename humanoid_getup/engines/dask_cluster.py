@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from shutil import which
 from typing import Any
 
-from humanoid_getup.engines.engine import Engine, EngineError
+from humanoid_getup.engines.engine import TRIES, Engine, EngineError, describe_loss
 
-TRIES = 3  # of a piece whose worker ends
 CONNECT_TIME = 10.0  # s
 MOST_SHOWN = 200  # characters of a reason
 SLURM_WORKERS = 8
@@ -27,43 +26,28 @@ def start_dask(engine: Engine) -> Iterator[Executor]:
         ModuleNotFoundError: if a package is missing.
     """
     from dask import config
-    from dask.distributed import KilledWorker
+    from dask.distributed import Client, KilledWorker
 
     config.set({"distributed.scheduler.allowed-failures": TRIES - 1})
-    with _make_client(engine) as client:
+    with ExitStack() as stack:
+        cluster = engine.address or stack.enter_context(_start_cluster(engine))
+        try:
+            client: Any = stack.enter_context(Client(cluster, timeout=CONNECT_TIME))
+        except Exception as error:  # of whatever carries tls://, ucx:// and others
+            reason = " ".join(str(error).split())[:MOST_SHOWN]
+            raise EngineError(
+                f"no Dask scheduler answers at {cluster} ({reason}), expected one that "
+                "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
+            ) from error
+        if engine.address and not client.nthreads():
+            raise EngineError(
+                f"the Dask scheduler at {cluster} has no workers, expected some that "
+                "`dask worker` runs"
+            )
         try:
             yield client.get_executor(pure=False)
         except KilledWorker as error:
-            raise EngineError(
-                f"workers of Dask ended in {TRIES} tries of a piece, expected ones that last: use "
-                "fewer if memory ran out, or engine local:1 to see what happens, and resume"
-            ) from error
-
-
-@contextmanager
-def _make_client(engine: Engine) -> Iterator[Any]:
-    """Make the client of a cluster that is running, or of one that ends with it."""
-    from dask.distributed import Client
-
-    if not engine.address:
-        with _start_cluster(engine) as cluster, Client(cluster) as client:
-            yield client
-        return
-    try:
-        client = Client(engine.address, timeout=CONNECT_TIME)
-    except Exception as error:  # of whatever carries tls://, ucx:// and others
-        reason = " ".join(str(error).split())[:MOST_SHOWN]
-        raise EngineError(
-            f"no Dask scheduler answers at {engine.address} ({reason}), expected one that "
-            "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
-        ) from error
-    with client:
-        if not client.nthreads():
-            raise EngineError(
-                f"the Dask scheduler at {engine.address} has no workers, expected some that "
-                "`dask worker` runs"
-            )
-        yield client
+            raise EngineError(describe_loss()) from error
 
 
 def _start_cluster(engine: Engine) -> Any:

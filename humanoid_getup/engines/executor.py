@@ -16,16 +16,15 @@ from typing import Any, TypeVar
 from msgspec import convert
 
 from humanoid_getup.engines.engine import WORTH, Engine, EngineError
-from humanoid_getup.engines.local_processes import LocalProcesses
-from humanoid_getup.engines.reports import passing_reports
+from humanoid_getup.engines.local_processes import LocalProcesses, ThisProcess
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.progress.callback import ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
+from humanoid_getup.progress.worker import passing_reports
 
 POLL_TIME = 0.2  # s between two looks whether the work is canceled
 MOST_SUBMITTED = 4096  # pieces at a time
 
-Item = TypeVar("Item")
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
@@ -64,24 +63,6 @@ def make_executor(
                     f"pip install 'humanoid-getup[{chosen.kind}]'"
                 ) from error
         yield executor
-
-
-class ThisProcess(Executor):
-    """Does each piece when it is submitted."""
-
-    def submit(
-        self, work: Callable[..., Result], /, *arguments: Any, **options: Any
-    ) -> Future[Result]:
-        """Do a piece; the future is done when it is returned.
-
-        Errors other than exceptions, such as `KeyboardInterrupt`, are raised here.
-        """
-        future = Future[Result]()
-        try:
-            future.set_result(work(*arguments, **options))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
 
 def do_pieces(
@@ -149,29 +130,30 @@ def _run(
 ) -> None:
     """Submit pieces, and hand each result over as it ends."""
     waiting, running = iter(pieces.items()), dict[Future[Result], str]()
-    finished = SimpleQueue[Future[Result]]()
     most = 1 if is_here(executor) else MOST_SUBMITTED
-    reports = executor.reports if isinstance(executor, LocalProcesses) else SimpleQueue()
+    events: SimpleQueue[Any] = (
+        executor.reports if isinstance(executor, LocalProcesses) else SimpleQueue()
+    )
     try:
         while True:
             with passing_reports(receive):
                 for name, piece in islice(waiting, most - len(running)):
                     future = executor.submit(call, piece)
                     running[future] = name
-                    future.add_done_callback(finished.put)
+                    future.add_done_callback(events.put)
             if not running:
                 return
             with suppress(Empty):
-                future = finished.get(timeout=POLL_TIME)
-                result = future.result()
-                for progress in _take(reports):
-                    receive(progress)
-                end(running.pop(future), result)
-            for progress in _take(reports):
-                receive(progress)
+                event = events.get(timeout=POLL_TIME)
+                if isinstance(event, Future):
+                    result = event.result()
+                    end(running.pop(event), result)
+                else:
+                    receive(event)
             monitor.check()
     except BaseException:
-        for future in _take(finished):  # what others did before is not lost
+        while not events.empty():  # what others did before is not lost
+            future = events.get()
             if future in running and not future.cancelled() and not future.exception():
                 end(running.pop(future), future.result())
         raise
@@ -180,18 +162,9 @@ def _run(
             future.cancel()
 
 
-def _take(items: SimpleQueue[Item]) -> Iterator[Item]:
-    """Take what is in a queue."""
-    while not items.empty():
-        yield items.get()
-
-
 def _send(work: Callable[[Piece], Result], robot: str) -> Callable[[Piece], Result]:
     """Return a function that does the work in a worker with the same versions."""
     return partial(_do_there, pickle.dumps(work), robot, Versions.find(robot))
-
-
-_one_at_a_time = threading.Lock()
 
 
 def _do_there(work: bytes, robot: str, versions: Versions, piece: Piece) -> Any:
@@ -205,8 +178,9 @@ def _do_there(work: bytes, robot: str, versions: Versions, piece: Piece) -> Any:
             raise _make_portable(error) from None
 
 
-_load = lru_cache(maxsize=1)(pickle.loads)
+_one_at_a_time = threading.Lock()
 _find_versions = cache(Versions.find)
+_load = lru_cache(maxsize=1)(pickle.loads)
 
 
 def _make_portable(error: Exception) -> Exception:

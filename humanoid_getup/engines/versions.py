@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 
 from humanoid_getup.engines.engine import EngineError
@@ -16,8 +14,8 @@ from robots import load_robot
 
 PACKAGES = ("humanoid_getup", "drivers", "robots", "sim2real")
 LIBRARIES = ("mujoco", "numpy", "scipy", "cma", "onnxruntime")
-SUFFIXES = (".py", ".toml")
-LEFT_OUT = ("unfinished", "__pycache__")
+SUFFIXES = {".py", ".toml"}
+LEFT_OUT = {"unfinished", "__pycache__"}
 """Folders of a robot on which no result depends."""
 
 
@@ -39,61 +37,54 @@ class Versions:
         Raises:
             ValueError: if there is no such robot.
         """
-        checksum = hash_folder(load_robot(robot).folder) if robot else ""
-        return cls(program=hash_program(), libraries=list_libraries(), robot=checksum)
+        found = [f"{name} {version(name)}" for name in LIBRARIES]
+        return cls(
+            program=hash_program(),
+            libraries=", ".join(
+                [f"Python {platform.python_version()}", platform.machine(), *found]
+            ),
+            robot=hash_folder(load_robot(robot).folder) if robot else "",
+        )
 
     def check(self, found: Versions) -> None:
-        """Compare with those of another process.
+        """Compare with those of a worker.
 
         Raises:
             EngineError: naming what differs.
         """
         names = [field.name for field in fields(self)]
-        differing = [name for name in names if getattr(self, name) != getattr(found, name)]
+        differing = [
+            f"{name} {getattr(found, name)} (expected {getattr(self, name)})"
+            for name in names
+            if getattr(self, name) != getattr(found, name)
+        ]
         if differing:
-            listed = ", ".join(
-                f"{name} {getattr(found, name)} (expected {getattr(self, name)})"
-                for name in differing
-            )
             raise EngineError(
-                f"a worker on {platform.node()} has another {listed}: install the same release and "
-                "copy the same robot there, and start the worker again"
+                f"a worker on {platform.node()} has another {', '.join(differing)}: install the "
+                "same release and copy the same robot there, and start the worker again"
             )
 
 
 @cache
 def hash_program() -> str:
     """Compute a checksum of the source code of the four packages, and of the servos' table."""
-    digest = hashlib.sha256()
-    for package in PACKAGES:
-        spec = find_spec(package)
-        for place in map(Path, (spec and spec.submodule_search_locations) or ()):
-            files = _list_files(place)
-            _add_files(digest, place, [file for file in files if file.suffix in SUFFIXES])
-    return digest.hexdigest()[:16]
-
-
-def list_libraries() -> str:
-    """List Python, its machine's kind and the libraries that compute, with their versions."""
-    found = [f"{name} {version(name)}" for name in LIBRARIES]
-    return ", ".join([f"Python {platform.python_version()}", platform.machine(), *found])
+    root = Path(__file__).parents[2]
+    return _hash(*(root / package for package in PACKAGES), suffixes=SUFFIXES)
 
 
 def hash_folder(folder: Path) -> str:
     """Compute a checksum of a robot's folder."""
+    return _hash(folder)
+
+
+def _hash(*folders: Path, suffixes: set[str] | None = None) -> str:
+    """Compute a checksum of files, in the order of their names within each folder."""
     digest = hashlib.sha256()
-    _add_files(digest, folder, _list_files(folder))
+    for folder in folders:
+        for path in sorted(folder.rglob("*"), key=lambda path: path.relative_to(folder).parts):
+            name = path.relative_to(folder)
+            is_kept = suffixes is None or path.suffix in suffixes
+            if is_kept and path.is_file() and not LEFT_OUT & set(name.parts):
+                digest.update(name.as_posix().encode())
+                digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:16]
-
-
-def _list_files(folder: Path) -> list[Path]:
-    """List files in the order of their names within the folder."""
-    found = (path for path in folder.rglob("*") if path.is_file())
-    kept = [path for path in found if not set(path.relative_to(folder).parts) & set(LEFT_OUT)]
-    return sorted(kept, key=lambda path: path.relative_to(folder).parts)
-
-
-def _add_files(digest: hashlib._Hash, folder: Path, files: Iterable[Path]) -> None:
-    for path in files:
-        digest.update(path.relative_to(folder).as_posix().encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
-from humanoid_getup.engines.reports import report
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_problems
@@ -40,6 +39,7 @@ from humanoid_getup.progress.callback import (
     ProgressMonitor,
     Report,
 )
+from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot

@@ -27,10 +27,10 @@ class Ledger:
     """
 
     def __init__(self, path: Path, recipe: object) -> None:
-        """Begin an empty ledger; the file appears with the first part.
+        """Begin an empty ledger; the file is replaced with the first part.
 
         Args:
-            path: The file, which the first part replaces.
+            path: The file.
             recipe: What the results depend on, as a dataclass or a mapping.
 
         Raises:
@@ -42,8 +42,7 @@ class Ledger:
         self.recipe: dict[str, Any] = as_kept(recipe)
         self.done: dict[str, Any] = {}
         """Results in the form of JSON, in the order in which they were added."""
-        self._written = 0  # bytes of the file
-        self._file = 0  # its inode
+        self._size, self._file = 0, 0  # bytes and inode
         self._digest = hashlib.sha256()
 
     @classmethod
@@ -59,38 +58,38 @@ class Ledger:
         return ledger
 
     def add(self, name: str, result: object) -> Any:
-        """Store the result of a part; return it as stored."""
+        """Store the result of a part; return it as stored.
+
+        Raises:
+            ValueError: if another program has added parts meanwhile.
+        """
         self.done[name] = as_kept(result)
         part = {PART: name, RESULT: self.done[name]}
-        if self._written:
+        if self._size:
             self._append(self._seal(part))
         else:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             content = self._seal({RECIPE: self.recipe}) + self._seal(part)
             write_atomically(self.path, content)
-            self._written, self._file = len(content), self.path.stat().st_ino
+            self._size, self._file = len(content), self.path.stat().st_ino
         return self.done[name]
 
     def _append(self, line: bytes) -> None:
-        """Add a line in place of what follows the last whole one.
-
-        Raises:
-            ValueError: if another program has added lines meanwhile.
-        """
+        """Add a line in place of what follows the last whole one."""
         with self.path.open("r+b") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            file.seek(self._written)
+            file.seek(self._size)
             if os.fstat(file.fileno()).st_ino != self._file or b"\n" in file.read():
                 raise ValueError(
                     f"{self.path}: another program adds parts as well, expected one at a time: end "
                     "it, or use another file"
                 )
-            file.truncate(self._written)
-            file.seek(self._written)
+            file.truncate(self._size)
+            file.seek(self._size)
             file.write(line)
             file.flush()
             os.fsync(file.fileno())
-        self._written += len(line)
+        self._size += len(line)
 
     def _seal(self, content: Mapping[str, Any]) -> bytes:
         """Write a line with the checksum of all lines up to it."""
@@ -98,62 +97,32 @@ class Ledger:
         return to_json_line({**content, CHECKSUM: self._digest.hexdigest()})
 
     def _read(self) -> None:
-        """Read the parts of the file.
-
-        Raises:
-            ValueError: if they are damaged, or of another recipe.
-        """
+        """Read the parts of the file."""
         try:
-            lines = _read_lines(self.path)
-            rows = [_parse_line(line) for line in lines]
-        except ValueError as error:
-            raise ValueError(f"{self.path}: {error} ({STARTS_OVER})") from error
-        if not isinstance(rows[0].get(RECIPE), dict):
-            raise ValueError(f"{self.path}: keeps no work, expected a {RECIPE} ({STARTS_OVER})")
-        if any(not isinstance(row.get(PART), str) or RESULT not in row for row in rows[1:]):
+            lines = read_bounded(self.path, MOST_BYTES).splitlines(keepends=True)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"{self.path}: {describe(error)} ({STARTS_OVER})") from error
+        if len(lines) > 1 and not lines[-1].endswith(b"\n"):
+            lines.pop()
+        try:
+            head, *rows = map(self._open, lines)
+            self.done = {row[PART]: row[RESULT] for row in rows}
+            recipe = dict(head[RECIPE])
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             raise ValueError(
-                f"{self.path}: a line keeps no work, expected a {PART} and its {RESULT} "
+                f"{self.path}: it is damaged, expected a recipe and parts as they were written "
                 f"({STARTS_OVER})"
-            )
-        for line, row in zip(lines, rows, strict=True):
-            row.pop(CHECKSUM, None)
-            if self._seal(row) != line:
-                raise ValueError(
-                    f"{self.path}: its checksum differs, expected the parts as written "
-                    f"({STARTS_OVER})"
-                )
-        check_recipe(self.path, self.recipe, rows[0][RECIPE], STARTS_OVER)
-        self._written, self._file = sum(map(len, lines)), self.path.stat().st_ino
-        self.done = {row[PART]: row[RESULT] for row in rows[1:]}
+            ) from error
+        check_recipe(self.path, self.recipe, recipe, STARTS_OVER)
+        self._size, self._file = sum(map(len, lines)), self.path.stat().st_ino
 
-
-def _read_lines(path: Path) -> list[bytes]:
-    """Read all lines but one that is cut off at the end; the only one is never left out.
-
-    Raises:
-        ValueError: if the file cannot be read.
-    """
-    try:
-        content = read_bounded(path, MOST_BYTES)
-    except OSError as error:
-        raise ValueError(describe(error)) from error
-    lines = content.splitlines(keepends=True) or [b""]
-    return lines[:-1] if len(lines) > 1 and not lines[-1].endswith(b"\n") else lines
-
-
-def _parse_line(line: bytes) -> dict[str, Any]:
-    """Parse a line.
-
-    Raises:
-        ValueError: if it is no JSON object, or not written as a ledger writes it.
-    """
-    try:
+    def _open(self, line: bytes) -> dict[str, Any]:
+        """Parse a line whose checksum is right."""
         row = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"not JSON Lines ({' '.join(str(error).split())})") from error
-    if not isinstance(row, dict):
-        raise ValueError("not JSON Lines (a line is no object)")
-    return row
+        del row[CHECKSUM]
+        if self._seal(row) != line:
+            raise ValueError("another checksum")
+        return row
 
 
 def check_recipe(
@@ -162,14 +131,16 @@ def check_recipe(
     """Compare the recipe of work with the one stored in a file.
 
     Raises:
-        ValueError: naming what differs; ``remedy`` says what to do.
+        ValueError: naming what differs, with values except for checksums; ``remedy`` says what to
+            do.
     """
-    if keys := [key for key in {**recipe, **kept} if recipe.get(key) != kept.get(key)]:
-        listed = ", ".join(_compare(key, recipe.get(key), kept.get(key)) for key in keys)
-        raise ValueError(f"{path}: made with another {listed}, expected the same ({remedy})")
-
-
-def _compare(key: str, now: Any, before: Any) -> str:
-    """List the differences of recipes, with values except for checksums."""
-    is_long = any(len(str(value)) >= 32 for value in (now, before))
-    return key if is_long else f"{key} ({before}, now {now})"
+    differing = list[str]()
+    for key in {**recipe, **kept}:
+        now, before = recipe.get(key), kept.get(key)
+        if now != before:
+            is_long = max(len(str(now)), len(str(before))) >= 32
+            differing.append(key if is_long else f"{key} ({before}, now {now})")
+    if differing:
+        raise ValueError(
+            f"{path}: made with another {', '.join(differing)}, expected the same ({remedy})"
+        )

@@ -10,8 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from uuid import uuid4
 
-from humanoid_getup.engines.reports import report
 from humanoid_getup.progress.callback import Progress
+from humanoid_getup.progress.worker import report
 
 TRACE = "tried"
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.reports import report
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet, sample_fall_set
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot, make_torque_limit
@@ -22,6 +21,7 @@ from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.style_follower import StyleChoice
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
+from humanoid_getup.progress.worker import report
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.reports import report
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
@@ -18,6 +17,7 @@ from humanoid_getup.jobs.search_motions import MotionSearch, NearestStand
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.search_file import read_simulated
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
+from humanoid_getup.progress.worker import report
 from robots import Robot
 
 

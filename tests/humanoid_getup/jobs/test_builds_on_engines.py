@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.engines.reports import passing_reports
 from humanoid_getup.jobs.build_motions import BuildPiece, build_motions, build_piece
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import find_keyframes
@@ -13,6 +12,7 @@ from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import CancelledError, Progress
+from humanoid_getup.progress.worker import passing_reports
 from robots import Robot, load_robot
 
 NAMES = ("squat_to_stand", "sit_and_lie_down")

@@ -27,7 +27,7 @@ from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.servo import MAX_TICKS
 
-GOAL, TORQUE, PWM = 116, 64, 100
+TORQUE = 64
 
 
 @pytest.fixture
@@ -85,24 +85,6 @@ def test_all_that_is_wrong_is_reported_at_once(op3, monkeypatch):
     assert "'l_hip_roll' (id 10): also responds to the secondary id 3" in message
     assert "\n" not in message
     assert not rig.port.is_open, "a failed connection keeps the port"
-
-
-def test_torque_comes_on_at_the_present_position_with_the_watchdog_on(rig):
-    rig.backend.read()
-    rig.port.sent.clear()
-    rig.backend.write(Command.position(rig.robot, np.array([0.3, -0.3])))
-    (seed,) = rig.port.frames(Instruction.BULK_WRITE)
-    place = rig.port.sent.index(seed)
-    (torque,) = writes_to(rig, TORQUE)
-    assert max(writes_to(rig, PWM)) < place < torque < writes_to(rig, GOAL)[0]
-    rows = [seed.params[i : i + 9] for i in (0, 9)]
-    # id, address, length, ticks: l_hip stands at tick 2048, r_hip at 1000.
-    assert rows == [
-        bytes((1, GOAL, 0, 4, 0)) + (2048).to_bytes(4, "little"),
-        bytes((2, GOAL, 0, 4, 0)) + (1000).to_bytes(4, "little"),
-    ]
-    assert rig.peek("torque_enable") == [1, 1]
-    assert rig.peek("bus_watchdog") == [5, 5], "0.1 s in steps of 20 ms"
 
 
 @settings(max_examples=60, deadline=None)

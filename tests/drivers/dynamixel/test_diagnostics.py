@@ -10,7 +10,6 @@ from memory_rig import Rig
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import (
-    DiagnosticsError,
     ServoFacts,
     Severity,
     check_cycle_time,
@@ -183,14 +182,6 @@ def test_two_joints_of_one_id_are_a_mistake_of_the_description(tiny):
     (finding,) = find_duplicate_ids(replace(tiny, joints=joints))
     assert finding.text == "belongs to l_hip and r_hip"
     assert find_duplicate_ids(tiny) == []
-
-
-def test_the_error_tells_everything_in_one_line(rig):
-    rig.servo("l_hip").poke("secondary_id", 7)
-    rig.servo("r_hip").poke("secondary_id", 8)
-    error = DiagnosticsError(look(rig).errors)
-    assert len(error.findings) == 2
-    assert "l_hip" in str(error) and "r_hip" in str(error) and "\n" not in str(error)
 
 
 SOUND = {

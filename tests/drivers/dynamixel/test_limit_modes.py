@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from memory_rig import Rig
 
@@ -14,8 +13,6 @@ from drivers.virtual_bus.devices.sensors import Measured
 from robots import Robot
 from robots.description.servo_catalog import servo_models
 from robots.servo import TICKS_PER_TURN, LimitMode
-
-TORQUE_PER_AMPERE = 4.1 / 2.3
 
 
 @pytest.mark.parametrize(
@@ -30,18 +27,6 @@ def test_the_driver_sets_the_mode_and_its_damping(tiny: Robot, by, mode, d_gain)
         assert rig.backend.limit_by == by
         assert rig.peek("operating_mode") == [mode] * 2
         assert rig.peek("position_d_gain") == [d_gain] * 2
-
-
-def test_goal_current_limits_the_torque_of_a_blocked_servo(tiny: Robot):
-    """The targets are far beyond the joint stops."""
-    command = Command.position(tiny, tiny.upper + 1.0, torque_limit=1.0)
-    with Rig(tiny, limit_by="current") as rig:
-        rig.turn(command, 3)
-        assert rig.peek("goal_current") == [208, 208]  # 208.55 counts
-        assert rig.peek("goal_pwm") == [885, 885]
-        state = rig.turn(command, 200)
-    torque = np.abs(state.joint_current) * TORQUE_PER_AMPERE
-    assert torque == pytest.approx(208 * 0.00269 * TORQUE_PER_AMPERE, abs=0.005)
 
 
 @pytest.mark.parametrize("by", ["current", "pwm"])

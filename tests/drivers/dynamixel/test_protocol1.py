@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nonempty import nonempty
+from recording_port import RecordingPort
 
 from drivers.dynamixel import protocol2 as p2
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, ChecksumParser, Frame1, seal
@@ -21,32 +22,6 @@ from drivers.dynamixel.protocol2 import (
     Status,
 )
 from drivers.state import HardwareError
-
-
-class Recorder:
-    """A port that keeps what is written to it."""
-
-    def __init__(self) -> None:
-        self.written = b""
-
-    @property
-    def is_using(self) -> bool:
-        return False
-
-    @is_using.setter
-    def is_using(self, busy: bool) -> None:
-        """Stay free: a vendor's handler leaves a port busy after some instructions."""
-
-    def clearPort(self) -> None:
-        pass
-
-    def writePort(self, packet: list[int]) -> int:
-        self.written = bytes(packet)
-        return len(packet)
-
-    def setPacketTimeout(self, length: int) -> None:
-        pass
-
 
 # Published frames: e-manual, Protocol 1.0.
 PUBLISHED = [
@@ -75,7 +50,7 @@ def test_instructions_are_the_published_bytes_and_are_read_back(packet: Packet, 
     data=st.binary(min_size=1, max_size=20),
 )
 def test_each_frame_is_that_of_the_vendors_encoders(device: int, address: int, data: bytes):
-    handler, port = dynamixel_sdk.Protocol1PacketHandler(), Recorder()
+    handler, port = dynamixel_sdk.Protocol1PacketHandler(), RecordingPort()
     handler.writeTxOnly(port, device, address, len(data), list(data))
     assert PROTOCOL_1.encode(p2.write(device, address, data)) == port.written
     handler.readTx(port, device, address, len(data))

@@ -162,16 +162,6 @@ def test_torque_where_none_was_written_is_released(states):
     assert not states.must_release.any() and not states.is_unsure.any()
 
 
-def test_a_lost_port_leaves_no_servo_ready_and_locks_those_under_torque(states):
-    for row in (0, 1):
-        states.note_ready(row)
-    states.note_on(np.array([1]))
-    states.note_lost_port(np.array([0, 1]))
-    assert states.is_locked.tolist() == [False, True]
-    assert states.must_release.tolist() == [True, True]
-    assert not (states.is_on | states.is_ready | states.is_unsure).any()
-
-
 def test_a_servo_without_a_current_sensor_reports_its_load(tiny):
     """A count of load is 0.1 % of full load (e-manual, XL430), here of the stall current."""
     model = servo_models()["XL430-W250"]

@@ -46,74 +46,60 @@ MEASURED = {  # by id
     4: {"ticks": 1023, "temperature": 31.0},
     7: {"ticks": 2079, "pwm_share": 421 / 885},
 }
-MANUAL = [  # instructions, the reply to the last of them, and what registers hold then
-    (
-        ["FFFFFD00 01 0700 02 84000400 1D15"],  # read
-        "FFFFFD00 01 0800 55 00 A6000000 8CC0",
-        {},
-    ),
-    (["FFFFFD00 01 0900 03 7400 00020000 CA89"], OK_FROM_1, {(1, "goal_position"): 512}),
-    (  # reg write, action
-        ["FFFFFD00 01 0900 04 6800 C8000000 AE8E", "FFFFFD00 01 0300 05 02CE"],
-        OK_FROM_1,
-        {(1, "goal_velocity"): 200},
-    ),
-    (["FFFFFD00 01 0400 06 01 A1E6"], OK_FROM_1, {}),  # factory reset
-    (["FFFFFD00 01 0300 08 2F4E"], OK_FROM_1, {}),  # reboot
-    (["FFFFFD00 01 0800 10 014458 4C22 B1DC"], OK_FROM_1, {}),  # clear
-    (  # backup, and restore, which the manual prints with a CRC that does not match
-        ["FFFFFD00 01 0800 20 01 4354524C 16F5", "FFFFFD00 01 0800 20 02 4354524C 9EF5"],
-        OK_FROM_1,
-        {},
-    ),
-    (
-        ["FFFFFD00 FE 0900 82 84000400 0102 CEFA"],  # sync read
-        "FFFFFD00 01 0800 55 00 A6000000 8CC0 FFFFFD00 02 0800 55 00 1F080000 BABE",
-        {},
-    ),
-    (
-        ["FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287"],  # sync write
-        "",
-        {(1, "goal_position"): 150, (2, "goal_position"): 170},
-    ),
-    (
-        ["FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05"],  # bulk read
-        (Status(1, 0, b"\x77\0").encode() + Status(2, 0, b"\x24").encode()).hex(),
-        {},
-    ),
-    (
-        ["FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768"],  # bulk write
-        "",
-        {(1, "max_voltage_limit"): 160, (2, "temperature_limit"): 80},
-    ),
-    (
-        ["FFFFFD00 FE 0A00 8A 84000400 030704 20F2"],  # fast sync read
-        "FFFFFD00 FE 1900 55 00 03 A6000000 8408 00 07 1F080000 16CA 00 04 FF030000 D19E",
-        {},
-    ),
-    (
-        ["FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D"],  # fast bulk read
-        "FFFFFD00 FE 1400 55 00 03 A6000000 67A4 00 07 A501 2474 00 04 1F D9C1",
-        {},
-    ),
-    (
-        ["FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074"],  # stuffed
-        OK_FROM_1,
-        {(1, "goal_pwm"): -1, (1, "goal_current"): -3},
-    ),
-]
+GOALS = {1: bytes.fromhex("96000000"), 2: bytes.fromhex("AA000000")}
+LIMITS = {1: (32, b"\xa0\0"), 2: (31, b"\x50")}
+SPANS = {3: POSITION, 7: Span(124, 2), 4: Span(146, 1)}
+MANUAL = [  # what is sent, as published; the reply, as published; what registers hold then
+    (protocol2.read(1, POSITION).encode(), "FFFFFD00 01 0700 02 84000400 1D15",
+     "FFFFFD00 01 0800 55 00 A6000000 8CC0", {}),
+    (protocol2.write(1, 116, b"\0\2\0\0").encode(), "FFFFFD00 01 0900 03 7400 00020000 CA89",
+     OK_FROM_1, {(1, "goal_position"): 512}),
+    (instructions.reg_write(1, 104, b"\xc8\0\0\0"), "FFFFFD00 01 0900 04 6800 C8000000 AE8E",
+     OK_FROM_1, {}),
+    (instructions.action(1), "FFFFFD00 01 0300 05 02CE", OK_FROM_1, {(1, "goal_velocity"): 200}),
+    (instructions.clear_turns(1), "FFFFFD00 01 0800 10 01 44584C22 B1DC", OK_FROM_1, {}),
+    (protocol2.sync_read([1, 2], POSITION).encode(), "FFFFFD00 FE 0900 82 84000400 0102 CEFA",
+     "FFFFFD00 01 0800 55 00 A6000000 8CC0 FFFFFD00 02 0800 55 00 1F080000 BABE", {}),
+    (protocol2.sync_write(116, GOALS).encode(),
+     "FFFFFD00 FE 1100 83 74000400 01 96000000 02 AA000000 8287",
+     "", {(1, "goal_position"): 150, (2, "goal_position"): 170}),
+    (protocol2.bulk_read({1: Span(144, 2), 2: Span(146, 1)}).encode(),
+     "FFFFFD00 FE 0D00 92 0190000200 0292000100 1A05",
+     (Status(1, 0, b"\x77\0").encode() + Status(2, 0, b"\x24").encode()).hex(), {}),
+    (protocol2.bulk_write(LIMITS).encode(),
+     "FFFFFD00 FE 1000 93 0120000200 A000 021F000100 50 B768",
+     "", {(1, "max_voltage_limit"): 160, (2, "temperature_limit"): 80}),
+    (protocol2.sync_read([3, 7, 4], POSITION, fast=True).encode(),
+     "FFFFFD00 FE 0A00 8A 84000400 030704 20F2",
+     "FFFFFD00 FE 1900 55 00 03 A6000000 8408 00 07 1F080000 16CA 00 04 FF030000 D19E", {}),
+    (protocol2.bulk_read(SPANS, fast=True).encode(),
+     "FFFFFD00 FE 1200 9A 0384000400 077C000200 0492000100 DA2D",
+     "FFFFFD00 FE 1400 55 00 03 A6000000 67A4 00 07 A501 2474 00 04 1F D9C1", {}),
+    (protocol2.write(1, 100, b"\xff\xff\xfd\xff").encode(),
+     "FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074",
+     OK_FROM_1, {(1, "goal_pwm"): -1, (1, "goal_current"): -3}),
+    (instructions.backup(1), "FFFFFD00 01 0800 20 01 4354524C 16F5", OK_FROM_1, {}),
+    # The manual prints this one with a CRC that does not match.
+    (instructions.restore(1), "FFFFFD00 01 0800 20 02 4354524C 9EF5", OK_FROM_1, {}),
+]  # fmt: skip
 
 
-def test_the_manuals_examples_are_answered_as_in_the_manual():
-    for instructed, reply, registers in MANUAL:
-        chain = servos(*MEASURED)
-        for device_id, measured in MEASURED.items():
-            sense(servo(chain, device_id), **measured)
-        for frame in instructed:
-            answer = talk(chain, bytes.fromhex(frame))
-        assert answer == bytes.fromhex(reply), instructed
+def test_the_manuals_examples_are_sent_and_answered_as_in_the_manual():
+    chain = servos(*MEASURED)
+    for device_id, measured in MEASURED.items():
+        sense(servo(chain, device_id), **measured)
+    for frame, published, reply, registers in MANUAL:
+        assert frame == bytes.fromhex(published)
+        assert talk(chain, frame) == bytes.fromhex(reply), published
         for (device_id, name), value in registers.items():
-            assert read(servo(chain, device_id), name) == value
+            assert read(servo(chain, device_id), name) == value, published
+    ends = [
+        (protocol2.reboot(1).encode(), "FFFFFD00 01 0300 08 2F4E"),
+        (protocol2.factory_reset(1, Reset.ALL_BUT_ID).encode(), "FFFFFD00 01 0400 06 01 A1E6"),
+    ]
+    for frame, published in ends:
+        assert frame == bytes.fromhex(published)
+        assert talk(servos(1), frame) == bytes.fromhex(OK_FROM_1)
 
 
 def test_ping_as_in_the_manual():
@@ -122,8 +108,10 @@ def test_ping_as_in_the_manual():
         device.poke("model_number", 1030)  # the manual's XM430-W210
     one = bytes.fromhex("FFFFFD00 01 0700 55 00 0604 26 655D")
     two = bytes.fromhex("FFFFFD00 02 0700 55 00 0604 26 6F6D")
-    assert talk(chain, bytes.fromhex("FFFFFD00 01 0300 01 194E")) == one
-    assert talk(chain, bytes.fromhex("FFFFFD00 FE 0300 01 3142")) == one + two
+    assert protocol2.ping(1).encode() == bytes.fromhex("FFFFFD00 01 0300 01 194E")
+    assert talk(chain, protocol2.ping(1).encode()) == one
+    assert protocol2.ping().encode() == bytes.fromhex("FFFFFD00 FE 0300 01 3142")
+    assert talk(chain, protocol2.ping().encode()) == one + two
 
 
 def test_each_answer_waits_its_own_return_delay():

@@ -49,14 +49,6 @@ def test_instructions_are_found_however_the_bytes_are_cut(sent: list[Packet], cu
     assert statistics == WireStatistics(bytes_in=len(stream), packets=len(sent))
 
 
-@given(noise=st.binary(max_size=20).filter(lambda b: b"\xff" not in b and b"\xfd" not in b))
-def test_noise_is_counted_and_belongs_to_the_instruction_behind_it(noise: bytes):
-    reader, statistics = make_reader()
-    (one,) = reader.receive(noise + READ, 0.0, BAUD)
-    assert one.item.encode() == READ
-    assert (one.size, statistics.noise) == (len(noise) + len(READ), len(noise))
-
-
 def test_a_damaged_instruction_is_passed_on_as_one():
     reader, statistics = make_reader()
     spoiled = READ[:-1] + bytes([READ[-1] ^ 1])

@@ -1,9 +1,8 @@
-"""Measures the studio: first picture, scrubbing, memory, edited curves, stop, cycles beside it.
+"""Measures the studio: first picture, scrubbing, memory, edited curves.
 
     python benchmarks/studio.py --n 20 --scrubs 10000 --json studio.json
 
-A headless Chromium is the browser, which draws in software where there is no GPU. `getup play`
-plays a motion in real time on a virtual bus, in processes of their own.
+A headless Chromium is the browser, which draws in software where there is no GPU.
 """
 
 from __future__ import annotations
@@ -12,23 +11,18 @@ import re
 import shutil
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
-from json import dumps, loads
+from json import dumps
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import tyro
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from drivers.live_feed.feed import find_feed
-from drivers.live_feed.follower import LiveFollower
-from drivers.live_feed.messages import LiveSample
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.jobs.follow_style import RolloutRequest, StyledTwin
 from humanoid_getup.jobs.get_up.rise import play_motion
@@ -47,7 +41,6 @@ CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftsha
 TIMEOUT = 60.0  # s
 POLL = 0.005  # s
 POINT = 6  # control point of the neck height that is edited, counted from 0
-PLAYED = 1.0  # s of the motion before the stop
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ class Options:
     """Options of the benchmark."""
 
     n: int = 20
-    """Number of starts, of stops, and of rises with and without the page."""
+    """Number of starts."""
     scrubs: int = 10_000
     """Number of times that are scrubbed to."""
     json: Path | None = None
@@ -71,8 +64,6 @@ def main(options: Options) -> None:
             **_time_openings(browser, options.n),
             **_measure_scrubbing(browser, options.scrubs),
             "edited_curve_s": summarize(_time_edits(options.n)),
-            "stop_to_limp_s": summarize([_time_stop() for _ in range(options.n)]),
-            "overruns": _count_overruns(browser, options.n),
         }
     print(dumps(figures, indent=1))
     if options.json is not None:
@@ -169,72 +160,6 @@ def _read_memory() -> int:
     found = re.search(r"VmRSS:\s+(\d+)", Path("/proc/self/status").read_text())
     assert found is not None
     return int(found[1])
-
-
-@contextmanager
-def _live_rise(folder: str) -> Iterator[tuple[Path, Path]]:
-    """Play the motion in real time; yield its feed and its report to be.
-
-    The virtual bus is served by a process of its own: one process cannot keep both in time.
-    """
-    link, out, quiet = Path(folder, "bus"), Path(folder, "rise"), subprocess.DEVNULL
-    serve = [*GETUP, "bus", "--from", SIDE, "--link", str(link)]
-    play = [*GETUP, "play", MOTION, "--backend", "virtual", "--port", str(link), "--live"]
-    with subprocess.Popen(serve, stdout=quiet, stderr=quiet) as bus:
-        while not link.exists():
-            time.sleep(POLL)
-        with subprocess.Popen(
-            [*play, "--then", "limp", "--out", str(out)], stdout=quiet, stderr=quiet
-        ) as rise:
-            while (feed := find_feed(rise.pid)) is None:
-                time.sleep(POLL)
-            yield feed, out / "report.json"
-            rise.wait()
-        bus.terminate()
-
-
-def _time_stop() -> float:
-    """Time from the stop to the first cycle without torque that is seen [s]."""
-    moves, limp = threading.Event(), threading.Event()
-
-    def watch(sample: LiveSample) -> None:
-        if not sample.is_limp:
-            moves.set()
-        elif moves.is_set():
-            limp.set()
-
-    with TemporaryDirectory() as folder, _live_rise(folder) as (feed, _):
-        follower = LiveFollower(feed, watch)
-        moves.wait(TIMEOUT)
-        time.sleep(PLAYED)
-        began = time.perf_counter()
-        follower.stop()
-        limp.wait(TIMEOUT)
-        return time.perf_counter() - began
-
-
-def _count_overruns(browser: Browser, n: int) -> dict[str, Any]:
-    """Play the motion alone, with a follower of its feed, and with a page; count late cycles."""
-    reports: dict[str, list[dict[str, Any]]] = {"alone": [], "followed": [], "on the page": []}
-    for _ in range(n):
-        for how, found in reports.items():
-            with TemporaryDirectory() as folder, ExitStack() as watching:
-                studio = watching.enter_context(_open(browser))[0] if "page" in how else None
-                with _live_rise(folder) as (feed, report):
-                    if studio is not None:
-                        studio.tabs["Live"].follow(feed)
-                    elif how == "followed":
-                        watching.callback(LiveFollower(feed, lambda _: None).close)
-                found.append(loads(report.read_text()))
-    return {
-        how: {
-            "n": n,
-            "stood": sum(report["stood"] for report in found),
-            "overruns": [report["overruns"] for report in found],
-            "late_p99_s": [report["late_p99_s"] for report in found],
-        }
-        for how, found in reports.items()
-    }
 
 
 if __name__ == "__main__":

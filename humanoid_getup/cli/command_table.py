@@ -15,7 +15,6 @@ SECTIONS = {
         "doctor",
         "calibrate",
         "watch",
-        "health",
         "bus",
     ),
     "look": ("studio", "replay", "log", "bench"),
@@ -215,12 +214,6 @@ COMMANDS = {
         "Show a limp robot while a person turns it by hand.",
         "requests.watch.WatchRequest",
         "watch.watch",
-        json=True,
-    ),
-    "health": TableEntry(
-        "Check the robot of a running program.",
-        "requests.health.HealthRequest",
-        "health.health",
         json=True,
     ),
     "plan-cache": TableEntry(

@@ -53,11 +53,6 @@ class BackgroundJob(Generic[Result]):
         self._thread.start()
 
     @property
-    def pid(self) -> int | None:
-        """Return the number of its process."""
-        return self._process.pid
-
-    @property
     def is_running(self) -> bool:
         """Return whether it has not ended."""
         return self._thread.is_alive()

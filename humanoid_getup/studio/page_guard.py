@@ -39,10 +39,9 @@ class PageGuard:
     """For the name of the cookie, as browsers share cookies among the ports of a machine."""
 
     @classmethod
-    def for_address(cls, host: str, port: int, *, moves_robot: bool = False) -> PageGuard:
-        """Make the guard of an address; all but the loopback address, and motion, get a token."""
-        is_open = is_loopback(host) and not moves_robot
-        return cls(token=None if is_open else secrets.token_urlsafe(16), port=port)
+    def for_address(cls, host: str, port: int) -> PageGuard:
+        """Make the guard of an address; all but the loopback address get a token."""
+        return cls(token=None if is_loopback(host) else secrets.token_urlsafe(16), port=port)
 
     @contextmanager
     def protecting(self) -> Iterator[None]:

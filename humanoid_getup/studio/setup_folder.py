@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.scenes.named_scenes import SUFFIX, list_scenes
 from humanoid_getup.studio.folders import containing
 from robots import list_robots
@@ -49,15 +48,9 @@ class SetupFolder:
             robot = str(self._page.folders.resolve(robot))
         if scene != given.scene and scene.endswith(SUFFIX):
             scene = str(self._page.folders.resolve(scene))
-        body = self._body.value
-        if given.robot_port and (robot, body) != (given.robot, given.body):
-            raise BadInputError(
-                f"robot '{given.robot}' is connected by --robot-port, expected a studio without it "
-                "for another robot or body"
-            )
         seed = int(self._ground.value)
         self._page.say(f"Opens {self._robot.value} …")
-        changed = replace(given, robot=robot, body=body, scene=scene, seed=seed)
+        changed = replace(given, robot=robot, body=self._body.value, scene=scene, seed=seed)
         self._change(changed)
 
 

@@ -48,7 +48,7 @@ class Studio:
         port = find_port(request.host, request.port)
         self._scratch = TemporaryDirectory(prefix="getup-studio-")
         self._changing, self._is_closed = threading.Lock(), False
-        self._guard = PageGuard.for_address(request.host, port, moves_robot=request.allow_motion)
+        self._guard = PageGuard.for_address(request.host, port)
         self._host, self._port = request.host, port
         with self._guard.protecting(), redirect_stdout(io.StringIO()):
             self.server = viser.ViserServer(
@@ -85,12 +85,10 @@ class Studio:
         """Show another robot, body or scene; what was on the page is gone.
 
         Raises:
-            BadInputError: if robot or scene cannot be used, a job runs or a program is followed.
+            BadInputError: if robot or scene cannot be used, or a job runs.
         """
         if any(job.is_running for job in self.page.jobs):
             raise BadInputError("a job is running, expected its end, or Cancel first")
-        if self.tabs["Live"].is_following:
-            raise BadInputError("a program is followed, expected Leave on the tab Live first")
         StudioRequest.accept(request)
         world = load_world(request)
         with self._changing:

@@ -13,7 +13,6 @@ from humanoid_getup.studio.stage import Stage
 from humanoid_getup.studio.tabs.discover_tab import DiscoverTab
 from humanoid_getup.studio.tabs.flight_tab import FlightTab
 from humanoid_getup.studio.tabs.keyframe_tab import KeyframeTab
-from humanoid_getup.studio.tabs.live_tab import LiveTab
 from humanoid_getup.studio.tabs.picture_tab import PictureTab
 from humanoid_getup.studio.tabs.plan_tab import PlanTab
 from humanoid_getup.studio.tabs.pose_tab import PoseTab
@@ -37,7 +36,6 @@ TABS: dict[str, Callable[[Page], object]] = {
     "Discover": DiscoverTab,
     "Style": StyleTab,
     "Flight": FlightTab,
-    "Live": LiveTab,
 }
 
 
@@ -88,7 +86,6 @@ class Workspace:
         self.page.close()
         for job in self.page.jobs:
             job.wait(TIMEOUT)
-        self.tabs["Live"].close()
         self.timeline.close()
 
 

@@ -527,8 +527,6 @@ GROUPS: dict[str, list[Case]] = {
         case("bus --hold zero --turn l_knee:x", "expected JOINT:DEG, an angle in degrees"),
         case("first-steps", "--port is missing, expected a serial port"),
         case("first-steps --port none", "standard input is not a terminal"),
-        case("health --program 1", "program 1 shows no robot: start it with --live"),
-        case("health --seconds 0", "--seconds is 0 s, expected 0.2 to 60 s"),
         case("bus --servos XL430-W250:1 --baud 1", "baud is 1 bit/s, expected 9600"),
         case(
             "hold --robot desk", "robot 'desk' is servos on a bench, expected a robot with a model"

@@ -65,15 +65,6 @@ def show_plan(studio: Any, window: StudioPage) -> None:
     _draw(studio)
 
 
-def show_live(studio: Any, window: StudioPage) -> None:
-    """Show the numbers of a limp robot."""
-    window.fall("left")
-    window.open_tab("Live")
-    window.click("Read")
-    window.see("torso on its left side")
-    _draw(studio)
-
-
 def show_keyframes(studio: Any, window: StudioPage) -> None:
     """Show a rise from a squat of two keys, played in physics."""
     window.open_tab("Keyframes")
@@ -176,7 +167,6 @@ class Picture:
 PICTURES = {
     "pose": Picture(show_pose),
     "plan": Picture(show_plan),
-    "live": Picture(show_live),
     "keyframes": Picture(show_keyframes),
     "style": Picture(show_style),
     "flight": Picture(show_flight, record_flight),

@@ -11,13 +11,13 @@ from tyro.conf import Positional, arg
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.files import WRITTEN
 from humanoid_getup.jobs.requests.motions import NewKeysOptions
-from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     CacheFolder,
     MotionName,
     RobotOption,
 )
+from humanoid_getup.jobs.requests.view import ViewOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class ShowMotion(BodyOption, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordMotion(NewKeysOptions, OnlookerOptions):
+class RecordMotion(NewKeysOptions, ViewOptions):
     """Record keys from a robot that is moved by hand, torque off.
 
     Enter or space takes the posture, backspace drops the last one, q finishes.

@@ -18,7 +18,7 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE
 from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
 from humanoid_getup.jobs.backends import open_backend
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.get_up.onlookers import begin_showing, inviting
+from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
@@ -92,13 +92,13 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
     limit = FULL_TORQUE.on(world.robot)
     with open_backend(replace(command, realtime=True), world, limit) as choice:
         guard = SafetyGuard(choice.backend, GuardLimits.of_limp(world.robot))
-        with inviting(command, choice, guard) as onlookers:
+        with viewing(command, world, realtime=choice.realtime) as show:
             return run(
                 recorder,
                 guard,
                 max_time=LONGEST,
                 realtime=choice.realtime,
-                on_cycle=begin_showing(onlookers, "recording"),
+                on_cycle=show,
             )
 
 

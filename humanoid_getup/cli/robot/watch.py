@@ -17,19 +17,19 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.get_up import watch as jobs
 from humanoid_getup.jobs.requests.watch import WatchRequest
-from humanoid_getup.reporting.live_figures import describe_torso, format_degrees
 from humanoid_getup.reporting.watched_robot import (
     WatchedJoint,
     WatchedRobot,
     WatchFigures,
     WatchReport,
+    describe_torso,
+    format_degrees,
 )
 
 RATE = 5.0  # tables per second
 TURNING = 0.2  # rad/s above which a joint is highlighted: creeping limbs are slower
 HEADINGS = ("joint", "°", "seen °", "range °", "A", "°C", "positive", "remark")
 LEFT = ("joint", "positive", "remark")
-LIVE = "it can be followed: getup studio, tab Live"
 HINT = "torque is off: turn one joint after the other; q ends it"
 
 
@@ -42,8 +42,6 @@ def watch(command: WatchRequest) -> int:
 
         def begin(watched: WatchedRobot) -> None:
             display.stop()
-            if command.live:
-                console.print(LIVE)
             if console.is_terminal:
                 shown.enter_context(_open_table(watched, console))
 

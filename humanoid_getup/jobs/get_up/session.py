@@ -83,7 +83,7 @@ def run_session(
             session = hooks.begin(world, limit, _locate(request, chosen))
             with refusing():
                 manager = AttemptManager(session, strategy, max_attempts=request.most_attempts)
-            rise = hooks.work(session.guard, lambda: manager.get_up(rng))
+            rise = hooks.work(session, lambda: manager.get_up(rng))
     monitor.begin("drawing")
     return finish_rise(rise, start, world, request, settings, motion, choice.findings)
 

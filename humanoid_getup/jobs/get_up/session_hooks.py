@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from typing import TypeVar
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
@@ -12,10 +13,11 @@ from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.get_up.onlookers import Onlooker, check_video, inviting
+from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up.operator import Operator
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
-from humanoid_getup.jobs.requests.rise import MoveOptions
+from humanoid_getup.jobs.get_up.viewer import viewing
+from humanoid_getup.jobs.requests.rise import MP4, MoveOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
@@ -54,7 +56,7 @@ class SessionHooks:
     ) -> None:
         """Prepare for an open backend."""
         self._request, self._choice, self._recorder = request, choice, recorder
-        self._onlookers = list[Onlooker]()
+        self._show: Callable[[Cycle], None] = lambda _: None
         self._monitor, self._operator = monitor, operator
 
     def begin(self, world: World, limit: TorqueLimit, options: SessionOptions) -> Session:
@@ -76,17 +78,18 @@ class SessionHooks:
             on_cycle=self._log,
         )
 
-    def work(self, guard: SafetyGuard, work: Callable[[], Result]) -> Result:
+    def work(self, session: Session, work: Callable[[], Result]) -> Result:
         """Do the work while the operator watches.
 
         A robot that was handed over keeps its torque: then it is too late to cancel.
         """
         check_video(self._request)
+        guard, realtime = session.guard, self._choice.realtime
         result: Result | None = None
         with (
             naming_hand_over(lambda: result and result.hand_over),
             self._operator.watch(guard),
-            inviting(self._request, self._choice, guard) as self._onlookers,
+            viewing(self._request, session.world, realtime=realtime) as self._show,
         ):
             result = work()
         if result.hand_over is not None:
@@ -99,13 +102,23 @@ class SessionHooks:
 
     def _log(self, cycle: Cycle) -> None:
         self._recorder.log(cycle)
-        for onlooker in self._onlookers:
-            onlooker.show(cycle)
+        self._show(cycle)
 
     def _note(self, change: PhaseChange) -> None:
-        for onlooker in self._onlookers:
-            onlooker.note(change.phase.value)
         self._operator.note(change)
         self._recorder.note(change)
         if change.phase is not Phase.ENDED:
             self._monitor.begin(change.phase.value)
+
+
+def check_video(request: MoveOptions) -> None:
+    """Check that a video can be made, before the robot moves.
+
+    Raises:
+        BadInputError: if its package is missing.
+    """
+    if request.video is not None and request.video.suffix.lower() == MP4 and not find_spec("av"):
+        raise BadInputError(
+            f"--video {request.video} requires package 'av', expected .gif without it: "
+            "pip install 'humanoid-getup[studio]'"
+        )

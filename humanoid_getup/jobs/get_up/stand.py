@@ -66,6 +66,6 @@ def _keep_stand(
         session = hooks.begin(world, limit, options)
         with refusing():
             keeper = StandKeeper(session)
-        result = hooks.work(session.guard, keeper.start)
+        result = hooks.work(session, keeper.start)
     monitor.begin("drawing")
     return finish_stand(result, world, request, stand if place else None)

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers import Command, Ending, FaultKind, State
+from drivers import Command, Cycle, Ending, State
 from drivers.control_loop import RunReport, run
 from drivers.safety_limits import GuardLimits
 from humanoid_getup.jobs.backends import BackendChoice, open_backend
-from humanoid_getup.jobs.get_up.onlookers import begin_showing, inviting
 from humanoid_getup.jobs.get_up.session_hooks import CancellableGuard
+from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.inputs import find_start, load_world
 from humanoid_getup.jobs.requests.watch import WatchRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
@@ -58,7 +58,13 @@ def watch(
     with open_backend(request, world, limit, without_imu=without_imu) as choice:
         _place(request, world, choice)
         guard = CancellableGuard(choice.backend, GuardLimits.of_limp(world.robot), monitor.check)
-        with inviting(request, choice, guard) as invited:
+        is_paced = request.is_paced or choice.realtime
+        with viewing(request, world, realtime=is_paced) as show:
+
+            def see(cycle: Cycle) -> None:
+                watched.show(cycle)
+                show(cycle)
+
             monitor.begin(WATCHING)
             begin(watched)
             result = run(
@@ -66,10 +72,9 @@ def watch(
                 guard,
                 max_time=math.inf if request.seconds is None else request.seconds,
                 realtime=request.is_paced,
-                on_cycle=begin_showing([watched, *invited], WATCHING),
+                on_cycle=see,
             )
-    is_stopped = guard.fault is not None and guard.fault.kind is FaultKind.STOPPED
-    return _describe(request, world.robot, watched, result, is_stopped=is_stopped)
+    return _describe(request, world.robot, watched, result)
 
 
 class LimpController:
@@ -106,13 +111,13 @@ def _place(request: WatchRequest, world: World, choice: BackendChoice) -> None:
 
 
 def _describe(
-    request: WatchRequest, robot: Robot, watched: WatchedRobot, run: RunReport, *, is_stopped: bool
+    request: WatchRequest, robot: Robot, watched: WatchedRobot, run: RunReport
 ) -> WatchReport:
     return WatchReport(
         robot=robot.name,
         backend=request.backend,
         reason=RELEASED if run.ending is Ending.DONE else run.reason,
-        by_fault=run.ending is Ending.FAULT and not is_stopped,
+        by_fault=run.ending is Ending.FAULT,
         watched_s=run.duration,
         cycles=run.cycles,
         period_s=run.period,

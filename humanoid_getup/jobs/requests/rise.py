@@ -12,7 +12,6 @@ from tyro.conf import Positional, arg
 from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.backend import OriginOption
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
-from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
     A_REAL_ROBOT,
@@ -27,6 +26,7 @@ from humanoid_getup.jobs.requests.shared import (
     TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.jobs.requests.view import ViewOptions
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
@@ -46,7 +46,7 @@ StyleOption = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveOptions(TorqueOptions, OnlookerOptions):
+class MoveOptions(TorqueOptions, ViewOptions):
     """Options of every command that moves a robot."""
 
     out: Annotated[Path | None, Written(ARTEFACTS), arg(metavar="DIR")] = None

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.requests.shared import A_REAL_ROBOT, BodyOption, SceneOptions
+from humanoid_getup.jobs.requests.shared import BodyOption, SceneOptions
 from humanoid_getup.jobs.requests.values import between
 
 LAST_PORT = 65535
@@ -27,17 +27,8 @@ class StudioRequest(BodyOption, SceneOptions):
     """Folders in which the page may read and write files, besides the robot's own, which it
     reads."""
 
-    robot_port: Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")] = ()
-    """Serial ports of a real robot, as with `getup rise --port`, for the Live tab."""
-    allow_motion: bool = False
-    """Let the page move that robot, after it was armed there; the page requires a token then."""
-
     def find_problems(self) -> list[str]:
-        """Report folders that do not exist, and motion without a robot, as well."""
+        """Report folders that do not exist as well."""
         missing = [folder for folder in self.folder if not folder.is_dir()]
         problems = [f"--folder {folder}: expected an existing folder" for folder in missing]
-        if self.allow_motion and not self.robot_port:
-            problems.append("--allow-motion is given, expected --robot-port with it")
-        if self.robot_port:
-            problems += self.refuse_body(A_REAL_ROBOT)
         return super().find_problems() + problems

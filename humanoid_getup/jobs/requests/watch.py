@@ -8,13 +8,13 @@ from typing import Annotated
 from tyro.conf import arg
 
 from humanoid_getup.jobs.requests.backend import OriginOption
-from humanoid_getup.jobs.requests.onlookers import OnlookerOptions
 from humanoid_getup.jobs.requests.shared import A_REAL_ROBOT, BodyOption
 from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.jobs.requests.view import ViewOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchRequest(BodyOption, OriginOption, OnlookerOptions):
+class WatchRequest(BodyOption, OriginOption, ViewOptions):
     """Read a limp robot while a person turns it by hand: torque goes off, and stays off.
 
     A simulated robot lies on its back, or as --from says; a real one is supported by a person.

@@ -104,14 +104,6 @@ def test_a_malformed_request_is_one(headers: tuple[bytes, ...], caplog: pytest.L
     assert not caplog.records
 
 
-def test_a_page_that_may_move_a_robot_opens_with_its_token_only():
-    guard = PageGuard.for_address("127.0.0.1", 8090, moves_robot=True)
-    refused, given = ask(guard, **HERE), ask(guard, f"/?token={guard.token}", **HERE)
-    assert refused is not None and given is not None
-    assert (refused[0], given[0]) == (HTTPStatus.FORBIDDEN, HTTPStatus.FOUND)
-    assert ask(guard, Cookie=given[1]["Set-Cookie"].split(";")[0], **HERE) is None
-
-
 def test_tokens_differ():
     assert CLOSED.token != PageGuard.for_address("0.0.0.0", 8090).token
 

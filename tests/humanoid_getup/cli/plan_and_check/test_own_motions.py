@@ -1,7 +1,6 @@
 """`getup motions import`, `record`, `preview` and `build`: from a file or a hand to a motion."""
 
 import shutil
-import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -14,7 +13,6 @@ from paths import SHARED
 from run_getup import Run
 
 from drivers import DriverError
-from drivers.live_feed.feed import list_feeds
 from humanoid_getup.cli.options.motions import RecordMotion
 from humanoid_getup.cli.plan_and_check import hand_recording
 from humanoid_getup.execution.hand_recorder import Press
@@ -170,15 +168,6 @@ def test_a_fault_keeps_the_keys_that_were_taken(record, own_robot: Path):
     assert "the cable is loose" in out
     (read,) = load_keyframes(own_robot / KEYFRAMES, load_robot(own_robot))
     assert len(read.keys) == 3
-
-
-def test_a_live_recording_can_be_followed(record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    poll, found = Hand.poll, list[Path]()
-    monkeypatch.setattr(Hand, "poll", lambda hand: (found.extend(list_feeds()), poll(hand))[1])
-    assert record([np.zeros(2)], "--start", "squat", "--live")[0] == 0
-    assert found
-    assert list_feeds() == []
 
 
 def test_a_name_that_is_taken_is_refused_before_anybody_moves(record, own_robot: Path):

@@ -1,13 +1,12 @@
 """`watch`: a limp robot is read and never driven, whoever turns it."""
 
-import queue
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -18,9 +17,6 @@ from recording_backend import RecordingBackend
 from drivers import DriverError, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
-from drivers.live_feed.feed import list_feeds
-from drivers.live_feed.follower import LiveFollower
-from drivers.live_feed.messages import LiveSample
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
@@ -157,40 +153,14 @@ def test_a_sign_that_is_wrong_is_found_where_the_joint_leaves_its_range(
     assert set(torque) == {0}
 
 
-def test_a_limp_robot_is_followed_and_a_stop_ends_it_without_a_fault(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    samples, followers = queue.Queue[LiveSample](), list[LiveFollower]()
-
-    def follow() -> bool:
-        """Follow from the first cycle on, and stop the robot after a sample."""
-        if not followers:
-            (feed,) = list_feeds()
-            followers.append(LiveFollower(feed, samples.put))
-        if not samples.empty():
-            followers[0].stop()
-        return False
-
-    done = watch(WatchRequest(robot=str(TINY), live=True), is_released=follow)
-    assert (done.by_fault, done.reason) == (
-        False,
-        "the robot was stopped: stopped from the live page",
-    )
-    sample = samples.get(timeout=TIMEOUT)
-    assert sample.is_limp
-    assert sample.phase == "watching"
-    assert list_feeds() == []
-    followers[0].close()
-
-
 def test_a_simulation_that_is_looked_at_is_no_faster_than_real_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("humanoid_getup.jobs.get_up.viewer.has_display", lambda: True)
+    monkeypatch.setattr("humanoid_getup.jobs.get_up.viewer._Window", lambda _: Mock())
     begun = list[float]()
     done = watch(
-        WatchRequest(robot=str(TINY), live=True, seconds=0.5),
+        WatchRequest(robot=str(TINY), view=True, seconds=0.5),
         begin=lambda _: begun.append(time.monotonic()),
     )
     assert time.monotonic() - begun[0] >= done.watched_s > 0.4
@@ -268,7 +238,6 @@ def test_a_servo_that_misses_reads_is_named(tiny: Robot, monkeypatch: pytest.Mon
     [
         ({"port": ("/dev/x",), "backend": "dynamixel", "origin": "prone"}, "--from is 'prone'"),
         ({"port": ("/dev/x",), "backend": "dynamixel", "body": "arms=2"}, "--body is arms=2"),
-        ({"port": ("/dev/x",), "backend": "dynamixel", "view": True}, "--view is given"),
         ({"backend": "dynamixel"}, "requires --port"),
         ({"seconds": 0.0}, "--seconds is 0 s"),
     ],

@@ -9,6 +9,12 @@ from studio_page import open_studio
 
 from humanoid_getup.studio.takes.take import Take
 
+# The page writes the field in each picture: it is replaced in one step, or the text is added to it.
+TYPE = """(input, text) => {
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
+    input.dispatchEvent(new Event("input", {bubbles: true}));
+}"""
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
@@ -37,7 +43,7 @@ def test_a_time_that_is_typed_while_a_take_plays_is_shown(
         draw(5)
         with monkeypatch.context() as busy:
             busy.setattr(pool, "submit", submit_late)
-            window.type("Time [s]", "300")
+            window.find_input("Time [s]").evaluate(TYPE, "300")
             assert timeline.wait_for(
                 lambda: np.array_equal(timeline.picture.qpos, rising[take.find(300.0)]), 60.0
             )

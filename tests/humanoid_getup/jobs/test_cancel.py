@@ -4,23 +4,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from small_humanoid import small_humanoid
 
 from humanoid_getup.jobs.build_motions import build_motions
 from humanoid_getup.jobs.check_robot import check_robot
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.evaluate_policy import evaluate
-from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.get_up.rise import rise
-from humanoid_getup.jobs.import_robot import import_robot
 from humanoid_getup.jobs.plan_path import plan
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.jobs.requests.plan import PlanRequest
 from humanoid_getup.jobs.requests.rise import RiseRequest
-from humanoid_getup.jobs.requests.robots import CheckRequest, ImportRequest
+from humanoid_getup.jobs.requests.robots import CheckRequest
 from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.progress.callback import CancelledError, Progress
 
 Job = Callable[..., object]
@@ -66,23 +62,6 @@ def test_a_rise_is_cancelled_while_it_is_planned(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_cancelled_import_makes_no_folder(tmp_path: Path):
-    model = tmp_path / "small.xml"
-    model.write_text(small_humanoid())
-    stop = Stop(1)
-    with pytest.raises(CancelledError):
-        import_robot(ImportRequest(model=model, out=tmp_path / "new"), stop.report, stop.is_wanted)
-    assert list(tmp_path.iterdir()) == [model]
-
-
-def test_a_cancelled_extraction_writes_no_style(tmp_path: Path):
-    stop = Stop(1)
-    request = ExtractRequest(source="squat_to_stand", finish=True, out=tmp_path / "mine.toml")
-    with pytest.raises(CancelledError):
-        extract_style(request, stop.report, stop.is_wanted)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_cancelled_build_ends_its_workers_and_keeps_no_motion(copied_op3: Path):
     before = sorted(copied_op3.rglob("*"))
     request = BuildRequest(names=("squat_to_stand",), robot=str(copied_op3), engine="local:1")
@@ -115,14 +94,3 @@ def test_an_evaluation_is_cancelled_while_falls_are_sampled_and_while_robots_ris
         evaluate(request, report, lambda: len(done) == 2)
     assert done[0] == 0.0
     assert done[1] < 4.0 or phase.startswith("falls")
-
-
-def test_an_evaluation_counts_all_of_its_falls_and_rises():
-    done: dict[str, list[float]] = {}
-    evaluate(
-        EvaluateRequest(policy="quick", n=4),
-        lambda progress: done.setdefault(progress.phase, []).append(progress.done),
-    )
-    assert done["falls (flat)"][-1] == 4.0
-    assert done["rises (flat)"][-1] == pytest.approx(4.0)
-    assert len(done["rises (flat)"]) > 5

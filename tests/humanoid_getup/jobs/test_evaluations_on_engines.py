@@ -44,11 +44,3 @@ def test_rises_and_what_is_random_about_them_do_not_depend_on_the_workers(
     assert to_json(there) == to_json(here)
     for phase in ("falls (rough:easy)", "rises (flat)", "rises (rough:easy)"):
         assert done[phase] == pytest.approx(8.0)
-
-
-def test_curves_are_planned_for_the_same_falls_by_the_same_seeds(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(perturbations, "CHUNK", 2)
-    some: dict[str, Any] = {"policy": "styled", "style": "planned", "n": 4, "seed": 1}
-    here = evaluate(EvaluateRequest(engine="local:1", **some))
-    assert here.cases["flat, planned"].planned
-    assert to_json(evaluate(EvaluateRequest(engine="local:2", **some))) == to_json(here)

@@ -14,14 +14,13 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.follow_style import RolloutRequest, StyledRollout, StyledTwin
 from humanoid_getup.jobs.inputs import find_start
-from humanoid_getup.jobs.policies import list_styled_policies
 from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.simulation.world import World
 from humanoid_getup.style.edits import find_rise
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_editor import StyleEditor
 from humanoid_getup.style.style_file import load_style
-from robots import Posture, Robot, load_posture, load_robot
+from robots import Posture, Robot, load_posture
 from robots.description.posture_file import format_posture
 
 NOT_AT_ONCE = 20  # cycles
@@ -89,16 +88,6 @@ def test_a_kept_twin_rises_the_same_again(
     assert not is_same(rise, other)
 
 
-def test_it_stands_and_says_how_well_it_followed(rise: StyledRollout):
-    assert rise.stand_time is not None
-    assert 1.0 < rise.stand_time < rise.time[-1]
-    assert rise.followed.was_followed
-    assert rise.followed.height_error < 0.1
-    n = len(rise.time)
-    assert rise.outcome.qpos.shape[0] == n == len(rise.wanted) == len(rise.measured)
-    assert rise.outcome.record.torque.shape == rise.joint_torque.shape
-
-
 def test_a_later_rise_of_the_curves_is_a_later_rise_of_the_robot(
     twin: StyledTwin, supine: Posture, editor: StyleEditor, rise: StyledRollout
 ):
@@ -111,23 +100,6 @@ def test_a_later_rise_of_the_curves_is_a_later_rise_of_the_robot(
     times = [find_rise(run.time, run.measured[:, 0]) for run in (rise, slower, later)]
     assert times[0] + 0.2 < times[1]
     assert times[1] + 0.2 < times[2] < times[1] + 0.6
-
-
-def test_a_start_on_the_other_side_follows_the_mirror_image(twin: StyledTwin, world: World):
-    right = find_start(world, "right", np.random.default_rng(5)).posture
-    style = load_style("side-sit", world.robot)
-    rise = follow(twin, right, style)
-    assert style.find(rise.measured[0]) == (1, True)
-    np.testing.assert_array_equal(rise.curves.points, style.curves[1].mirrored().points)
-
-
-def test_a_start_that_is_none_is_refused(
-    twin: StyledTwin, op3: Robot, supine: Posture, editor: StyleEditor
-):
-    raised = replace(supine, position=np.array([0.0, 0.0, 5.0]))
-    for start, problem in ((op3.standing, "the start stands"), (raised, "above the ground")):
-        with pytest.raises(BadInputError, match=problem):
-            follow(twin, start, editor.style)
 
 
 def test_a_policy_that_follows_none_is_refused(
@@ -145,8 +117,3 @@ def test_a_rollout_that_is_cancelled_ends_and_leaves_no_trace(
         follow(twin, supine, editor.style, cancel=lambda: next(cycles) > NOT_AT_ONCE)
     assert next(cycles) == NOT_AT_ONCE + 2
     assert is_same(rise, follow(twin, supine, editor.style))
-
-
-def test_policies_that_follow_styles_are_listed_by_their_contracts(op3: Robot):
-    assert list_styled_policies(op3) == ["styled"]
-    assert list_styled_policies(load_robot("wolfgang")) == []

@@ -18,13 +18,11 @@ from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
-from humanoid_getup.progress.callback import CancelledError, Progress
 from humanoid_getup.reporting.cut_commands import CutKind
 from humanoid_getup.scenes.named_scenes import FOLDER
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
 from robots.kinematics import lowest_points
-from robots.quaternion import multiply
 from robots.storage.encoding import to_json
 
 
@@ -62,24 +60,6 @@ def test_the_result_goes_to_another_process(flight: ReplayedFlight):
     assert copy.describe() == flight.describe()
     assert copy.cuts == flight.cuts
     assert copy.world.robot.joint_names == flight.world.robot.joint_names
-
-
-def test_a_cancelled_replay_ends_within_it_and_writes_nothing(swing: Path, tmp_path: Path):
-    phases = list[str]()
-
-    def report(progress: Progress) -> None:
-        phases.append(f"{progress.phase} {progress.done:g}")
-
-    request = ReplayRequest(log=swing, robot=str(TINY), out=tmp_path / "out")
-    for last in ("reading 0", "replaying 100", "drawing 0"):
-        phases.clear()
-        with pytest.raises(CancelledError):
-            replay_flight(request, report, lambda last=last: phases[-1] == last)
-        assert phases[-1] == last
-    drawn = iter((False, True))  # called as the drawing begins, and once it is done
-    with pytest.raises(CancelledError):
-        replay_flight(request, report, lambda: phases[-1] == "drawing 0" and next(drawn))
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_measured_robot_lies_over_its_twin_where_both_moved_the_same(flight: ReplayedFlight):
@@ -122,36 +102,6 @@ def test_a_robot_that_stands_still_does_not_slide_with_a_twin_that_falls(
     assert np.ptp(measured[:, 2]) < 1e-9
 
 
-def test_an_imu_with_another_zero_of_its_yaw_changes_nothing(tiny: Robot, tmp_path: Path):
-    turn = quaternion.from_yaw(2.0)
-
-    def turned(cycle: Cycle) -> Cycle:
-        orientation = multiply(turn, cycle.state.orientation)
-        return replace(cycle, state=replace(cycle.state, orientation=orientation))
-
-    for name, spoil in (("plain", None), ("turned", turned)):
-        record_swing(tmp_path / name, tiny, twin_of(tiny), tiny.standing, spoil)
-    plain, other = replayed(tmp_path / "plain"), replayed(tmp_path / "turned")
-    np.testing.assert_allclose(other.measured.qpos, plain.measured.qpos, atol=1e-9)
-
-
-def test_what_was_not_measured_is_the_twins(tiny: Robot, tmp_path: Path):
-    def blind(cycle: Cycle) -> Cycle:
-        angles = np.where([True, False], cycle.state.joint_pos, np.nan)
-        lost = np.full(4, np.nan) if cycle.state.time > 0.5 else cycle.state.orientation
-        return replace(cycle, state=replace(cycle.state, joint_pos=angles, orientation=lost))
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, blind)
-    flight = replayed(tmp_path / "f")
-    layout = flight.world.robot.layout(flight.world.model)
-    measured, twin = flight.measured.qpos, flight.twin.qpos
-    np.testing.assert_array_equal(measured[:, layout.qpos[1]], twin[:, layout.qpos[1]])
-    late = flight.report.time > 0.51
-    np.testing.assert_array_equal(
-        measured[late, layout.root_orientation], twin[late, layout.root_orientation]
-    )
-
-
 def test_torque_is_estimated_from_current_by_the_stall_point(flight: ReplayedFlight):
     current = flight.record.state["joint_current"]
     model = flight.world.robot.joints[0].servo.model
@@ -183,46 +133,6 @@ def test_a_target_that_is_too_fast_is_cut_in_the_cycles_in_which_the_guard_count
         assert mine[0].begin == flight.report.time[first]
         assert mine[-1].end == flight.report.time[last]
         assert all(each.begin <= each.end for each in mine)
-
-
-def test_torque_that_is_switched_off_after_a_fault_is_a_cut(tiny: Robot, tmp_path: Path):
-    def stop(cycle: Cycle) -> Cycle:
-        limit = cycle.sent.torque_limit * (cycle.state.time < 0.5)
-        return replace(cycle, sent=replace(cycle.sent, torque_limit=limit))
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, stop)
-    (cut,) = [each for each in replayed(tmp_path / "f").cuts if each.kind is CutKind.RELEASE]
-    assert (cut.begin, cut.largest) == (pytest.approx(0.504), 1.5)
-
-
-def test_a_command_of_another_length_is_no_cut(tiny: Robot, tmp_path: Path):
-    def short(cycle: Cycle) -> Cycle:
-        if cycle.state.time < 0.5:
-            return cycle
-        asked = replace(cycle.asked, joint_pos=np.zeros(1), torque_limit=np.zeros(1))
-        return replace(cycle, asked=asked)
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, short)
-    cuts = replayed(tmp_path / "f").cuts
-    assert max(cut.end for cut in cuts) == pytest.approx(0.496)
-
-
-def test_joints_are_ranked_by_their_largest_difference(tiny: Robot, tmp_path: Path):
-    def lean(cycle: Cycle) -> Cycle:
-        angles = cycle.state.joint_pos + np.array([0.02, -0.2])
-        return replace(cycle, state=replace(cycle.state, joint_pos=angles))
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, lean)
-    report = replayed(tmp_path / "f").report
-    assert report.ranking.tolist() == [1, 0]
-    assert report.headline == f"joint '{tiny.joint_names[1]}' differed by -0.200 rad after 0.00 s"
-
-
-def test_a_log_without_cycles_is_refused(tiny: Robot, tmp_path: Path):
-    with FlightLog(tmp_path / "f", tiny):
-        pass
-    with pytest.raises(BadInputError, match="contains no cycle, expected at least one"):
-        replayed(tmp_path / "f")
 
 
 def test_a_log_of_a_flight_without_an_imu_is_refused(tiny: Robot, tmp_path: Path):

@@ -12,7 +12,6 @@ import pytest
 from rise_figures_of import read_rises
 
 from humanoid_getup.jobs.benchmark import benchmark
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.bench import BenchRise
 from humanoid_getup.progress.callback import CancelledError
 from robots.storage.encoding import to_json
@@ -61,12 +60,3 @@ def test_a_ledger_goes_on_with_another_engine(here: list[dict[str, Any]], tmp_pa
     assert len(ledger.read_text().splitlines()) == 1 + 2
     rest = BenchRise(engine="local:2", ledger=ledger, resume=True, **QUICK)
     assert read_rises(to_json(benchmark(rest))) == here
-
-
-@pytest.mark.parametrize(
-    ("engine", "message"),
-    [("cloud", "--engine is 'cloud', expected local, dask or slurm"), ("local:0", "1 to")],
-)
-def test_an_unknown_engine_is_refused(engine: str, message: str):
-    with pytest.raises(BadInputError, match=message):
-        benchmark(BenchRise(engine=engine, **QUICK))

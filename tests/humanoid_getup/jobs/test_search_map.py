@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from nonempty import nonempty
-from searched_robot import SIDES, copy_bare_robot, search_a_little, store
+from searched_robot import copy_bare_robot, search_a_little, store
 
 from humanoid_getup.experiments.judging.standing import MAX_TILT
 from humanoid_getup.jobs.errors import BadInputError
@@ -65,33 +65,6 @@ def test_ways_up_lead_to_the_stance(searched: tuple[World, ChainDiscovery]):
     assert stance.stands
     assert stance.posture == "stand"
     assert stance.tilt < MAX_TILT
-
-
-def test_sides_are_where_the_map_has_them(searched: tuple[World, ChainDiscovery]):
-    """A robot on its back points its front up, one on its belly down, one on its side ahead."""
-    begun = {state.side: state for state in read(searched[0]) if not state.moves}
-    front = {side: np.degrees(begun[side].front[0]) for side in SIDES}
-    assert front["supine"] > 60.0
-    assert front["prone"] < -60.0
-    assert abs(front["left"]) < 30.0
-    for side in SIDES:
-        assert begun[side].posture == side
-        assert begun[side].neck[0] < 0.5
-        assert not begun[side].stands
-
-
-def test_the_options_are_those_with_which_it_can_be_resumed(searched: tuple[World, ChainDiscovery]):
-    known = read_search_map(searched[0])
-    assert known is not None
-    assert known.options.sides == ", ".join(SIDES)
-    assert known.options.seed == 3
-    assert known.options.torque_limit is None
-    assert known.simulated == pytest.approx(searched[1].simulated)
-    assert str(known).startswith(f"{len(known.states)} states (supine ")
-
-
-def test_a_robot_without_a_search_has_no_map(op3: Robot, tmp_path: Path):
-    assert read_search_map(World(load_robot(copy_bare_robot(op3, tmp_path)))) is None
 
 
 def test_a_damaged_file_is_refused_in_one_line(searched: tuple[World, ChainDiscovery]):

@@ -149,22 +149,6 @@ def test_a_cancelled_search_can_be_resumed(bare: Path, getup: Getup):
     assert getup("--sides", "supine", "--budget", "1", "--resume")[0] == 1
 
 
-def test_there_is_nothing_to_resume_where_nothing_was_searched(bare: Path, getup: Getup):
-    code, _, err = getup("--resume")
-    assert code == 2
-    assert "there is no search to resume" in err
-    assert not (bare / "unfinished").exists()
-
-
-@pytest.mark.usefixtures("bare", "no_film")
-def test_a_search_of_another_seed_is_not_resumed(getup: Getup):
-    options = ("--sides", "supine", "--budget", "1")
-    assert getup(*options)[0] == 1
-    code, _, err = getup(*options, "--resume", "--seed", "1")
-    assert code == 2
-    assert "made with another seed (0, now 1), expected the same" in err
-
-
 @pytest.mark.parametrize(
     ("reasons", "failure"), [((), ""), ((HOT,), "the preflight refuses it: too hot")]
 )
@@ -182,12 +166,6 @@ def test_a_search_accepts_what_the_preflight_passes(
     with pytest.raises(InterruptedError):
         discover(DiscoverRequest(robot=str(bare)))
     assert accepts[0](find_motion(op3, "supine_sit_up_fast")) == failure
-
-
-@pytest.mark.usefixtures("bare", "no_film")
-def test_servos_that_are_too_weak_are_named(getup: Getup):
-    _, out, _ = getup("--sides", "supine", "--budget", "1", "--torque-limit", "0.6")
-    assert "knee' is at its limit of 0.6 N·m" in out
 
 
 @pytest.mark.parametrize(

@@ -82,11 +82,6 @@ def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning():
     assert report(policy, seconds=ASSESSED + 10.0) == ""
 
 
-def test_a_training_that_is_continued_later_is_not_assessed_again():
-    policy = begin()
-    assert report(policy, iteration=200, seconds=2.0 * ASSESSED) == ""
-
-
 @pytest.mark.parametrize(
     ("motions", "neck", "lacks"),
     [

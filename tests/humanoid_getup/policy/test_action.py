@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from humanoid_getup.policy.action import (
-    HOMING_SHARE,
     ActionMode,
     ActionSpec,
     StanceScaling,
@@ -74,16 +73,6 @@ def test_a_target_leads_no_further_than_allowed_or_comes_back_as_fast_as_it_can(
     assert came_back[ahead] == pytest.approx(np.broadcast_to(SPEC.reach, ahead.shape)[ahead])
 
 
-def test_zero_at_rest_keeps_what_rises_and_brings_the_rest_home():
-    target = OP3.standing.joint_pos + 0.5
-    following = next_target(OP3, SPEC, target, target, UPRIGHT, np.zeros(SPEC.size))
-    rising = np.any(build_action_spec(OP3, OP3.rising_joints).directions != 0.0, axis=0)
-    assert following[rising] == pytest.approx(target[rising])
-    step = np.minimum(HOMING_SHARE * SPEC.reach[~rising], 0.5)
-    assert 0 < SPEC.moved.sum() - rising.sum() < (~rising).sum()
-    assert following[~rising] == pytest.approx(target[~rising] - step)
-
-
 def test_a_joint_that_comes_home_can_be_held_off_when_fallen_but_not_for_good_when_standing():
     spec = build_action_spec(OP3, ("l_hip_roll",), homing=("l_hip_roll",))
     joint, home = OP3.joint_names.index("l_hip_roll"), OP3.standing.joint_pos
@@ -142,13 +131,6 @@ def test_directions_of_a_pair_worked_out_by_hand(op3: Robot):
     assert spec.directions[1, [left, right]] == pytest.approx([0.5, 0.5])
     assert np.count_nonzero(spec.directions) == 4
     assert spec.mirror_sign(op3) == pytest.approx([1.0, -1.0])
-
-
-def test_a_direction_without_a_mirror_image_is_named(op3: Robot):
-    directions = SPEC.directions.copy()
-    directions[0, op3.mirror_index[np.flatnonzero(directions[0])[0]]] = 0.3
-    with pytest.raises(ValueError, match=f"without a mirror image: {SPEC.names[0]}"):
-        replace(SPEC, directions=directions).mirror_sign(op3)
 
 
 def test_who_gets_up_moves_both_sides_together_and_apart_if_it_may(op3: Robot):

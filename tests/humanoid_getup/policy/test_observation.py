@@ -44,14 +44,6 @@ def test_one_robot_and_many_see_the_same():
         assert np.array_equal(observe(OP3, one, *(values[i] for values in others)), many[i])
 
 
-def test_mirroring_twice_changes_nothing():
-    mirror = mirror_of_observation(OP3, mirror_of_actions(OP3, ACTION))
-    seen = observe(OP3, *sample_terms(4))
-    assert len(mirror.index) == SIZE
-    assert not np.array_equal(mirror(seen), seen)
-    assert np.array_equal(mirror(mirror(seen)), seen)
-
-
 def test_a_torque_limit_is_observed_as_a_share_and_no_more_than_the_policy_asks_for():
     limits = np.array([2.05, 4.1, 9.0])
     assert compute_torque_share(OP3, ACTION, limits).tolist() == [[0.5], [1.0], [1.0]]

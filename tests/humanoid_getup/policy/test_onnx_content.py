@@ -19,7 +19,6 @@ from onnx import TensorProto, helper, numpy_helper
 from tiny_policies import save_policy
 
 from humanoid_getup.policy import onnx_network
-from humanoid_getup.policy.onnx_content import read_metadata
 from humanoid_getup.policy.onnx_file import NetworkError, seal_model
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
@@ -178,10 +177,3 @@ def test_a_signal_ends_the_wait_for_an_inference(
     finally:
         signal.signal(signal.SIGUSR1, signal.SIG_IGN)
     assert multiprocessing.active_children() == []
-
-
-def test_metadata_is_read_without_running_a_model(tiny: Robot, tmp_path: Path):
-    content = save_policy(tmp_path / "policy.onnx", tiny).read_bytes()
-    known = onnx.load_model_from_string(content).metadata_props
-    assert read_metadata(content) == {entry.key: entry.value for entry in known}
-    assert len(known) == 2

@@ -9,12 +9,10 @@ from nonempty import nonempty
 pytest.importorskip("onnx")
 
 import onnx
-from tiny_policies import contract_of, save_policy, weights_of
+from tiny_policies import save_policy, weights_of
 
 from humanoid_getup.policy.onnx_file import (
     CHECKSUM_ENTRY,
-    CHECKSUM_KEY,
-    CONTRACT_KEY,
     NetworkError,
     read_model,
 )
@@ -43,31 +41,11 @@ def test_the_shipped_policies_are_valid_onnx_and_load(op3: Robot, file: Path):
     assert OnnxPolicy.load(file, op3, op3.control_period).failure is None
 
 
-def test_onnx_itself_reads_contract_and_checksum(tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", TINY)
-    metadata = {item.key: item.value for item in onnx.load(str(file)).metadata_props}
-    assert metadata.keys() == {CONTRACT_KEY, CHECKSUM_KEY}
-    assert metadata[CONTRACT_KEY] == contract_of(TINY).to_json()
-    assert metadata[CHECKSUM_KEY] == hashlib.sha256(file.read_bytes()[:-83]).hexdigest()
-
-
 def test_a_policy_without_a_checksum_is_refused_with_what_to_do(tmp_path: Path):
     file = save_policy(tmp_path / "p.onnx", TINY)
     file.write_bytes(file.read_bytes().rpartition(CHECKSUM_ENTRY)[0])
     with pytest.raises(PolicyError, match="no checksum: export it again with `getup export`"):
         OnnxPolicy.load(file, TINY, TINY.control_period)
-
-
-@pytest.mark.parametrize("content", [b"", b"\x00", b"\xff" * 40, b"text", b"\x0a\xff\xff\xff\x7f"])
-def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes):
-    (tmp_path / "p.onnx").write_bytes(content)
-    with pytest.raises(NetworkError, match=r"not a complete ONNX file|no policy contract"):
-        read_model(tmp_path / "p.onnx")
-
-
-def test_an_endless_file_is_refused():
-    with pytest.raises(OSError, match="it is a device, expected a file"):
-        read_model(Path("/dev/zero"))
 
 
 ROBOTS = ("op3", "wolfgang")

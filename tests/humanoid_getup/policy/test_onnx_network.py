@@ -9,7 +9,7 @@ pytest.importorskip("onnx")
 
 import onnx
 from onnx import TensorProto, helper
-from tiny_policies import actions_of, save_policy, save_styled_policy, weights_of
+from tiny_policies import save_policy, weights_of
 
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, NetworkError, seal_model
 from humanoid_getup.policy.onnx_network import OnnxNetwork
@@ -77,11 +77,3 @@ def test_without_a_memory_of_its_own_it_remembers_the_clipped_actions(tiny: Robo
     actions, memory = OnnxNetwork(file)(seen)
     assert actions == pytest.approx(np.array([[-4.0], [0.5], [3.0]]))
     assert memory == pytest.approx(np.array([[-1.0], [0.5], [1.0]]))
-
-
-def test_a_second_output_is_the_memory(tiny: Robot, tmp_path: Path):
-    file = save_styled_policy(tmp_path / "p.onnx", tiny)
-    size = onnx.load(str(file)).graph.input[0].type.tensor_type.shape.dim[1].dim_value
-    actions, memory = OnnxNetwork(file)(np.ones((2, size), dtype=np.float32))
-    assert (actions.shape, memory.shape) == ((2, tiny.n), (2, 2))
-    assert actions_of(tiny).size == 1  # that of rates, not of postures

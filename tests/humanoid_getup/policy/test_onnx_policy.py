@@ -12,8 +12,6 @@ from bus_stories import TINY, copy_tiny
 from tiny_policies import actions_of, contract_of, save_policy, state_of, weights_of
 
 from drivers import Ending, GuardLimits, SafetyGuard, State, Twin, run
-from humanoid_getup.experiments.judging.judge import GroundTruthJudge
-from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.policy.action import next_target
 from humanoid_getup.policy.observation import observe
@@ -172,17 +170,6 @@ def test_the_targets_between_decisions_are_those_of_training(op3: Robot, tmp_pat
             np.testing.assert_allclose(command.joint_pos, message[0, cycle], atol=1e-6)
 
 
-def test_a_gentle_policy_asks_its_servos_for_less_of_the_supply(tiny: Robot, tmp_path: Path):
-    for limit in (1.0, 0.55):
-        contract = contract_of(tiny, pwm_limit=limit).to_json()
-        file = save_policy(tmp_path / "p.onnx", tiny, contract=contract)
-        policy = begin(file, tiny, torque_limit=4.1)
-        command = policy.step(state_of(tiny))
-        assert command.pwm_limit.tolist() == [limit, limit]
-        assert command.torque_limit.tolist() == [4.1, 4.1]
-        assert policy.observe(policy.sense(state_of(tiny)))[-1] == pytest.approx(limit)
-
-
 def test_a_network_that_loses_its_numbers_makes_the_robot_limp_for_good(
     tiny: Robot, tmp_path: Path
 ):
@@ -212,17 +199,6 @@ def test_a_robot_whose_policy_loses_its_numbers_is_left_limp_by_the_loop(
     assert sent[0].is_limp
     assert policy.failure is not None
     assert guard.fault is None
-
-
-def test_a_robot_that_has_stood_long_enough_is_done(world: World, tmp_path: Path):
-    file = save_policy(tmp_path / "p.onnx", world.robot)
-    twin = Twin(world)
-    watch = GroundTruthJudge(twin.simulation, None)
-    policy = OnnxPolicy.load(file, world.robot, PERIOD)
-    report = run(policy, SafetyGuard(twin), max_time=20.0, on_cycle=watch)
-    assert report.ending is Ending.DONE
-    assert report.duration == pytest.approx(HOLD, abs=0.1)
-    assert watch.conclude().stand.stood
 
 
 @pytest.mark.parametrize(

@@ -46,10 +46,3 @@ def test_work_that_is_cancelled_ends_with_the_next_piece():
         "found",
         "",
     ]
-
-
-def test_work_needs_no_one_who_watches():
-    monitor = ProgressMonitor()
-    monitor.begin("reading")
-    monitor.count("rises", 2)(2)
-    monitor.check()

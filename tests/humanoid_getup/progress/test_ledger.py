@@ -109,15 +109,6 @@ def test_a_last_line_that_is_cut_off_is_done_again(tmp_path_factory, cut: int):
     assert path.read_bytes() == whole
 
 
-def test_a_letter_that_is_cut_off_is_done_again(tmp_path: Path):
-    path = keep_two(tmp_path)
-    ledger = Ledger.resume(path, RECIPE)
-    whole = path.read_bytes()
-    ledger.add("2.5 N·m", 1)
-    path.write_bytes(path.read_bytes()[: len(whole) + len(b'{"part":"2.5 N') + 1])
-    assert list(Ledger.resume(path, RECIPE).done) == ["one", "two"]
-
-
 @pytest.mark.parametrize("resumes", [True, False])
 def test_two_programs_with_one_ledger_are_refused(tmp_path: Path, resumes: bool):
     path = keep_two(tmp_path)

@@ -10,13 +10,12 @@ pytest.importorskip("mjviser")
 
 from paths import TINY
 
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.replay import ReplayRequest
 from humanoid_getup.reporting.cut_commands import Cut, CutKind
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.tabs.flight_tab import MOST_CUTS, check_body, make_take
-from robots import Body, Robot, load_robot
+from humanoid_getup.studio.tabs.flight_tab import MOST_CUTS, make_take
+from robots import Robot
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +35,6 @@ def test_a_flight_in_another_scene_says_so(flight: ReplayedFlight, tiny: Robot):
     assert not [fact for fact in make_take(flight, World(tiny)).facts if "scene" in fact]
     (fact,) = [fact for fact in make_take(flight, World(tiny, "ice")).facts if "scene" in fact]
     assert fact.startswith("recorded in the scene 'flat', shown in 'ice'")
-
-
-def test_a_flight_of_another_body_is_refused(flight: ReplayedFlight, tiny: Robot):
-    check_body(flight, World(tiny))
-    long = load_robot(TINY, Body.parse("legs=1.2"))
-    with pytest.raises(BadInputError, match=r"of the body '', expected 'legs=1\.2'"):
-        check_body(flight, World(long))
 
 
 def test_of_many_cuts_the_longest_are_marked(flight: ReplayedFlight, tiny: Robot):

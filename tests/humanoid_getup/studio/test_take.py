@@ -15,10 +15,6 @@ def test_a_time_shows_the_last_sample_before_it(at: float, row: int):
     assert make_take().find(at) == row
 
 
-def test_it_lasts_from_the_first_to_the_last_sample():
-    assert make_take().duration == 2.0
-
-
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [

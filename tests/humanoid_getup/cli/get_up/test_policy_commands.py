@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -73,30 +72,6 @@ def test_a_rise_may_use_a_policy_by_name(my_op3: Path, lying: str, tmp_path: Pat
     assert (report["method"], report["policy"], report["planned"]) == ("policy", "idle", False)
 
 
-RECORDS = """
-[[record]]
-method = "plan"
-torque_limit = 2.0
-prone = { stood = 50, n = 100 }
-
-[[record]]
-method = "policy"
-policy = "idle"
-torque_limit = 2.0
-prone = { stood = 99, n = 100 }
-"""
-
-
-@pytest.mark.usefixtures("stored_plans")
-def test_auto_takes_what_has_the_better_record(my_op3: Path, lying: str, tmp_path: Path):
-    (my_op3 / "policies" / "records.toml").write_text(RECORDS)
-    arguments = ("rise", "--robot", str(my_op3), "--from", lying, "--method", "auto")
-    learned = run(*arguments, "--attempts", "1", "--policy", "idle", out=tmp_path / "learned.json")
-    assert learned["policy"] == "idle"
-    planned = run(*arguments, out=tmp_path / "planned.json", code=0)  # nothing is known of 'robust'
-    assert (planned["policy"], planned["planned"], planned["stood"]) == (None, True, True)
-
-
 def refuse(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Run what must be refused; return the one line."""
     before = sorted(Path.cwd().rglob("*"))
@@ -117,13 +92,3 @@ def test_a_policy_that_does_not_fit_is_refused_with_every_reason(
     line = refuse(capsys, "run", "p.onnx", "--robot", "op3", "--from", "supine", "--out", "out")
     assert "policy file p.onnx: robot: made for 'nao'" in line
     assert "action mode: 'torque'" in line
-
-
-def test_an_export_without_the_packages_for_it_tells_how_to_get_them(capsys, tmp_path, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("sim2real")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.setitem(sys.modules, "onnx", None)
-    monkeypatch.chdir(tmp_path)
-    line = refuse(capsys, "export", "folder", "--out", "p.onnx")
-    assert "pip install 'humanoid-getup[train]'" in line

@@ -49,20 +49,6 @@ def test_a_held_robot_is_judged_and_handed_over(tmp_path: Path):
     assert report["hand_over"]["watchdog"] == "off"
 
 
-def test_a_robot_is_held_before_it_sits(tmp_path: Path):
-    code, report = run("hold", out=tmp_path)
-    assert (code, report["succeeded"], report["then"]) == (0, True, "sit")
-    assert report["held_s"] == pytest.approx(4.5, abs=0.1)
-    assert report["way_down_s"] > 1.0
-
-
-def test_a_rise_says_what_followed_its_stand(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    code, report = run("play", SQUAT, "--then", "sit", out=tmp_path)
-    assert (code, report["stood"], report["then"]) == (0, True, "sit")
-    assert report["after"]["succeeded"]
-    assert "sat and lay down, torque off" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(("realtime", "released"), [(True, True), (False, True)])
 def test_without_a_terminal_or_the_clock_of_the_wall_nothing_waits_for_a_key(realtime, released):
     reader, writer = os.pipe()

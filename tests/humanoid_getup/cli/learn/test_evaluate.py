@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import get_args, get_type_hints
 
 import pytest
 
@@ -12,12 +11,10 @@ from tiny_policies import save_policy
 
 from humanoid_getup.cli.main import main
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
-from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
-from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 
 
 @pytest.fixture
@@ -62,17 +59,6 @@ def test_all_that_is_wrong_is_reported_at_once(policy: str, capsys: pytest.Captu
     )
 
 
-def test_too_few_falls_are_reported(policy: str, falls: str, capsys: pytest.CaptureFixture[str]):
-    assert main(("eval", policy, "--n", "12", "--falls", falls)) == 2
-    assert "2 supine, 2 prone, 2 left, 2 right" in capsys.readouterr().err
-
-
-def test_servos_that_are_no_motors_take_no_limits(falls: str, capsys: pytest.CaptureFixture[str]):
-    servos = ("--n", "4", "--falls", falls, "--variant", "menagerie servos")
-    assert main(("eval", "gentle", *servos)) == 2  # the policy asks for a part of the supply
-    assert "a policy's own limit of the supply" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("kept", [0, 100, -40])
 def test_a_damaged_set_of_falls_is_refused_in_one_line(
     policy: str, falls: str, kept: int, capsys: pytest.CaptureFixture[str]
@@ -81,18 +67,6 @@ def test_a_damaged_set_of_falls_is_refused_in_one_line(
     assert main(("eval", policy, "--n", "4", "--falls", falls)) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert f"falls {falls}: it is" in line
-
-
-def test_the_model_variants_are_the_choices_of_the_option():
-    literal, _ = get_args(get_type_hints(EvaluateRequest)["variant"])
-    assert get_args(literal) == tuple(MODEL_VARIANTS)
-
-
-def test_falls_of_another_scene_are_refused(policy: str, falls: str, op3: Robot, capsys):
-    moon = FallSet(robot="op3", scene="moon", seed=5, falls=FallSet.load(Path(falls), op3).falls)
-    moon.save(Path(falls))
-    assert main(("eval", policy, "--n", "4", "--falls", falls)) == 2
-    assert "they are of scene 'moon', not 'flat'" in capsys.readouterr().err
 
 
 def test_every_four_falls_on_rough_ground_have_a_ground_of_their_own(policy, tmp_path):

@@ -69,10 +69,3 @@ def test_an_imported_policy_runs_on_the_twin(folder: Path):
     assert getup(line) == 1  # it does not rise
     report = json.loads((folder / "run" / "report.json").read_text())
     assert report["policy"] == "policy"
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_policy_with_a_contract_of_ours_is_not_imported_twice(capsys):
-    assert getup("policy import their.onnx --rate 62.5 --out ours") == 0
-    assert getup("policy import ours/policy.onnx --out again") == 2
-    assert "it has a policy contract of ours: `getup run`" in capsys.readouterr().err

@@ -1,10 +1,8 @@
 """`getup train`: a story of its own, and what it refuses in one line."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args, get_type_hints
 
 import pytest
 
@@ -17,10 +15,7 @@ pytest.importorskip("tensorboard")
 
 from run_getup import Run
 
-from humanoid_getup.jobs.requests.learning import TrainRequest
-from humanoid_getup.jobs.trained_policy import format_time
 from humanoid_getup.progress.callback import Progress
-from humanoid_getup.simulation.physics_engine import PhysicsName
 from sim2real.training.config import RECIPES
 
 pytestmark = pytest.mark.train
@@ -87,22 +82,6 @@ def test_a_spoilt_file_of_a_training_is_named(run: Run, name: str, content: byte
     assert Path("mine", name).read_bytes() == content
 
 
-def test_the_recipes_are_the_choices_of_the_option():
-    assert get_args(get_type_hints(TrainRequest)["recipe"]) == tuple(RECIPES)
-
-
-def test_the_engines_are_the_choices_of_the_option():
-    assert get_type_hints(TrainRequest)["physics"] == PhysicsName
-
-
-def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("sim2real")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    line = refuse(run, "train", "--out", "mine")
-    assert "pip install 'humanoid-getup[train]'" in line
-
-
 def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
     def interrupt(_: object, progress: Progress) -> None:
         if progress.total is not None:
@@ -115,11 +94,3 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
     assert code == 130
     assert "the same command continues from it" in error
     assert Path("mine/checkpoint.pt").read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [(42.0, "42 s"), (420.0, "7 min"), (3900.0, "65 min"), (7500.0, "2 h 05 min")],
-)
-def test_a_duration_is_written_for_people(seconds: float, words: str):
-    assert format_time(seconds) == words

@@ -1,7 +1,6 @@
 """`getup train --physics warp`: one training, and what it refuses in one line."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -42,14 +41,6 @@ def test_a_training_on_mujoco_warp_continues_and_is_no_other_one(run: Run):
     code, out, error = run(*TINY, "--iterations", "2")
     assert (code, out) == (2, "")
     assert "recipe.physics (warp, now mujoco)" in error
-
-
-def test_without_the_extra_one_line_tells_what_to_install(run: Run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco_warp", None)
-    code, out, error = run(*ON_WARP)
-    assert (code, out) == (2, "")
-    assert "pip install 'humanoid-getup[warp]'" in error
-    assert not Path("mine").exists()
 
 
 def test_a_folder_from_before_the_option_is_a_training_on_mujoco(tmp_path: Path):

@@ -2,11 +2,9 @@
 
 import json
 import resource
-from dataclasses import replace
 
-import numpy as np
 import pytest
-from flight_recording import SECOND, Swing, record_swing, twin_of
+from flight_recording import SECOND, Swing, twin_of
 from paths import TINY
 
 from drivers import Cycle, Ending, GuardLimits, SafetyGuard, run
@@ -63,29 +61,6 @@ def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, ca
     message = " ".join(capsys.readouterr().out.split())
     assert "the twin moved exactly as logged" in message
     assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
-
-
-def test_without_a_logged_start_the_command_estimates_it_from_the_first_measurement(
-    op3, tmp_path, capsys
-):
-    record_swing(tmp_path / "f.mcap", op3, twin_of(op3), None)
-    assert parse(tmp_path / "f.mcap", "--json", "-").load()() == 0
-    message = capsys.readouterr()
-    figures = json.loads(message.out)
-    assert (figures["start"], figures["exact"]) == ("estimated", False)
-    assert figures["divergence_s"] is None or figures["divergence_s"] > 0.2
-    assert "log" in message.err
-
-
-def test_a_log_with_a_blind_joint_and_a_fault_is_drawn_and_reported(tiny, tmp_path, capsys):
-    def blind(cycle: Cycle) -> Cycle:
-        angles = np.where([True, False], cycle.state.joint_pos, np.nan)
-        return replace(cycle, state=replace(cycle.state, joint_pos=angles))
-
-    record_swing(tmp_path / "f", tiny, twin_of(tiny), tiny.standing, blind)
-    assert parse(tmp_path / "f", "--robot", TINY, "--out", tmp_path / "out").load()() == 0
-    assert "no joint and no tilt differed" in capsys.readouterr().out
-    assert json.loads((tmp_path / "out" / "replay.json").read_text())["exact"] is False
 
 
 @pytest.mark.parametrize(

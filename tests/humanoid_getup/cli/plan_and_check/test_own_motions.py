@@ -79,13 +79,6 @@ def test_keys_may_go_to_a_file_of_their_own_and_be_previewed(run: Run, tmp_path:
     assert strip.read_bytes().startswith(b"\x89PNG") or "no film strip" in message
 
 
-def test_a_preview_of_a_motion_that_stands_leaves_with_0(run: Run, tmp_path: Path):
-    code, message, _ = run("motions", "preview", "squat_to_stand")
-    assert code == 0
-    assert "squat_to_stand, as it is: stood after" in message
-    assert [path.name for path in tmp_path.glob("*.png")] in (["squat_to_stand.png"], [])
-
-
 class Hand:
     """Moves a simulated robot, and presses a key some cycles later."""
 
@@ -153,15 +146,6 @@ def test_a_robot_moved_by_hand_is_recorded(backend, degrees, record, own_robot: 
     assert "bow: 4 keys" in out
 
 
-@pytest.mark.parametrize("last", [Press.FINISH, Press.LEAVE])
-def test_without_keys_nothing_is_saved(last: Press, record, own_robot: Path):
-    postures = [] if last is Press.FINISH else [np.zeros(2)]
-    code, out, _ = record(postures, last=last)
-    assert code == 1, out
-    assert "nothing is saved" in out
-    assert not (own_robot / KEYFRAMES).exists()
-
-
 def test_a_fault_keeps_the_keys_that_were_taken(record, own_robot: Path):
     code, out, _ = record([np.zeros(2), np.radians([-30.0, -30.0])], "--start", "squat", last=None)
     assert code == 3
@@ -203,18 +187,3 @@ def test_a_build_that_fails_keeps_its_best_try_and_continues(run: Run, op3_folde
     code, _, error = run(*build, "--resume", "--seed", "5")
     assert code == 2
     assert "kick.jsonl: made with another seed" in error
-
-
-@pytest.mark.slow
-def test_a_motion_that_is_built_may_keep_its_keys(run: Run, op3_folder: Path):
-    robot = load_robot(op3_folder)
-    (before,) = load_keyframes(op3_folder / KEYFRAMES, robot)
-    options = ("--generations", "2", "--keep-keys", "--robot", str(op3_folder))
-    code, _, _ = run("motions", "build", "squat_to_stand", *options)
-    assert code == 0
-    assert Motion.load(op3_folder / "motions" / "squat_to_stand.npz").rises
-    assert list((op3_folder / "unfinished").iterdir()) == []
-    (after,) = load_keyframes(op3_folder / KEYFRAMES, robot)
-    assert not np.allclose(after.keys[1:-1], before.keys[1:-1], atol=0.001)
-    np.testing.assert_array_equal(after.keys[-1], before.keys[-1])
-    assert (op3_folder / KEYFRAMES).read_text("utf-8").startswith("# OP3's motions")

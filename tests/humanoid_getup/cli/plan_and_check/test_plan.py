@@ -58,13 +58,6 @@ def test_a_path_is_found_saved_and_described(out: Path, op3: Robot):
     np.testing.assert_allclose(path.joint_pos[-1], joined.posture.joint_pos, atol=1e-9)
 
 
-def test_the_saved_path_can_be_drawn_and_judged(out: Path, tmp_path: Path):
-    path = str(out / "path.npz")
-    assert main(["preflight", path]) == 0
-    if (out / "strip.png").exists():
-        assert main(["motions", "show", path, "--picture", str(tmp_path / "shown.png")]) == 0
-
-
 @pytest.mark.usefixtures("no_film")
 def test_a_path_leads_through_keys_to_a_posture(lying: str, tmp_path: Path, op3: Robot):
     wanted = ["--key", KEY, "--to", "motions:squat_to_stand@0"]
@@ -78,15 +71,6 @@ def test_a_path_leads_through_keys_to_a_posture(lying: str, tmp_path: Path, op3:
     assert record["goal"] == "motions:squat_to_stand@0"
     at = int(np.argmin(np.abs(path.time - key["time_s"])))
     np.testing.assert_allclose(path.joint_pos[at], load_key(KEY, op3).posture.joint_pos, atol=1e-9)
-
-
-def test_the_same_seed_gives_the_same_path(tmp_path: Path):
-    records = []
-    for file in ("one.json", "two.json"):
-        _, record = run("plan", "--from", "right", "--seed", "4", file=tmp_path / file)
-        del record["time_s"]
-        records.append(record)
-    assert records[0] == records[1]
 
 
 def test_a_spent_budget_is_one_line_that_says_what_where_and_when(
@@ -111,22 +95,6 @@ def test_the_beginning_of_the_best_path_is_kept_on_request(short: list[str], tmp
     assert len(record["tried"]) == 6
     assert path.provenance["complete"] == 0
     assert 0.0 < record["duration_s"] == pytest.approx(path.duration)
-
-
-def test_without_refinement_less_is_tried(short: list[str], tmp_path: Path):
-    code, record = run(*short, "--no-refinement", file=tmp_path / "plan.json")
-    assert (code, record["refined"]) == (1, False)
-
-
-@pytest.mark.slow
-def test_a_rise_reports_what_became_of_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    code, record = run("rise", "--from", "supine", "--key", KEY, file=tmp_path / "rise.json")
-    (key,) = record["keys"]
-    assert (code, record["stood"], record["plan_cache"]) == (0, True, None)
-    assert (key["name"], key["kept"], key["reason"]) == (KEY, True, "")
-    assert key["largest_joint_error_rad"] < 0.1
-    assert key["played_joint_error_rad"] < 0.1
-    assert f"{KEY} at {key['time_s']:.2f} s" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("no_film")

@@ -54,18 +54,3 @@ def test_a_motion_for_each_side_without_one_can_be_built_next(
     code, out, _ = run("motions", "retarget", *names, "--robot", str(gnome), "--no-improve")
     assert code == 1
     assert out.endswith(f"; next: getup motions build prone_push_up_gentle --robot {gnome}\n")
-
-
-def test_after_motions_that_stand_a_rise_is_next(
-    run: Run, gnome: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(retarget_motions, "_keep_if_standing", lambda *_: 0.9)
-    code, out, _ = run("motions", "retarget", "supine_roll_over", "--robot", str(gnome))
-    assert code == 0
-    assert out.endswith(f"next: getup rise --robot {gnome} --from supine\n")
-
-
-def test_a_robot_is_not_retargeted_to_itself(run: Run):
-    code, _, error = run("motions", "retarget", "--robot", "op3")
-    assert code == 2
-    assert error == "getup: --source is op3, the robot itself, expected another robot\n"

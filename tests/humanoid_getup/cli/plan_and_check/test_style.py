@@ -1,8 +1,6 @@
 """`getup style`, and rises by a policy that follows a style."""
 
-import io
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -42,15 +40,6 @@ def test_styles_are_listed_and_shown_with_their_curves(op3, tmp_path, capsys):
     first = styles[3]["curves"][0]
     assert first["front_deg"][:3] == pytest.approx([15.0, 20.0, 45.0])
     assert first["duration_s"] == pytest.approx(load_style("sit-up", op3).curves[0].duration)
-
-
-def test_a_name_that_is_not_utf8_is_printed(tmp_path, monkeypatch):
-    stdout = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
-    monkeypatch.setattr("sys.stdout", stdout)
-    out = tmp_path / os.fsdecode(b"n\xff.toml")
-    assert main(("style", "edit", "sit-up", "--slower", "1.2", "--out", str(out))) == 0
-    stdout.flush()
-    assert rb"n\udcff.toml" in stdout.detach().getvalue().replace(b"\n", b"")
 
 
 def test_an_edit_moves_the_rise_as_asked_and_says_so(op3, tmp_path, capsys):
@@ -96,23 +85,6 @@ def test_a_flight_shows_the_style_that_was_followed(op3, policy, tmp_path):
     assert main(whole) == 0
     (curve,) = read_style(extracted, op3).curves
     assert curve.points[0] == pytest.approx(guidance["measured"][0], abs=0.05)
-
-
-@pytest.mark.parametrize("backend", ["twin", pytest.param("virtual", marks=pytest.mark.slow)])
-@pytest.mark.usefixtures("stored_plans", "no_film")
-def test_a_plan_commands_the_policy_by_its_curves(op3, policy, lying, tmp_path, backend):
-    arguments = ("rise", "--from", lying, "--method", "policy", "--policy", policy)
-    options = ("--style", "planned", "--attempts", "1", "--backend", backend)
-    assert main((*arguments, *options, "--out", str(tmp_path / "out"))) == 1  # it lies still
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert (report["style"], report["planned"]) == ("planned", True)
-    assert report["connection"]
-    assert report["style_followed"] is False
-    assert report["style_summary"].startswith("not followed")
-    assert (tmp_path / "out" / "style.png").read_bytes().startswith(b"\x89PNG")
-    wanted = FlightRecord.load(tmp_path / "out" / "flight.mcap", op3).tracks["guidance"]["wanted"]
-    assert wanted[0, 0] < 0.4  # it begins as the robot lies, and asks it to rise
-    assert np.nanmax(wanted[:, 0]) > 0.6  # until it has lost the curves, and they begin again
 
 
 def test_every_scene_and_style_is_a_case(op3, policy, tmp_path):

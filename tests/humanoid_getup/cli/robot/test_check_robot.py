@@ -54,12 +54,6 @@ def test_a_fault_ends_with_1_and_tells_what_was_not_checked(run: Run, copied_op3
     assert "not checked until the faults are corrected: squats, strength, arms, holding" in out
 
 
-def test_json_on_standard_output_is_alone(run: Run):
-    code, out, _ = run("robots", "check", "op3", "--json", "-")
-    assert code == 0
-    assert len(json.loads(out)["findings"]) == 12
-
-
 def test_stance_and_deepest_squat_are_drawn(run: Run, op3: Robot, world: World, tmp_path: Path):
     try:
         render_frames(op3, world.model, place(op3, world.model, op3.standing)[None])

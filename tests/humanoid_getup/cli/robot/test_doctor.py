@@ -6,12 +6,11 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
-from bus_stories import TINY, copy_tiny, run_json, serving
+from bus_stories import TINY, run_json, serving
 
 from drivers.service import doctor, session
 from drivers.service.doctor import Latency, PortReport, check_port
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
 from robots import load_robot
@@ -142,15 +141,6 @@ def test_it_says_whether_the_loop_goes_before_other_programs(
     assert ("beside other programs more cycles are late" in said) is not permitted
 
 
-def test_a_system_without_a_real_time_class_is_not_to_permit_it(tiny_served, monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "in_real_time_class", lambda: nullcontext(False))
-    monkeypatch.setattr("humanoid_getup.cli.robot.doctor.IS_KNOWN", False)
-    main(("doctor", "--robot", str(TINY), "--port", tiny_served.path))
-    said = " ".join(capsys.readouterr().out.split())
-    assert "real-time class: none on this system" in said
-    assert "rtprio" not in said
-
-
 def test_real_time_is_measured_too(capsys):
     with serving(TINY, time_mode=TimeMode.REAL_TIME) as served:
         served.place()
@@ -177,14 +167,6 @@ def test_only_the_power_switch_is_written(capsys):
     assert again["written"] == []
 
 
-def test_a_servo_set_to_answer_no_reads_is_heard_all_the_same(tiny_served, capsys):
-    tiny_served.poke("l_hip", "status_return_level", 0)
-    code, message = examine(tiny_served, capsys)
-    assert code == 0
-    assert list(message["joints"]) == ["l_hip", "r_hip"]
-    assert "joint 'l_hip' (id 1) ignored reads" in message["written"][0]
-
-
 def test_torque_that_is_on_stays_on_and_is_reported(tiny_served, capsys):
     tiny_served.poke("l_hip", "torque_enable", 1)
     code, message = examine(tiny_served, capsys)
@@ -194,17 +176,6 @@ def test_torque_that_is_on_stays_on_and_is_reported(tiny_served, capsys):
     assert any(
         "'l_hip' (id 1): has torque; hold the robot" in w for w in list_findings(message, "warning")
     )
-
-
-def test_a_calibrated_robot_is_called_so(tmp_path, tiny_served, capsys):
-    folder = copy_tiny(tmp_path)
-    (folder / "calibration.toml").write_text('robot = "tiny"\n')
-    _, message = examine(tiny_served, capsys, robot=folder)
-    assert message["calibrated"] is True
-    assert not any("calibrat" in w for w in list_findings(message, "warning"))
-    _, message = examine(tiny_served, capsys)
-    assert message["calibrated"] is False
-    assert any("run getup calibrate" in w for w in list_findings(message, "warning"))
 
 
 def test_settings_that_the_driver_will_change_are_warnings_alike_ones_together(tiny_served, capsys):
@@ -234,19 +205,6 @@ def test_a_dead_servo_is_named_and_the_others_are_reported(capsys):
     assert error.startswith("joint 'r_hip' (id 2): silent; check its cable")
     assert list(message["joints"]) == ["l_hip"]
     assert message["ports"][0]["latency"] is not None
-
-
-def test_another_model_is_named(tiny_served, capsys):
-    tiny_served.exchange(0, VirtualServo(1, "XL430-W250", baud=1_000_000))
-    error = find_error(tiny_served, capsys)
-    assert "joint 'l_hip' (id 1): is a XL430-W250, expected XM430-W350" in error
-
-
-def test_two_servos_of_one_id_are_named(tiny_served, capsys):
-    tiny_served.add(VirtualServo(1, baud=1_000_000))
-    assert "'l_hip' (id 1): replies are garbled, as by two servos" in find_error(
-        tiny_served, capsys
-    )
 
 
 def test_a_low_supply_is_one_error(capsys):
@@ -328,13 +286,6 @@ PORT = PortReport(
 )
 
 
-def test_return_delays_that_the_driver_sets_to_0_do_not_slow_a_line(monkeypatch):
-    """30 servos as shipped, read one reply after the other."""
-    monkeypatch.setattr(doctor, "READ_SHARE", 0.75)
-    shipped = replace(LATENCY, reading_median=0.0205, reading_p99=0.0212, return_delays=0.0155)
-    assert check_port(replace(PORT, latency=shipped), period=0.008) == []
-
-
 @pytest.mark.parametrize(
     ("line", "severity", "words"),
     [
@@ -391,21 +342,6 @@ def test_bad_input_is_one_line(capsys, tmp_path):
     assert "is not a serial port" in refuse(capsys, "--port", str(tmp_path / "file"))
     assert "for robot 'op3': --port main=PATH" in refuse(capsys, "--port", "arms=/dev/x")
     assert "unknown robot 'nao'" in refuse(capsys, "--robot", "nao", "--port", "/dev/x")
-
-
-def test_joints_that_share_an_id_are_bad_input(tmp_path, capsys):
-    folder = copy_tiny(tmp_path)
-    text = (folder / "robot.toml").read_text()
-    (folder / "robot.toml").write_text(text.replace("id = 2,", "id = 1,"))
-    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
-    assert "joints 'l_hip', 'r_hip' have one servo id, 1" in message
-
-
-def test_a_calibration_of_another_robot_is_bad_input(tmp_path, capsys):
-    folder = copy_tiny(tmp_path)
-    (folder / "calibration.toml").write_text('robot = "op3"\n')
-    message = refuse(capsys, "--robot", str(folder), "--port", "/dev/nowhere")
-    assert "it is of robot 'op3', expected 'tiny'" in message
 
 
 def test_a_port_without_devices_says_what_to_check(capsys):

@@ -59,21 +59,3 @@ def test_a_servo_type_and_a_fixed_joint_can_be_said(run: Run, tmp_path: Path):
         "left_shank_joint",
         "right_shank_joint",
     }
-
-
-def test_two_wrong_meshes_are_two_lines_and_no_folder(run: Run, tmp_path: Path):
-    text = small_urdf(mesh="torso.stl").replace(
-        '<link name="head">',
-        '<link name="hat"><collision><geometry><mesh filename="hat.stl"/></geometry></collision>'
-        '</link><link name="head">',
-    )
-    (tmp_path / "small.urdf").write_text(text)
-    code, out, err = run(
-        "robots", "import", str(tmp_path / "small.urdf"), "--out", str(tmp_path / "mine")
-    )
-    assert (code, out) == (2, "")
-    lines = err.strip().splitlines()
-    assert len(lines) == 2
-    assert "'torso.stl' of link 'torso' is not found" in lines[0]
-    assert "'hat.stl' of link 'hat' is not found" in lines[1]
-    assert not (tmp_path / "mine").exists()

@@ -1,6 +1,5 @@
 """`getup watch`: a table of a limp robot, until q, Ctrl-C or its time."""
 
-import json
 import os
 import pty
 import signal
@@ -31,15 +30,6 @@ def test_what_was_seen_is_printed_at_the_end(backend: str, run: Run):
     assert "l_hip" in out
     assert "-90 to +60" in out, "the range of its joints"
     assert text.endswith("backward"), "which way is positive"
-
-
-def test_it_is_written_as_json(run: Run):
-    code, out, _ = run(*SHORT, "--json", "-")
-    figures = json.loads(out)
-    assert (code, figures["by_fault"], figures["cycles"]) == (0, False, 25)
-    assert figures["last"]["torso"]["lies"] == "on its belly"
-    assert figures["last"]["joints"]["r_hip"]["positive"] == "backward"
-    assert figures["last"]["torque_on"] is False
 
 
 def test_a_fault_gives_its_exit_code(run: Run, monkeypatch: pytest.MonkeyPatch):

@@ -155,12 +155,6 @@ def describe_mjlab(rate: float) -> ForeignPolicy:
     return describe_policy(network, rate=rate)
 
 
-def test_a_rate_of_whole_control_periods_is_kept(nodding: Robot):
-    for cycles in (1, 2, 3, 7):
-        policy = describe_mjlab(1.0 / (cycles * nodding.control_period))
-        assert fit_policy(policy, nodding).action.cycles == cycles
-
-
 def test_another_rate_is_refused_with_a_period_that_fits(nodding: Robot):
     for rate in (26.0, 50.0, 62.0, 62.49, 84.0, 200.0):
         with pytest.raises(ForeignPolicyError, match="expected a whole number") as refusal:

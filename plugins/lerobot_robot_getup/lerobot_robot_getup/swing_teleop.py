@@ -7,30 +7,24 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from lerobot.processor import RobotAction
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.requests.shared import RobotOption
-from lerobot_robot_getup.getup_robot import POSITION
-from lerobot_robot_getup.joint_units import JointUnits
+from lerobot_robot_getup.joints import JointUnits, name_positions
+from robots import load_robot
 
 
 @TeleoperatorConfig.register_subclass("getup_swing")
 @dataclass(kw_only=True)
 class SwingTeleopConfig(TeleoperatorConfig):
-    """Which joints swing, and how far."""
+    """Which joints of a model swing about their standing angles, and how far; the others stand."""
 
     model: str = "op3"
-    """Name of a robot, or a folder with a robot.toml."""
     joints: list[str] = field(default_factory=list)
-    """The joints that swing about their standing angles; the others stand."""
-    amplitude: float = 20.0
-    """[deg]"""
-    period: float = 2.0
-    """[s]"""
+    amplitude: float = 20.0  # deg
+    period: float = 2.0  # s
     use_degrees: bool = True
-    """As of the robot."""
 
 
 class SwingTeleop(Teleoperator):
@@ -38,71 +32,43 @@ class SwingTeleop(Teleoperator):
 
     config_class = SwingTeleopConfig
     name = "getup_swing"
+    action_features: dict[str, type] = {}  # noqa: RUF012
+    feedback_features: dict[str, type] = {}  # noqa: RUF012
+    is_connected, is_calibrated = False, True
 
     def __init__(self, config: SwingTeleopConfig) -> None:
-        """Load the description of the robot.
-
-        Raises:
-            ValueError: if the robot has no such joint.
-        """
+        """Load the description of the robot; a joint that it does not have is refused."""
         super().__init__(config)
-        self.config = config
-        self._robot = load_robot(RobotOption(robot=config.model))
-        if unknown := [name for name in config.joints if name not in self._robot.joint_names]:
+        self.config, self._robot = config, load_robot(config.model)
+        names = self._robot.joint_names
+        if unknown := [name for name in config.joints if name not in names]:
             raise ValueError(
                 f"--teleop.joints: unknown joint {', '.join(map(repr, unknown))}, expected "
-                f"{', '.join(self._robot.joint_names)}"
+                f"{', '.join(names)}"
             )
-        self._units = JointUnits.of(self._robot, use_degrees=config.use_degrees)
-        self._began: float | None = None
+        self._units = JointUnits(self._robot, use_degrees=config.use_degrees)
+        self._amplitude = math.radians(config.amplitude) * np.isin(names, config.joints)
+        self.action_features = name_positions(self._robot)
 
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Return the joints, ``<joint>.pos``."""
-        return {joint + POSITION: float for joint in self._robot.joint_names}
-
-    @property
-    def feedback_features(self) -> dict[str, type]:
-        """Return nothing: there is no device to move."""
-        return {}
-
-    @property
-    def is_connected(self) -> bool:
-        """Return whether it has begun."""
-        return self._began is not None
-
-    def connect(self, calibrate: bool = True) -> None:
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
         """Begin to swing."""
-        del calibrate
-        self._began = time.perf_counter()
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Return True: there is nothing to calibrate."""
-        return True
-
-    def calibrate(self) -> None:
-        """Do nothing."""
-
-    def configure(self) -> None:
-        """Do nothing."""
+        self.is_connected, self._began = True, time.perf_counter()
 
     def get_action(self) -> RobotAction:
         """Return the targets of now."""
-        now = time.perf_counter()
-        swing = math.sin(2.0 * math.pi * (now - (self._began or now)) / self.config.period)
-        target = self._robot.standing.joint_pos.copy()
-        for joint in self.config.joints:
-            target[self._robot.joint_names.index(joint)] += (
-                math.radians(self.config.amplitude) * swing
-            )
-        return dict(
-            zip(self.action_features, self._units.from_angles(target).tolist(), strict=True)
-        )
-
-    def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Do nothing: there is no device to move."""
+        phase = 2.0 * math.pi * (time.perf_counter() - self._began) / self.config.period
+        target = self._robot.standing.joint_pos + self._amplitude * math.sin(phase)
+        numbers = self._units.from_angles(target).tolist()
+        return dict(zip(self.action_features, numbers, strict=True))
 
     def disconnect(self) -> None:
         """End."""
-        self._began = None
+        self.is_connected = False
+
+    def calibrate(self) -> None:
+        """Do nothing: there is no device."""
+
+    configure = calibrate
+
+    def send_feedback(self, feedback: dict[str, Any]) -> None:
+        """Do nothing: there is no device."""

@@ -1,36 +1,70 @@
-"""The robot as LeRobot's programs use it, in its own process: on the twin and on a virtual bus."""
+"""The robot as LeRobot's programs use it: on the twin, and on a virtual bus."""
 
+import contextlib
 import os
-import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
+from collections.abc import Callable
 
+import numpy as np
 import pytest
-
-pytest.importorskip("lerobot.robots", reason="needs LeRobot", exc_type=ImportError)
-
-from getup_server.robot_client import RobotUnreachableError
 from lerobot.robots import make_robot_from_config
-from lerobot.utils.errors import DeviceNotConnectedError
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 from lerobot_robot_getup import GetupRobot, GetupRobotConfig, SwingTeleop, SwingTeleopConfig
+from lerobot_robot_getup.pilot import Pilot
+from lerobot_robot_getup.robot_thread import RobotStoppedError
 
+from drivers import DriverError, Twin
+from drivers.errors import UnreleasedError
 from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.strategies.plan import RisePlan, RiseStatus
+from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots import Robot
+
+PAN = "head_pan.pos"
 
 
-def make(tmp_path: Path, **options) -> GetupRobot:
-    return GetupRobot(GetupRobotConfig(id="test", calibration_dir=tmp_path, **options))
+def wait_until(holds: Callable[[], bool], longest: float = 120.0) -> None:
+    """Wait until something holds; fail if it never does."""
+    end = time.monotonic() + longest
+    while not holds():
+        assert time.monotonic() < end, f"never within {longest:g} s"
+        time.sleep(0.005)
 
 
-def test_lerobot_makes_it_from_its_configuration(tmp_path: Path):
-    robot = make_robot_from_config(GetupRobotConfig(id="test", calibration_dir=tmp_path))
+def twin_of(robot: GetupRobot) -> Twin:
+    assert robot._thread is not None
+    twin = robot._thread._guard.backend
+    assert isinstance(twin, Twin)
+    return twin
+
+
+def targets_of(robot: GetupRobot) -> np.ndarray:
+    """Return the last targets without a call that LeRobot would make [rad]."""
+    assert robot._thread is not None
+    return robot._thread._guard.targets
+
+
+def move(robot: GetupRobot, **numbers: float) -> None:
+    """Send targets until the joints are there."""
+    action = {f"{name}.pos": number for name, number in numbers.items()}
+
+    def has_arrived() -> bool:
+        robot.send_action(action)
+        observed = robot.get_observation()
+        return all(abs(observed[key] - number) < 2.0 for key, number in action.items())
+
+    wait_until(has_arrived)
+
+
+def test_lerobot_makes_it_from_its_configuration(make):
+    config = make().config
+    robot = make_robot_from_config(config)
     assert isinstance(robot, GetupRobot)
     assert robot.name == "getup"
 
 
-def test_features_are_known_before_it_is_connected(tmp_path: Path):
-    robot = make(tmp_path)
+def test_features_are_known_before_it_is_connected(make):
+    robot = make()
     assert not robot.is_connected
     assert robot.action_features == SwingTeleop(SwingTeleopConfig()).action_features
     assert len(robot.action_features) == 20
@@ -45,69 +79,212 @@ def test_features_are_known_before_it_is_connected(tmp_path: Path):
             use()
 
 
-@pytest.mark.parametrize("backend", ["twin", "virtual"])
-@pytest.mark.parametrize("use_degrees", [True, False])
-def test_it_is_observed_and_obeys(backend: str, use_degrees: bool, tmp_path: Path):
-    with make(tmp_path, backend=backend, use_degrees=use_degrees) as robot:
+@pytest.mark.parametrize(
+    ("backend", "use_degrees"), [("twin", True), ("twin", False), ("virtual", True)]
+)
+def test_it_is_observed_and_obeys(backend: str, use_degrees: bool, make):
+    with make(backend=backend, use_degrees=use_degrees) as robot:
         assert robot.is_connected
         assert robot.is_calibrated
+        with pytest.raises(DeviceAlreadyConnectedError):
+            robot.connect()
         observed = robot.get_observation()
         assert set(observed) == set(robot.observation_features)
         assert observed["imu.gravity_b.z"] == pytest.approx(-1.0, abs=0.02)
-        stand = {key: observed[key] for key in robot.action_features}
-        end = time.monotonic() + 60.0
-        while abs(observed["head_pan.pos"] - 20.0) > 2.0:
-            sent = robot.send_action(stand | {"head_pan.pos": 20.0})
-            assert set(sent) == set(robot.action_features)
-            observed = robot.get_observation()
-            assert time.monotonic() < end
-        assert sent["head_pan.pos"] == pytest.approx(20.0, abs=2.0)
-        assert observed["getup.rising"] == 0.0
+        move(robot, head_pan=20.0)
+        sent = robot.send_action({})
+        assert set(sent) == set(robot.action_features)
+        assert sent[PAN] == pytest.approx(20.0, abs=2.0)
+        assert robot.get_observation()["getup.rising"] == 0.0
     assert not robot.is_connected
 
 
-def test_a_robot_that_lies_rises_and_then_obeys(tmp_path: Path):
-    robot = make(tmp_path, start="supine", realtime=False)
-    robot.connect()
-    try:
-        assert robot.get_observation()["imu.gravity_b.z"] > -0.8
-        robot.send_action({"head_pan.pos": 15.0})
-        end = time.monotonic() + 120.0
-        rising: list[float] = []
-        while not rising or rising[-1]:
-            rising.append(robot.get_observation()["getup.rising"])
-            robot.send_action({"head_pan.pos": 15.0})
-            assert time.monotonic() < end
-        assert len(rising) > 5, "it was seen to rise"
-        while abs(robot.get_observation()["head_pan.pos"] - 15.0) > 2.0:
-            robot.send_action({"head_pan.pos": 15.0})
-            assert time.monotonic() < end
-        assert robot.get_observation()["imu.gravity_b.z"] < -0.97
-    finally:
-        robot.disconnect()
+def test_torque_and_time_wait_for_the_first_action(connect):
+    robot = connect()
+    twin = twin_of(robot)
+    time.sleep(0.3)
+    robot.get_observation()
+    assert not twin.simulation.has_torque
+    assert twin.data.time == 0.0
+    robot.send_action({PAN: 0.0})
+    assert twin.simulation.has_torque
+    robot.disconnect()
+    assert not twin.simulation.has_torque
 
 
-def test_a_fault_is_raised_and_torque_stays_off(tmp_path: Path):
-    with make(tmp_path) as robot:
-        end = time.monotonic() + 60.0
-        with pytest.raises(RobotUnreachableError, match="'head_pan': target is nan rad"):
-            while time.monotonic() < end:
-                robot._client.act({"head_pan": float("nan")})
-        with pytest.raises(RobotUnreachableError, match="has stopped"):
-            robot.get_observation()
+def test_joints_that_an_action_does_not_name_are_held(connect, op3: Robot):
+    robot = connect()
+    stand = robot.get_observation()
+    move(robot, head_pan=30.0)
+    sent = robot.send_action({})
+    others = [key for key in robot.action_features if key != PAN]
+    assert len(others) == op3.n - 1
+    # As they were measured when torque came on, a cycle after the twin was placed.
+    assert max(abs(sent[key] - stand[key]) for key in others) < 0.5
 
 
-def test_a_target_that_is_no_number_is_refused_and_the_robot_obeys_on(tmp_path: Path):
-    with make(tmp_path) as robot:
-        held = robot.send_action({"head_pan.pos": 0.0})
-        with pytest.raises(ValueError, match="joint 'head_tilt': target is nan, expected a finite"):
-            robot.send_action({"head_pan.pos": 9.0, "head_tilt.pos": float("nan")})
-        assert robot.send_action({}) == pytest.approx(held, abs=0.2)
+def test_the_first_action_is_approached_slowly_and_later_ones_at_once(connect, op3: Robot):
+    robot = connect(approach_speed=30.0)
+    sent = robot.send_action({PAN: 20.0})
+    step = 30.0 * op3.control_period
+    assert sent[PAN] < 20.0 - 10.0 * step, "the answer is of the cycle that sent it"
+    wait_until(lambda: abs(robot.send_action({PAN: 20.0})[PAN] - 20.0) < 0.1)
+    moved = 20.0 - robot.send_action({PAN: 15.0})[PAN]
+    fastest = np.degrees(op3.max_velocity[op3.joint_names.index("head_pan")]) * op3.control_period
+    assert 2.0 * step < moved <= fastest + 0.1, "the guard limits it to the servo's speed"
 
 
-def test_an_unknown_joint_is_refused(tmp_path: Path):
-    with make(tmp_path) as robot, pytest.raises(ValueError, match="unknown joint 'gripper'"):
+def test_the_answer_is_what_the_guard_sent(connect, op3: Robot):
+    robot, key = connect(approach_speed=6000.0), "head_tilt.pos"
+    highest = np.degrees(op3.upper[op3.joint_names.index("head_tilt")])
+    wait_until(lambda: robot.send_action({key: 500.0})[key] > 0.99 * highest)
+    assert robot.send_action({key: 500.0})[key] <= highest + 0.1  # a tick
+
+
+def test_joints_are_held_while_lerobot_is_silent(connect, op3: Robot, caplog):
+    robot, pan = connect(approach_speed=0.6), op3.joint_names.index("head_pan")
+    robot.send_action({PAN: 34.0})
+    time.sleep(0.3)  # on a busy computer, the thread may have been late
+    held, began = targets_of(robot), twin_of(robot).data.time
+    wait_until(lambda: "no call from LeRobot for 1 s: joints are held" in caplog.text)
+    assert twin_of(robot).data.time > began
+    assert targets_of(robot) == pytest.approx(held)
+    assert 0.0 < held[pan] < 0.5
+    assert twin_of(robot).simulation.has_torque
+    robot.get_observation()
+    time.sleep(0.1)
+    assert targets_of(robot) == pytest.approx(held), "only an action ends a long silence"
+    assert robot.send_action({PAN: 34.0})[PAN] < np.degrees(held[pan]) + 0.6, "slowly"
+    wait_until(lambda: robot.send_action({PAN: 34.0})[PAN] > np.degrees(held[pan]) + 0.6)
+
+
+def test_a_target_that_is_no_number_is_refused_and_the_stand_is_kept(connect):
+    robot = connect()
+    held = robot.send_action({PAN: 0.0})
+    with pytest.raises(ValueError, match="joint 'head_tilt': target is nan, expected a finite"):
+        robot.send_action({PAN: 9.0, "head_tilt.pos": float("nan")})
+    assert robot.send_action({}) == pytest.approx(held, abs=0.2)
+    with pytest.raises(ValueError, match="unknown joint 'gripper'"):
         robot.send_action({"gripper.pos": 1.0})
+    assert twin_of(robot).simulation.has_torque
+
+
+def test_a_robot_that_falls_rises_drops_actions_meanwhile_and_obeys_again(connect):
+    robot = connect()
+    robot.send_action({PAN: 0.0})
+    twin_of(robot).data.qvel[0] += 3.0  # m/s, a push that no stance bears
+    observe = robot.get_observation
+    wait_until(lambda: observe()["getup.rising"] == 1.0)
+    wait_until(lambda: robot.send_action({PAN: 34.0}) and observe()["getup.rising"] == 0.0)
+    begin = twin_of(robot).data.time
+    wait_until(lambda: twin_of(robot).data.time > begin + 1.0)
+    assert observe()["imu.gravity_b.z"] < -0.97
+    move(robot, head_pan=34.0)
+    assert twin_of(robot).simulation.has_torque
+    assert observe()["getup.rising"] == 0.0
+
+
+def test_a_robot_that_lies_rises_at_the_first_action_by_a_policy(connect):
+    robot = connect(start="supine", rise="policy")
+    assert robot.get_observation()["imu.gravity_b.z"] > -0.8
+    robot.send_action({PAN: 15.0})
+    wait_until(lambda: robot.get_observation()["imu.gravity_b.z"] < -0.97)
+    move(robot, head_pan=15.0)
+
+
+def test_without_a_way_to_rise_a_fallen_robot_goes_on_obeying(connect):
+    robot = connect(rise="none")
+    robot.send_action({PAN: 0.0})
+    twin_of(robot).data.qvel[0] += 3.0
+    wait_until(lambda: robot.get_observation()["imu.gravity_b.z"] > -0.3)
+    wait_until(lambda: abs(robot.send_action({PAN: 20.0})[PAN] - 20.0) < 1.0)
+    assert robot.get_observation()["getup.rising"] == 0.0
+
+
+def test_a_robot_that_cannot_rise_says_why_and_stays_limp(connect, monkeypatch):
+    refuse = lambda *_: RisePlan(status=RiseStatus.NOT_PLANNED)  # noqa: E731
+    monkeypatch.setattr(PlannedRise, "plan", refuse)
+    robot = connect(start="supine", attempts=1)
+    robot.send_action({PAN: 0.0})
+    with pytest.raises(RobotStoppedError, match=f"has stopped: {RiseStatus.NOT_PLANNED.value}"):
+        wait_until(lambda: not robot.get_observation())
+    assert not twin_of(robot).simulation.has_torque
+    robot.disconnect()
+
+
+def test_it_is_disconnected_while_it_plans(connect, monkeypatch):
+    planning = []
+    monkeypatch.setattr(PlannedRise, "plan", note_and(planning, PlannedRise.plan))
+    robot = connect(start="supine")
+    robot.send_action({PAN: 0.0})
+    wait_until(lambda: bool(planning))
+    twin = twin_of(robot)
+    robot.disconnect()
+    assert not twin.simulation.has_torque
+
+
+def note_and(calls: list[int], function):
+    """Note every call of a function."""
+
+    def call(*arguments, **options):
+        calls.append(1)
+        return function(*arguments, **options)
+
+    return call
+
+
+def test_a_fault_is_raised_by_the_next_call_and_torque_stays_off(connect):
+    robot = connect()
+    robot.send_action({PAN: 0.0})
+    assert robot._thread is not None
+    robot._thread._guard.stop("a person pressed a button")
+    for use in (lambda: robot.send_action({PAN: 1.0}), robot.get_observation):
+        with pytest.raises(RobotStoppedError, match="the robot was stopped: a person pressed"):
+            wait_until(lambda use=use: not use())
+    assert not twin_of(robot).simulation.has_torque
+    robot.disconnect()
+
+
+def test_an_unexpected_error_ends_with_torque_off_and_is_named(connect, monkeypatch):
+    robot = connect()
+    robot.send_action({PAN: 0.0})
+    monkeypatch.setattr(Pilot, "leans", lambda *_: 1 / 0)
+    with pytest.raises(RobotStoppedError, match="division by zero"):
+        wait_until(lambda: not robot.get_observation())
+    assert not twin_of(robot).simulation.has_torque
+
+
+def test_joints_that_do_not_confirm_torque_off_are_named_at_disconnect(connect, monkeypatch):
+    robot = connect()
+    robot.send_action({PAN: 0.0})
+    joints = robot._robot.joints[:2]
+    close = Twin.close
+
+    def leave(self: Twin) -> None:
+        close(self)
+        raise UnreleasedError(joints, watched=False)
+
+    monkeypatch.setattr(Twin, "close", leave)
+    monkeypatch.setattr(Twin, "unreleased", tuple(joint.name for joint in joints))
+    with pytest.raises(RobotStoppedError, match=f"joint '{joints[0].name}'.*'{joints[1].name}'"):
+        robot.disconnect()
+    assert not robot.is_connected
+
+
+def test_a_forked_child_cannot_move_or_end_the_robot(connect):
+    robot = connect()
+    robot.send_action({PAN: 0.0})
+    reading, writing = os.pipe()
+    if (child := os.fork()) == 0:
+        with contextlib.suppress(RobotStoppedError):
+            robot.send_action({PAN: 9.0})
+            os._exit(1)
+        robot.disconnect()
+        os.write(writing, b"closed")
+        os._exit(0)
+    assert os.read(reading, 6) == b"closed"
+    assert os.waitpid(child, 0)[1] == 0
+    move(robot, head_pan=10.0)
 
 
 @pytest.mark.parametrize(
@@ -125,9 +302,9 @@ def test_an_unknown_joint_is_refused(tmp_path: Path):
         ({"fallen_tilt": 0.0}, "--robot.fallen_tilt is 0 deg, expected between 0 and 180 deg"),
     ],
 )
-def test_a_configuration_that_does_not_fit_is_refused(options, message: str, tmp_path: Path):
+def test_a_configuration_that_does_not_fit_is_refused(options, message: str, make):
     with pytest.raises(BadInputError) as refused:
-        make(tmp_path, **options)
+        make(**options)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -140,47 +317,28 @@ def test_a_configuration_that_does_not_fit_is_refused(options, message: str, tmp
         ({"torque_limit": 99.0}, "torque limit is 99 N·m, expected at most"),
     ],
 )
-def test_a_robot_that_cannot_be_opened_is_refused_as_it_connects(
-    options, message: str, tmp_path: Path
-):
-    robot = make(tmp_path, **options)
-    with pytest.raises(RobotUnreachableError, match=message):
+def test_a_robot_that_cannot_be_opened_is_refused_as_it_connects(options, message: str, make):
+    robot = make(**options)
+    with pytest.raises((BadInputError, DriverError), match=message):
         robot.connect()
     assert not robot.is_connected
 
 
-KILLED = """
-import sys
-from pathlib import Path
-from lerobot_robot_getup import GetupRobot, GetupRobotConfig
-robot = GetupRobot(GetupRobotConfig(id="test", calibration_dir=Path(sys.argv[1])))
-robot.connect()
-robot.send_action({"head_pan.pos": 5.0})
-print(robot._client.pid, flush=True)
-while True:
-    robot.send_action({"head_pan.pos": 5.0})
-"""
+def test_a_swing_is_about_the_stand(op3: Robot):
+    teleop = SwingTeleop(SwingTeleopConfig(joints=["head_pan"], amplitude=10.0))
+    teleop.connect()
+    actions = []
+    for _ in range(5):
+        actions.append(np.radians(list(teleop.get_action().values())))
+        time.sleep(0.01)
+    moved = np.ptp(actions, axis=0)
+    pan = op3.joint_names.index("head_pan")
+    assert moved[pan] > 0.0
+    assert np.delete(moved, pan).max() == 0.0
+    assert np.abs(np.array(actions) - op3.standing.joint_pos).max() <= np.radians(10.0) + 1e-9
+    with pytest.raises(ValueError, match=r"--teleop\.joints: unknown joint 'tail'"):
+        SwingTeleop(SwingTeleopConfig(joints=["tail"]))
 
 
-def test_the_process_of_the_robot_ends_when_lerobots_is_killed(tmp_path: Path):
-    """That its torque goes off then is a test of the runner."""
-    program = subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
-    assert program.stdout is not None
-    pid = int(program.stdout.readline())
-    assert Path(f"/proc/{pid}").exists()
-    os.kill(program.pid, signal.SIGKILL)
-    program.communicate()
-    end = time.monotonic() + 60.0
-    while state_of(pid) != "Z":
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def state_of(pid: int) -> str:
-    """Return the state of a process, Z for one that has ended."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except FileNotFoundError:
-        return "Z"
+def test_a_config_is_registered_under_its_name():
+    assert GetupRobotConfig().type == "getup"

@@ -8,10 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("lerobot.robots", reason="needs LeRobot", exc_type=ImportError)
-
 import pyarrow.parquet
 
 REPOSITORY = Path(__file__).parents[3]
@@ -23,8 +19,7 @@ def list_lines() -> dict[str, str]:
     """List the commands of the page by what they begin with."""
     text = "\n".join(re.findall(r"^```\n(.*?)^```$", PAGE.read_text("utf-8"), re.DOTALL | re.M))
     lines = text.replace("\\\n", " ").splitlines()
-    named = re.compile(r"(?:python -m \S+ calibration )?(\S+)")
-    return {found[1]: line for line in lines if (found := named.match(line))}
+    return {line.split()[0]: line for line in lines if line.strip()}
 
 
 def run(line: str, folder: Path) -> str:
@@ -66,10 +61,7 @@ def test_episodes_are_recorded_and_replayed(tmp_path: Path):
     assert "Replaying episode" in run(LINES["lerobot-replay"], tmp_path)
 
 
-def test_calibration_files_are_written_and_read_back(tmp_path: Path):
+def test_the_calibration_is_written(tmp_path: Path):
     run(LINES["lerobot-calibrate"], tmp_path)
     (written,) = (tmp_path / "home").rglob("op3.json")
-    run(LINES["to-lerobot"], tmp_path)
-    assert json.loads((tmp_path / "op3.json").read_text()) == json.loads(written.read_text())
-    run(LINES["from-lerobot"], tmp_path)
-    assert "[joints.head_pan]" in (tmp_path / "calibration.toml").read_text()
+    assert json.loads(written.read_text())["head_pan"]["id"] == 19

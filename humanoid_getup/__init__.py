@@ -98,8 +98,6 @@ if TYPE_CHECKING:
     from humanoid_getup.policy.onnx_policy import OnnxPolicy
     from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
     from humanoid_getup.simulation.world import World
-    from humanoid_getup.strategies.cache.cached_rise import CachedRise
-    from humanoid_getup.strategies.cache.plan_cache import PlanCache
     from humanoid_getup.strategies.learned_rise import LearnedRise
     from humanoid_getup.strategies.planned_rise import PlannedRise
     from humanoid_getup.strategies.stored_motion import StoredMotion
@@ -116,7 +114,6 @@ _HOMES = {
     "BenchRise": "humanoid_getup.jobs.requests.bench",
     "Body": "robots.proportions",
     "BuildRequest": "humanoid_getup.jobs.requests.motions",
-    "CachedRise": "humanoid_getup.strategies.cache.cached_rise",
     "CancelledError": "humanoid_getup.progress.callback",
     "CheckPolicyRequest": "humanoid_getup.jobs.requests.policies",
     "CheckRequest": "humanoid_getup.jobs.requests.robots",
@@ -136,7 +133,6 @@ _HOMES = {
     "LearnedRise": "humanoid_getup.strategies.learned_rise",
     "Motion": "humanoid_getup.motions.motion",
     "OnnxPolicy": "humanoid_getup.policy.onnx_policy",
-    "PlanCache": "humanoid_getup.strategies.cache.plan_cache",
     "PlanRequest": "humanoid_getup.jobs.requests.plan",
     "PlannedRise": "humanoid_getup.strategies.planned_rise",
     "PlayRequest": "humanoid_getup.jobs.requests.rise",
@@ -203,7 +199,6 @@ __all__ = [
     "BenchRise",
     "Body",
     "BuildRequest",
-    "CachedRise",
     "CancelledError",
     "CheckPolicyRequest",
     "CheckRequest",
@@ -223,7 +218,6 @@ __all__ = [
     "LearnedRise",
     "Motion",
     "OnnxPolicy",
-    "PlanCache",
     "PlanRequest",
     "PlannedRise",
     "PlayRequest",

@@ -16,7 +16,6 @@ with contextlib.suppress(ImportError):
 
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cache.plan_cache import FOLDER_VARIABLE
 from robots import Robot, load_robot
 from robots.transmission import Coupling
 
@@ -27,24 +26,6 @@ TINY = Path(__file__).parent / "robots" / "tiny"
 # One seed, and no deadline: two cores are shared with other tests.
 settings.register_profile("tests", deadline=None, derandomize=True)
 settings.load_profile("tests")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def session_plan_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep fixtures that outlive a test away from the user's plan cache."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(FOLDER_VARIABLE, str(tmp_path_factory.mktemp("plans")))
-        yield
-
-
-@pytest.fixture(autouse=True)
-def plan_cache_folder(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> Path:
-    """Give every test an empty plan cache of its own."""
-    folder = tmp_path_factory.mktemp("plans") / "cache"
-    monkeypatch.setenv(FOLDER_VARIABLE, str(folder))
-    return folder
 
 
 @pytest.fixture(scope="session")

@@ -10,8 +10,8 @@ from pathlib import Path
 from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
 from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
+from humanoid_getup.strategies.fingerprint import compute_fingerprint
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET, PlannedRise
 from humanoid_getup.strategies.track_record import PLAN

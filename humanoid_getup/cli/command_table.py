@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 SECTIONS = {
     "get up": ("rise", "play", "run", "sit", "hold"),
-    "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style", "plan-cache"),
+    "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style"),
     "learn": ("train", "eval", "export", "policy", "prior"),
     "robot": (
         "robots",
@@ -215,11 +215,6 @@ COMMANDS = {
         "requests.watch.WatchRequest",
         "watch.watch",
         json=True,
-    ),
-    "plan-cache": TableEntry(
-        "List the stored plans of rises, or remove them.",
-        "options.motions.ListPlanCache",
-        "plan_cache.list_or_clear",
     ),
     "preflight": TableEntry(
         "Check whether a motion may be played.",

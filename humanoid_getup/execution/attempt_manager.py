@@ -117,8 +117,6 @@ class AttemptManager:
             if attempt.is_unknown:
                 return AttemptStatus.PLAYED, attempt.reason
             self._check_end(attempt)
-            if attempt.plan is not None and _is_plan_to_blame(attempt):
-                attempt.plan.forget()
             if self._number < most:
                 self._recover(attempt)
         if most == 1:
@@ -183,7 +181,6 @@ class AttemptManager:
             has_tipped = not verdict.passed and self._has_tipped(posture)
             if not has_tipped and not (verdict.another_may_pass and plan.status in SEARCHED):
                 return attempt, None
-            plan.forget()
             refused.append(plan)
             if has_tipped:
                 state = self._settle()
@@ -319,13 +316,6 @@ def _has_moved(attempt: Attempt) -> bool:
     if attempt.run is None or attempt.run.ending is not Ending.DONE:
         return False
     return attempt.abort is None or attempt.abort.kind in MISSED
-
-
-def _is_plan_to_blame(attempt: Attempt) -> bool:
-    """Return whether a plan would fail again: it fell in the preflight or in the run."""
-    if attempt.run is not None:
-        return attempt.run.ending is not Ending.FAULT
-    return attempt.verdict is not None and attempt.verdict.falls
 
 
 def _ended_by_fault(attempts: list[Attempt], status: AttemptStatus) -> bool:

@@ -12,7 +12,7 @@ from humanoid_getup.jobs.pieces.planned_rises import make_planner, spread_rises
 from humanoid_getup.jobs.requests.bench import BenchRise
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
-from humanoid_getup.strategies.cache.cached_rise import compute_fingerprint
+from humanoid_getup.strategies.fingerprint import compute_fingerprint
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Body
 

@@ -14,12 +14,9 @@ from humanoid_getup.jobs.errors import BadInputError
 SCRATCH = ".getup-"
 
 
-def find_folder_problems(folder: Path, names: Sequence[str], owner: str | None = None) -> list[str]:
-    """Report why files could not be written into a folder, by a trial that leaves nothing.
-
-    ``owner`` is what the messages call the folder.
-    """
-    owner = owner or f"output folder {folder}"
+def find_folder_problems(folder: Path, names: Sequence[str]) -> list[str]:
+    """Report why files could not be written into a folder, by a trial that leaves nothing."""
+    owner = f"output folder {folder}"
     try:
         existing = _find_existing(folder)
         if not existing.is_dir():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 from msgspec import UNSET, UnsetType
@@ -120,10 +119,6 @@ def _describe_motion(report: RiseReport) -> str:
     if not report.connection:
         return ""
     text = f"{report.connection} ({report.strategy})"
-    if kept := report.plan_cache:
-        apart = math.degrees(kept.joint_rad)
-        took = report.plan_s + report.filter_s
-        return f"{text}, stored plan from a start within {apart:.1f}°, checked in {took:.2f} s"
     text += f", planned in {report.plan_s:.2f} s" if report.planning else ", not planned"
     if not report.filtering:
         return f"{text}, not filtered"
@@ -173,8 +168,6 @@ def _describe_preference(report: RiseReport) -> str:
     if report.prefer in (None, "time") or report.rollout is None:
         return ""
     spent = f"{report.searched_s:.0f} s simulated"
-    if report.plan_cache:
-        return f"{report.prefer}, as in the stored plan"
     before, after = report.rollout_before_improvement, report.rollout
     if before is None:
         return f"{report.prefer}: nothing better than the first rise found, {spent}"

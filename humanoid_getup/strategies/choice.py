@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -49,6 +48,8 @@ class StrategyRequest:
     """Key postures for a planned rise, in order."""
     options: PlannerOptions | None = None
     """Options of the planner; None for the best known."""
+    origin: str | None = None
+    """Side on which the robot is to lie, or another start; None if it is unknown."""
     policy: str | None = None
     """Name of a policy, or its file; None for the robust one, or the styled one with a style."""
     style: str | None = None
@@ -86,12 +87,11 @@ class StrategySelector:
 def choose_strategy(
     world: World,
     request: StrategyRequest,
-    cached: Callable[[PlannedRise], Strategy] = lambda planner: planner,
     monitor: ProgressMonitor | None = None,
 ) -> Strategy:
     """Make the strategy of a request for a world.
 
-    ``cached`` may put a cache before the planner, whose plans the monitor shows and ends.
+    The monitor shows and ends plans, and tells of a missing motion for the side of the start.
 
     Raises:
         ValueError: if motions, policy, style or track record cannot be loaded or do not fit.
@@ -111,11 +111,13 @@ def choose_strategy(
         options=request.options,
         monitor=monitor,
     )
-    planned, learned = cached(planner), StrategyId(POLICY, name)
+    if monitor and robot.imu_kind and (gap := planner.describe_gap(request.origin)):
+        monitor.tell(gap)  # without an IMU, no rise begins
+    learned = StrategyId(POLICY, name)
     if records is None or not (records.knows(learned) and robot.body.is_original):
-        return planned
+        return planner
     rise = LearnedRise(world, name, torque_limit=limit, name=name)
-    known = {StrategyId(PLAN): planned, learned: apply_style(rise, request.style, monitor)}
+    known = {StrategyId(PLAN): planner, learned: apply_style(rise, request.style, monitor)}
     return StrategySelector(known, records)
 
 

@@ -108,9 +108,6 @@ class RisePlan:
     def save(self, _folder: Path) -> None:
         """Save the plan's motion, if it has one, in a folder."""
 
-    def forget(self) -> None:
-        """Remove the plan from its cache, if any: it was refused, or failed."""
-
     def figures(self) -> PlanFigures:
         """Return the figures of the plan."""
         joined = self.connection.motion if self.connection else None

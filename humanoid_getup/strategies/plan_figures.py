@@ -22,17 +22,6 @@ class RolloutFigures(msgspec.Struct, frozen=True, kw_only=True):
     self_overlap_m: float | None
 
 
-class CacheFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """The cache entry of a plan, and the distance of its start."""
-
-    entry: str
-    age_s: float
-    distance: float
-    """Posture metric."""
-    joint_rad: float
-    tilt_rad: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlanFigures(StyleFigures):
     """The figures of a plan; None for those that it does not have."""
@@ -47,7 +36,6 @@ class PlanFigures(StyleFigures):
     strategy: str | None
     policy: str | None = None
     style: str | None = None
-    plan_cache: CacheFigures | None = None
     balanced: bool | None = None
     keys: list[KeyFigures]
     prefer: PreferenceName | None

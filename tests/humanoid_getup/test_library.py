@@ -60,7 +60,7 @@ def test_a_gl_is_chosen_before_mujoco_unless_the_user_did_or_there_is_a_display(
 def test_every_public_name_is_there_and_is_listed():
     names = "load_robot Body World Twin DynamixelBackend SafetyGuard TorqueLimit sample_fall get_up"
     names += (
-        " keep_stand PlannedRise CachedRise PlanCache LearnedRise StoredMotion Motion OnnxPolicy"
+        " keep_stand PlannedRise LearnedRise StoredMotion Motion OnnxPolicy"
         " SessionOptions Style StyleCurves StyledRise load_style"
         " import_robot check_robot build_motions retarget discover discover_all import_keys"
         " import_clip extract_style plan preflight preview make_prior train export"
@@ -228,7 +228,6 @@ WRONG_ARGUMENTS: list[tuple[Callable[[hg.World], object], str]] = [
     (lambda w: lib.LearnedRise(w.robot, "robust"), f"world is a Robot, {A_WORLD}"),
     (lambda w: lib.StoredMotion(w.robot, MOTION), f"world is a Robot, {A_WORLD}"),
     (lambda _: lib.Motion.load(3), "path is 3, expected a motion file"),
-    (lambda _: lib.PlanCache(3), "folder is 3, expected a folder, or None"),
     (lambda _: lib.plan("prone"), "request is 'prone', expected a PlanRequest"),
     (
         lambda _: lib.plan(lib.PreflightRequest(motion=MOTION)),

@@ -40,7 +40,7 @@ def test_a_fallen_robot_gets_up_over_the_bus_from_every_side(start: str, tmp_pat
 
 @pytest.mark.usefixtures("no_film")
 def test_one_seed_is_one_rise_on_the_twin_and_on_the_bus(op3: Robot, tmp_path: Path):
-    same = ("--from", "supine", "--seed", "2", "--no-plan-cache", "--then", "limp")
+    same = ("--from", "supine", "--seed", "2", "--then", "limp")
     on_twin = rise(*same, out=tmp_path / "twin")
     on_bus = rise(*same, "--backend", "virtual", out=tmp_path / "bus")
     for key in ("stood", "stand_time_s", "peak_torque_nm", "connection", "rollouts"):

@@ -24,8 +24,6 @@ from small_humanoid import small_humanoid, small_urdf
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.strategies.cache.plan_cache import CacheEntry, PlanCache
-from humanoid_getup.strategies.cache.solved_rise import PlanContext, SolvedRise
 from robots import Robot
 from robots.description.posture_file import format_posture
 
@@ -747,25 +745,7 @@ GROUPS: dict[str, list[Case]] = {
         case("robots import small.xml --out new --servo ''", "--servo is empty, expected a name"),
         case("robots import small.xml --out new --fix ,", "--fix is ',', expected a name between"),
     ],
-    "plan caches": [
-        case("rise --from supine --cache-folder broken_plans", ".json: not JSON"),
-        case("rise --from supine --cache-folder wrong_plans", "robust is 2.0, expected a share"),
-        case("rise --from supine --cache-folder half_plans", ".npz: its checksum differs"),
-        case("rise --from supine --cache-folder lost_plans", ".npz: No such file or directory"),
-        case("rise --from supine --cache-folder text.txt", "text.txt is not a folder"),
-        case("rise --from supine --cache-folder /proc/plans", "--cache-folder /proc/plans"),
-        case("plan-cache --cache-folder broken_plans", "not JSON", "getup plan-cache --clear"),
-        case(
-            "plan-cache --cache-folder half_plans --robot op3",
-            "checksum",
-            "--clear --cache-folder half_plans",
-        ),
-        case("plan-cache --robot nao", "unknown robot 'nao': expected human, op3"),
-        case("plan-cache --clear --robot ../op3", "unknown robot '../op3'"),
-        case("plan-cache --cache-folder none", "--cache-folder is none, expected an existing"),
-        case("plan-cache --cache-folder text.txt --clear", "--cache-folder is text.txt"),
-        case("plan-cache --json folder", "output file folder: is a folder"),
-    ],
+    "plan caches": [],
     "outputs": [
         case("replay empty.mcap --json empty.mcap", "--json: empty.mcap is read, too, expected"),
         case("robots check tiny --picture tiny/model.xml", "model.xml is a file of the robot"),
@@ -877,7 +857,6 @@ def make_files(folder: Path, robot: Robot) -> None:
     _make_logs(folder)
     _make_trajectories(folder)
     _make_keys(folder)
-    _make_plans(folder, robot)
     _make_policies(folder, robot)
     _make_robots(folder, robot)
     _make_models(folder)
@@ -1036,36 +1015,6 @@ def _make_keys(folder: Path) -> None:
     content = bytearray((folder / "actions.bin").read_bytes())
     content[4 * 512 + 100] ^= 1
     (folder / "actions.bin").write_bytes(content)
-
-
-def _make_plans(folder: Path, robot: Robot) -> None:
-    motion, standing = Motion.load(robot.folder / "motions" / f"{MOTION}.npz"), robot.standing
-    rise = SolvedRise(
-        context=PlanContext(
-            robot=robot.name, scene="flat", fingerprint="none", limit_by=robot.limit_by
-        ),
-        start_class="supine",
-        position=standing.position,
-        orientation=standing.orientation,
-        joint_pos=standing.joint_pos,
-        connection=MOTION,
-        frame=0,
-        distance=0.0,
-        planned=True,
-        stand_time=2.0,
-        robust=1.0,
-        made=0.0,
-    )
-
-    def keep(name: str) -> CacheEntry:
-        return PlanCache(folder / name).keep(rise, motion)
-
-    keep("broken_plans").file.write_text("{")
-    wrong = keep("wrong_plans").file
-    wrong.write_text(wrong.read_text().replace('"robust": 1.0', '"robust": 2.0'))
-    half = keep("half_plans").motion_file
-    half.write_bytes(half.read_bytes()[:1000])
-    keep("lost_plans").motion_file.unlink()
 
 
 def _make_policies(folder: Path, robot: Robot) -> None:

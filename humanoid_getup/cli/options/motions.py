@@ -1,4 +1,4 @@
-"""Options of `motions` and `plan-cache`."""
+"""Options of `motions`."""
 
 from __future__ import annotations
 
@@ -13,29 +13,10 @@ from humanoid_getup.jobs.requests.files import WRITTEN
 from humanoid_getup.jobs.requests.motions import NewKeysOptions
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
-    CacheFolder,
     MotionName,
     RobotOption,
 )
 from humanoid_getup.jobs.requests.view import ViewOptions
-
-
-@dataclass(frozen=True, kw_only=True)
-class ListPlanCache(JsonOption):
-    """List the stored plans of rises, or remove them."""
-
-    robot: str | None = None
-    """Name of a robot; default: all."""
-    cache_folder: CacheFolder = None
-    clear: bool = False
-    """Remove them, including damaged ones."""
-
-    def find_problems(self) -> list[str]:
-        """Report a missing folder as well."""
-        problems = super().find_problems()
-        if self.cache_folder is not None and not self.cache_folder.is_dir():
-            problems.append(f"--cache-folder is {self.cache_folder}, expected an existing folder")
-        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

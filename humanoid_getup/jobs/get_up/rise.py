@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
@@ -15,17 +14,15 @@ from humanoid_getup.jobs.inputs import (
     load_world,
     make_torque_limit,
 )
-from humanoid_getup.jobs.plan_cache import open_plan_cache, refuse_damage
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.rise import PlayRequest, RiseRequest, RunRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.cache.cached_rise import CachedRise
 from humanoid_getup.strategies.choice import StrategyRequest, apply_style, choose_strategy
 from humanoid_getup.strategies.learned_rise import LearnedRise
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.planned_rise import PlannerOptions
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from humanoid_getup.strategies.track_record import POLICY
 
@@ -132,27 +129,7 @@ def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonito
         options=PlannerOptions(planning=request.planning, filtering=request.filtering),
         policy=request.policy,
         style=request.style,
+        origin=request.origin,
     )
     with refusing():
-        return choose_strategy(world, wanted, partial(_use_cache, request, monitor), monitor)
-
-
-def _use_cache(request: RiseRequest, monitor: ProgressMonitor, planner: PlannedRise) -> Strategy:
-    """Add the plan cache of a request to a planner; rises through key postures have none.
-
-    A planner without a motion from the side on which the robot is to lie is warned of.
-
-    Raises:
-        BadInputError: if the request names a folder that holds damaged entries. Those of the
-            user's own folder are ignored, with a message.
-    """
-    has_imu = planner.world.robot.imu_kind is not None  # without one, no rise begins
-    if has_imu and (gap := planner.describe_gap(request.origin)):
-        monitor.tell(gap)
-    if not (request.plan_cache and request.filtering) or request.key:
-        return planner
-    cache = open_plan_cache(request.cache_folder)
-    if request.cache_folder is not None:
-        with refusing():
-            refuse_damage(cache, planner.world.robot.name, request.cache_folder)
-    return CachedRise(planner, cache, report=monitor.tell)
+        return choose_strategy(world, wanted, monitor)

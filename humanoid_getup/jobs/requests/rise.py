@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.backend import OriginOption
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
@@ -17,7 +16,6 @@ from humanoid_getup.jobs.requests.shared import (
     A_REAL_ROBOT,
     NO_ORIGIN,
     BodyOption,
-    CacheFolder,
     Count,
     Keys,
     MotionName,
@@ -127,9 +125,6 @@ class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
     filtering: bool = True
     """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
     key: Keys = ()
-    plan_cache: bool = True
-    """Try the stored plan with the nearest start first, and store new plans."""
-    cache_folder: CacheFolder = None
 
     @property
     def most_attempts(self) -> int:
@@ -141,9 +136,6 @@ class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
         problems = super().find_problems() + self._find_unused()
         if self.is_real and not self.filtering:
             problems.append("--no-filtering requires a simulated robot")
-        if self.cache_folder is not None:
-            owner = f"--cache-folder {self.cache_folder}"
-            problems += find_folder_problems(self.cache_folder, (), owner)
         return problems
 
     def _find_unused(self) -> list[str]:

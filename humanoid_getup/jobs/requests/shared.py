@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import arg
@@ -23,10 +22,6 @@ from humanoid_getup.jobs.requests.values import (
 
 A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly
-CacheFolder = Annotated[
-    Path | None,
-    arg(metavar="DIR", help="Folder of the plan cache; default: in the user's cache folder."),
-]
 Count = Annotated[int, at_least(1)]
 Keys = Annotated[
     tuple[str, ...],

@@ -152,7 +152,6 @@ class PlanTab:
             torque_limit=float(self._limit.value) or None,
             limit_by=None if self._limit_by.value == OWN else self._limit_by.value,
             attempts=int(self._attempts.value),
-            plan_cache=False,
             out=folder,
         )
 

@@ -14,10 +14,8 @@ from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.recovery import OVERHEATING, OVERLOAD, Cooling, RebootBudget
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import Session
-from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
-from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from robots import FULL_TORQUE, Posture, Robot, TorqueLimit
@@ -198,22 +196,6 @@ def test_a_rise_that_falls_with_balance_alone_is_played_and_held_without(
     assert result.figures().balanced is False
     assert attempt.after is not None
     assert attempt.after.succeeded, attempt.after.reason
-
-
-@pytest.mark.parametrize(("limit", "forgotten"), [(4.1, 0), (0.2, 1)])
-def test_a_plan_is_forgotten_only_where_it_falls(
-    manage, motions, monkeypatch, limit: float, forgotten: int
-):
-    """That the way down is refused says nothing about the rise."""
-    hot = Verdict((Reason(ReasonKind.REFUSE, None, "too hot"),))
-    monkeypatch.setattr(StandKeeper, "preflight", lambda *_: hot)
-    counts = []
-    monkeypatch.setattr(MotionPlan, "forget", lambda *_: counts.append(1))
-    plans = Scripted(motions[RIGHT])
-    plans.torque_limit = TorqueLimit(limit)
-    result = get_up_with(manage(plans, preflight=True, max_attempts=1))
-    assert result.attempts[0].run is None
-    assert len(counts) == forgotten
 
 
 def test_a_motion_for_another_side_is_refused_before_torque_is_on(manage, motions, twin):

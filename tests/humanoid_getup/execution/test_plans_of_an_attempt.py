@@ -37,13 +37,6 @@ class Plans:
         return self.plans.pop(0)
 
 
-class Kept(MotionPlan):
-    """A plan that knows whether it was taken out of the cache."""
-
-    def forget(self) -> None:
-        self.motion.provenance["forgotten"] = 1
-
-
 class Passed(MotionPlan):
     """A plan that the preflight lets pass, without a rollout."""
 
@@ -80,13 +73,12 @@ def get_up(
 
 
 def test_a_searched_plan_that_falls_in_the_preflight_is_made_again(world, prone, motions):
-    wrong = Kept(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
+    wrong = MotionPlan(status=RiseStatus.STOOD, motion=motions[WRONG], plan_s=1.0)
     right = MotionPlan(status=RiseStatus.STOOD, motion=motions[RIGHT], plan_s=0.5)
     result, _ = get_up(world, prone, [wrong, right])
     assert result.status is AttemptStatus.STOOD
     (attempt,) = result.attempts
     assert attempt.refused == (wrong,)
-    assert wrong.motion.provenance.pop("forgotten") == 1
     figures = result.figures()
     assert (figures.refused_plans, figures.moves, figures.attempts) == (1, 0, 1)
     assert figures.plan_s == pytest.approx(1.5)

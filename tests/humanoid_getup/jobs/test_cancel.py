@@ -54,7 +54,7 @@ def test_a_cancelled_job_ends_with_the_piece(job: Job, request_: JobRequest, rep
 
 def test_a_rise_is_cancelled_while_it_is_planned(tmp_path: Path):
     phases = list[str]()
-    request = RiseRequest(origin="supine", plan_cache=False, out=tmp_path)
+    request = RiseRequest(origin="supine", out=tmp_path)
     is_planned = "tracking 3 candidates in physics"
     with pytest.raises(CancelledError):
         rise(request, lambda each: phases.append(each.phase), lambda: is_planned in phases)

@@ -56,17 +56,3 @@ def test_a_style_brings_the_policy_that_follows_it(world):
     assert isinstance(plan, PolicyPlan)
     assert plan.status is RiseStatus.LEARNED
     assert plan.title == "policy styled, style side-sit"
-
-
-def test_a_cache_is_put_before_the_planner_alone(world):
-    seen = []
-
-    def cached(planner: PlannedRise) -> PlannedRise:
-        seen.append(planner)
-        return planner
-
-    strategy = choose_strategy(world, StrategyRequest(torque_limit=LIMIT, prefer="torque"), cached)
-    (planner,) = seen
-    assert (planner.prefer, strategy.torque_limit) == ("torque", LIMIT)
-    choose_strategy(world, StrategyRequest(method="policy"), cached)
-    assert len(seen) == 1

@@ -24,7 +24,7 @@ def test_a_side_without_motion_is_warned_of_at_the_beginning(
         raise BadInputError("that is all")
 
     monkeypatch.setattr(rise, "run_session", end)
-    code, _, error = run("rise", "--from", side, "--robot", str(mini), "--no-plan-cache")
+    code, _, error = run("rise", "--from", side, "--robot", str(mini))
     warning = (
         f"getup: 'op3' has no motion from {side}; next: getup motions discover --robot {mini}\n"
     )

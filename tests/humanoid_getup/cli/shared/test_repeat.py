@@ -13,7 +13,7 @@ LINES = [
     "getup motions build lateral_side_sit --robot mine --generations 40 --resume",
     "getup motions retarget --robot mine --no-improve --source human",
     "getup bench all --robot 'my robot' --quick --out out/x",
-    "getup rise --from prone --scene wall --no-plan-cache --key a.json,motions:b@1",
+    "getup rise --from prone --scene wall --key a.json,motions:b@1",
     "getup calibrate --port a=x,b=y --joint l_knee",
     "getup replay 'out/my flight.mcap' --voltage 11.1 --threshold 0.1 --out out/replay",
 ]

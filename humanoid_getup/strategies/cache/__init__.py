@@ -1,1 +1,0 @@
-"""The plan cache: solved rises in a folder, and a strategy that reuses the nearest one."""

@@ -55,40 +55,6 @@ class Prompt(Protocol):
         ...
 
 
-class MovingError(SetupError):
-    """The robot moved while it was measured."""
-
-    def __init__(self, joints: Sequence[tuple[Joint, int]]) -> None:
-        moved = ", ".join(f"joint '{j.name}' by {ticks * DEG_PER_TICK:.1f}°" for j, ticks in joints)
-        super().__init__(
-            f"the robot moves while it is measured: {moved}, "
-            f"expected at most {STILL * DEG_PER_TICK:.1f}°; hold or prop it still"
-        )
-        self.joints = tuple(joint.name for joint, _ in joints)
-
-
-class SilentError(SetupError):
-    """Servos do not reply with their positions."""
-
-    def __init__(self, joints: Sequence[Joint]) -> None:
-        super().__init__(f"{name_all(joints)}: silent; check cable and power (getup doctor)")
-
-
-class PositionRangeError(DriverError):
-    """With the measured zeros, joint ranges leave the positions that servos can be sent to."""
-
-    def __init__(self, joints: Sequence[JointMeasurement]) -> None:
-        ranges = ", ".join(
-            f"{name_of(m.joint)}: zero {m.zero_ticks} needs ticks {m.ticks[0]} to {m.ticks[1]}"
-            for m in joints
-        )
-        super().__init__(
-            f"{ranges}, expected 0 to {TICKS_PER_TURN - 1}: bring the robot into the posture, or "
-            "remount the horn; nothing is saved"
-        )
-        self.joints = tuple(m.joint.name for m in joints)
-
-
 @dataclass(frozen=True)
 class JointMeasurement:
     """Zero and direction of one joint, as measured."""
@@ -190,7 +156,7 @@ class Calibrator:
         """Compute zeros from the present positions at known angles [rad], (n,).
 
         Raises:
-            MovingError: if the robot is not still.
+            SetupError: if the robot is not still.
             SetupError: if the IMU does not measure the torso's orientation (4,), where known.
         """
         ticks = measure_ticks(self._bus, [m.joint for m in self.measured])
@@ -211,7 +177,7 @@ class Calibrator:
 
     def _find_sign(self, joint: Joint, prompt: Prompt) -> Sign | None:
         """Find the sign of one joint; ``None`` if the person skips it."""
-        way = describe_direction(self._robot, joint)
+        way = find_directions(self._robot)[joint.name]
         while True:
             prompt.tell(f"{joint.name}: hold everything still, then turn it as described")
             before = read_ticks(self._bus, self._robot.actuators)
@@ -277,8 +243,8 @@ def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
     """Measure the positions [ticks] of joints that are held still.
 
     Raises:
-        MovingError: naming those that are not.
-        SilentError: naming those that do not reply.
+        SetupError: naming those that are not.
+        SetupError: naming those that do not reply.
     """
     reads: list[dict[str, int]] = []
     for i in range(READS):
@@ -288,7 +254,11 @@ def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
     ticks = {j.name: np.array([read[j.name] for read in reads]) for j in joints}
     moving = [(j, int(np.ptp(ticks[j.name]))) for j in joints if np.ptp(ticks[j.name]) > STILL]
     if moving:
-        raise MovingError(moving)
+        moved = ", ".join(f"joint '{j.name}' by {n * DEG_PER_TICK:.1f}°" for j, n in moving)
+        raise SetupError(
+            f"the robot moves while it is measured: {moved}, "
+            f"expected at most {STILL * DEG_PER_TICK:.1f}°; hold or prop it still"
+        )
     return {name: round(float(np.median(values))) for name, values in ticks.items()}
 
 
@@ -296,7 +266,7 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
     """Read the positions of joints once [ticks].
 
     Raises:
-        SilentError: naming those that do not reply after several tries.
+        SetupError: naming those that do not reply after several tries.
     """
     ticks: dict[str, int] = {}
     for _ in range(TRIES):
@@ -313,29 +283,35 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
                     ticks[missing[device].name] = items[device].decode(status.data)
         if len(ticks) == len(joints):
             return ticks
-    raise SilentError([joint for joint in joints if joint.name not in ticks])
+    silent = name_all([joint for joint in joints if joint.name not in ticks])
+    raise SetupError(f"{silent}: silent; check cable and power (getup doctor)")
 
 
 def check_ranges(measured: Sequence[JointMeasurement]) -> None:
     """Check that every joint can reach its range within one turn of its servo, if any zero can.
 
     Raises:
-        PositionRangeError: naming those that cannot.
+        DriverError: naming those that cannot.
     """
-    beyond = [m for m in measured if m.is_out_of_reach]
-    if beyond:
-        raise PositionRangeError(beyond)
+    ranges = ", ".join(
+        f"{name_of(m.joint)}: zero {m.zero_ticks} needs ticks {m.ticks[0]} to {m.ticks[1]}"
+        for m in measured
+        if m.is_out_of_reach
+    )
+    if ranges:
+        raise DriverError(
+            f"{ranges}, expected 0 to {TICKS_PER_TURN - 1}: bring the robot into the posture, or "
+            "remount the horn; nothing is saved"
+        )
 
 
 def save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> Calibration:
     """Write measurements into a calibration file; its other joints stay as they are.
 
     Raises:
-        PositionRangeError: if a joint's range leaves its servo's turn.
         OSError: if the file cannot be written.
         CalibrationError: if there is a file that is damaged or another robot's.
     """
-    check_ranges(measured)
     old = Calibration.load(path, robot).joints if path.exists() else {}
     new = {m.joint.name: JointCalibration(zero_ticks=m.zero_ticks, sign=m.sign) for m in measured}
     joints = {name: (old | new)[name] for name in robot.joint_names if name in old or name in new}
@@ -347,11 +323,6 @@ def save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> Cali
 def is_yes(answer: str) -> bool:
     """Return whether an answer agrees."""
     return answer.strip().lower() in ("y", "yes")
-
-
-def describe_direction(robot: Robot, joint: Joint) -> str:
-    """Describe which way the limb behind a joint moves as its angle grows, for a standing robot."""
-    return str(find_directions(robot)[joint.name])
 
 
 def _describe_small_turn(joint: Joint, turns: dict[str, float]) -> str:

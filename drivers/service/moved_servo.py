@@ -54,7 +54,8 @@ def find_bench(
 
 
 def _make_joint(servo: LooseServo) -> Joint:
-    types = [servo_models()[name] for name in types_of(servo.table)]  # for different supplies
+    figures = servo_models()  # of types with one table, for different supplies
+    types = [figures[name] for name in types_of(servo.table) if name in figures]
     counts = servo.read("present_input_voltage")
     supply = servo.table["present_input_voltage"].to_si(counts)
     model = next((model for model in types if model.accepts_supply(supply)), types[0])

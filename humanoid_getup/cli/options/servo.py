@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
@@ -11,7 +10,7 @@ from tyro.conf import Positional, arg
 from humanoid_getup.cli.options.hardware import ServiceOptions
 from humanoid_getup.cli.options.shared import JsonOption
 from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
-from humanoid_getup.jobs.requests.files import ROBOT, WRITTEN
+from humanoid_getup.jobs.requests.files import ROBOT
 from humanoid_getup.jobs.requests.values import Range, between
 
 ID = Range(0, 253)
@@ -198,15 +197,13 @@ class MoveServo(JsonOption):
 class MonitorServos(ServoOptions):
     """Show what servos measure, and the range that each has been through; changes nothing.
 
-    Turn each servo by hand from end to end: with --save the ranges are kept. q ends it.
+    Turn each servo by hand from end to end: --json keeps the ranges. q ends it.
     """
 
     id: Annotated[tuple[int, ...], ID, arg(metavar="ID,...")] = ()
     """Ids of the servos; default: all that reply."""
     seconds: Annotated[float | None, between(0.1, 1e6, "s"), arg(metavar="S")] = None
     """Time after which it ends [s]; default: when q is pressed."""
-    save: Annotated[Path | None, WRITTEN, arg(metavar="FILE.json")] = None
-    """File of the ranges, to be written."""
 
 
 @dataclass(frozen=True, kw_only=True)

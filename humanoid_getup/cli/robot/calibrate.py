@@ -7,8 +7,8 @@ import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -207,37 +207,19 @@ def _print_warnings(
         console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
 
 
-class CalibratedJoint(msgspec.Struct, frozen=True, kw_only=True):
-    """Zero and direction of a joint, as measured and as known before."""
-
-    old_zero_ticks: int
-    zero_ticks: int
-    difference_deg: float
-    old_sign: int
-    sign: int
-    warnings: Sequence[str]
-
-
-class CalibrationResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The measurements, and the file in which they were saved; None if they were not."""
-
-    robot: str
-    saved: Path | None
-    joints: dict[str, CalibratedJoint]
-
-
 def _describe(
     robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
-) -> CalibrationResult:
+) -> dict[str, Any]:
+    """Describe the measurements for JSON, and the file in which they were saved, if they were."""
     joints = {
-        row.joint.name: CalibratedJoint(
-            old_zero_ticks=row.joint.servo.zero_ticks,
-            zero_ticks=row.zero_ticks,
-            difference_deg=row.shift,
-            old_sign=row.joint.servo.sign,
-            sign=row.sign,
-            warnings=row.warnings,
-        )
+        row.joint.name: {
+            "old_zero_ticks": row.joint.servo.zero_ticks,
+            "zero_ticks": row.zero_ticks,
+            "difference_deg": row.shift,
+            "old_sign": row.joint.servo.sign,
+            "sign": row.sign,
+            "warnings": row.warnings,
+        }
         for row in measured
     }
-    return CalibrationResult(robot=robot.name, saved=path, joints=joints)
+    return {"robot": robot.name, "saved": path and str(path), "joints": joints}

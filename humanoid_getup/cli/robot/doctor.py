@@ -154,8 +154,6 @@ def print_health(health: HealthCheck, console: Console) -> None:
         )
     mode = OPERATING_MODES[health.robot.limit_by].describe()
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
-    calibrated = "present" if health.is_calibrated else "none: getup calibrate"
-    console.print(f"[bold]calibration[/]: {calibrated}")
     console.print(f"[bold]real-time class[/]: {_describe_class(health.is_prioritized)}")
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from paths import TINY
 from service_bench import ServiceBench
 
-from drivers.errors import SetupError
+from drivers.errors import DriverError, SetupError
 from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
 from drivers.service import calibrate
@@ -19,12 +19,8 @@ from drivers.service.calibrate import (
     AXES,
     Calibrator,
     JointMeasurement,
-    MovingError,
-    PositionRangeError,
-    SilentError,
     check_ranges,
     check_tilt,
-    describe_direction,
     measure_ticks,
     read_ticks,
     save,
@@ -63,7 +59,7 @@ def test_a_silent_servo_is_named_after_three_tries(bench: ServiceBench):
     with bench.open() as bus:
         bench.servo("r_hip").alive = False
         bench.port.sent.clear()
-        with pytest.raises(SilentError, match=r"joint 'r_hip' \(id 2\): silent"):
+        with pytest.raises(SetupError, match=r"joint 'r_hip' \(id 2\): silent"):
             read_ticks(bus, bus.robot.actuators)
         assert len(bench.port.sent) == 3
 
@@ -90,7 +86,7 @@ def test_a_robot_that_moves_is_not_measured(bench: ServiceBench):
     with bench.open() as bus:
         turn(bench, "l_hip", 2000)
         bench.port.spoil = shaking(bench, [2000, 2005])
-        with pytest.raises(MovingError, match=r"joint 'l_hip' by 0\.4°, expected at most 0\.4°"):
+        with pytest.raises(SetupError, match=r"joint 'l_hip' by 0\.4°, expected at most 0\.4°"):
             measure_ticks(bus, bus.robot.actuators)
 
 
@@ -147,13 +143,6 @@ def test_a_sign_that_contradicts_is_accepted_by_a_person_alone(bench: ServiceBen
         assert calibrator.measured[0].warnings[-1].startswith("it turns the other way")
 
 
-def test_a_turn_of_the_wrong_joint_is_pointed_out(bench: ServiceBench):
-    with bench.open() as bus:
-        person = Person(bench, [("r_hip", 230.0)], "", "s")
-        Calibrator(bus, bus.robot.actuators[:1]).check_signs(person)
-        assert any("r_hip turned by +20.2°: are their ids swapped" in text for text in person.shown)
-
-
 def measured(joint: Joint, zero: int) -> JointMeasurement:
     return JointMeasurement(joint, zero, joint.servo.sign)
 
@@ -162,14 +151,13 @@ def with_type(joint: Joint, name: str) -> Joint:
     return replace(joint, servo=replace(joint.servo, model=servo_models()[name]))
 
 
-def test_a_range_beyond_the_servos_turn_is_refused_and_nothing_is_saved(tiny: Robot, tmp_path):
+def test_a_range_beyond_the_servos_turn_is_refused(tiny: Robot):
     """Unless it counts turns: a range may cross the end of its turn."""
     left, right = (with_type(joint, "STS3215-C018") for joint in tiny.joints)
     good, bad = measured(left, 2048), measured(right, 100)
     check_ranges([good, measured(tiny.joints[1], 100)])
-    with pytest.raises(PositionRangeError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
-        save(tiny, [good, bad], tmp_path / "calibration.toml")
-    assert not (tmp_path / "calibration.toml").exists()
+    with pytest.raises(DriverError, match=r"joint 'r_hip' .*: zero 100 needs ticks -"):
+        check_ranges([good, bad])
 
 
 def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: Robot, tmp_path):
@@ -181,7 +169,7 @@ def test_a_range_that_no_zero_fits_into_one_turn_is_saved_with_a_warning(tiny: R
     (warning,) = measured(wide, 2048).warnings
     assert "needs ticks 0 to 4096, beyond one turn of its servo: programs that do not" in warning
     assert measured(narrow, 2048).warnings == []
-    with pytest.raises(PositionRangeError, match="zero 2060 needs ticks 12 to 41"):
+    with pytest.raises(DriverError, match="zero 2060 needs ticks 12 to 41"):
         check_ranges([measured(narrow, 2060)])
 
 
@@ -198,20 +186,6 @@ def test_a_large_shift_is_a_warning(tiny: Robot):
     assert measured(joint, 2048 + 113).warnings == []  # 9.9 degrees
     (warning,) = measured(joint, 2048 + 115).warnings
     assert warning.startswith("its zero moves by +10.1°, more than 10°")
-
-
-@pytest.mark.parametrize(
-    ("name", "way"),
-    [
-        ("head_pan", "seen from above, its limb turns counter-clockwise"),  # about z
-        ("l_knee", "the far end of its limb goes backward"),  # y x -z
-        ("r_knee", "the far end of its limb goes forward"),  # -y x -z
-        ("l_el", "the far end of its limb goes to its left"),  # x x -z
-    ],
-)
-def test_the_direction_of_a_joint_is_described_for_a_standing_robot(op3: Robot, name, way):
-    joint = op3.joints[op3.joint_names.index(name)]
-    assert describe_direction(op3, joint) == way
 
 
 # The IMU --------------------------------------------------------------------------------------

@@ -1,17 +1,15 @@
-"""`getup servo monitor`: a live table and plot of what servos measure, and their ranges."""
+"""`getup servo monitor`: a live table of what servos measure, and their ranges."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from rich.console import Group
 from rich.live import Live
-from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.diagnostics import read_items
@@ -24,12 +22,8 @@ from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.errors import BadInputError
-from robots.storage.encoding import to_json
-from robots.storage.files import write_atomically
 
 PERIOD = 0.1  # s between two reads of all servos
-SHOWN = 120  # newest positions that are plotted
-BARS = "▁▂▃▄▅▆▇█"
 HINT = "nothing is changed: turn servos without torque by hand from end to end; q ends it"
 
 
@@ -45,8 +39,6 @@ class Gauge:
     range_max: int | None = None
     is_silent: bool = False
     """Whether the last read got no reply."""
-    positions: deque[int] = field(default_factory=lambda: deque(maxlen=SHOWN))
-    """Newest positions [ticks]."""
 
     def read(self) -> None:
         """Read the servo once.
@@ -59,7 +51,6 @@ class Gauge:
         if values is None:
             return
         position, self.values = values["present_position"], values
-        self.positions.append(position)
         self.range_min = position if self.range_min is None else min(self.range_min, position)
         self.range_max = position if self.range_max is None else max(self.range_max, position)
 
@@ -91,15 +82,11 @@ def monitor(command: MonitorServos) -> int:
     ranges = {str(gauge.servo.id): gauge.describe_range() for gauge in gauges}
     write_json(ranges, command)
     console.print(_tabulate(gauges))
-    if command.save is not None:
-        write_atomically(command.save, to_json(ranges))
-        console.print(f"ranges are saved in [bold]{escape(str(command.save))}[/]")
     return HARDWARE_FAULT if any(gauge.is_silent for gauge in gauges) else DID_IT
 
 
 def _draw(gauges: Sequence[Gauge]) -> Group:
-    plots = (f"id {gauge.servo.id:3d} {draw_bars(list(gauge.positions))}" for gauge in gauges)
-    return Group(f"[dim]{HINT}", _tabulate(gauges), *plots)
+    return Group(f"[dim]{HINT}", _tabulate(gauges))
 
 
 def _tabulate(gauges: Sequence[Gauge]) -> Table:
@@ -116,11 +103,3 @@ def _tabulate(gauges: Sequence[Gauge]) -> Table:
         remark = "[yellow]silent[/]" if gauge.is_silent else ""
         table.add_row(str(servo.id), servo.table.model, *cells, seen, remark)
     return table
-
-
-def draw_bars(values: Sequence[int]) -> str:
-    """Draw values as a line of bars between the least and the largest."""
-    if not values:
-        return ""
-    least, span = min(values), max(values) - min(values)
-    return "".join(BARS[(v - least) * (len(BARS) - 1) // max(span, 1)] for v in values)

@@ -100,7 +100,7 @@ def _choose_move(command: MoveServo, robot: Robot) -> Move:
     most = float(robot.max_torque[joint])
     return Move(
         joint=joint,
-        target=math.radians(command.by if command.to is None else command.to),
+        target=math.radians(command.to if command.to is not None else command.by or 0.0),
         is_relative=command.to is None,
         speed=math.radians(command.speed),
         torque_limit=min(most, command.torque_limit or SHARE_OF_STALL * most),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from drivers.service.loose_servo import LooseServo, open_servo
 from humanoid_getup.cli.options.servo import OneServo, ReadRegisters, ShowTable, WriteRegisters
@@ -15,25 +14,6 @@ from humanoid_getup.jobs.errors import BadInputError
 
 NOT_WRITTEN = "nothing is written"
 HEADINGS = ("register", "address", "bytes", "counts", "value", "range", "kept")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RegisterRow:
-    """A register of a servo, for JSON."""
-
-    address: int
-    size: int
-    """[bytes]"""
-    value: int
-    """[counts]"""
-    si: float
-    """The same in its unit; a position is an angle from the middle of the turn."""
-    unit: str
-    lower: int | None
-    """Least value that may be written [counts]; None if it can only be read."""
-    upper: int | None
-    is_kept: bool
-    """Whether it is kept without power."""
 
 
 def show_table(command: ShowTable) -> int:
@@ -82,34 +62,25 @@ def _parse(text: str) -> tuple[str, int]:
 
 
 def _show(servo: LooseServo, values: Mapping[str, int], command: OneServo) -> int:
-    write_json({name: _describe(servo, name, count) for name, count in values.items()}, command)
     table = make_table(HEADINGS, left=("register", "value", "kept"))
+    rows = {}
     for name, count in values.items():
-        item = servo.table[name]
+        item, si = servo.table[name], servo.table.to_si(name, count)
+        rows[name] = {"address": item.address, "size": item.size, "value": count, "si": si}
+        rows[name] |= {"unit": item.unit, "lower": None, "upper": None, "is_kept": item.eeprom}
+        if item.writable:
+            rows[name] |= {"lower": item.lower, "upper": item.upper}
         table.add_row(
             name,
             str(item.address),
             str(item.size),
             str(count),
-            f"{servo.table.to_si(name, count):.6g} {item.unit}" if item.unit else "",
+            f"{si:.6g} {item.unit}" if item.unit else "",
             f"{item.lower} to {item.upper}" if item.writable else "read only",
             "yes" if item.eeprom else "",
         )
+    write_json(rows, command)
     console = console_for(command)
     console.print(f"[bold]{servo.name}[/], firmware {servo.firmware}")
     console.print(table)
     return DID_IT
-
-
-def _describe(servo: LooseServo, name: str, count: int) -> RegisterRow:
-    item = servo.table[name]
-    return RegisterRow(
-        address=item.address,
-        size=item.size,
-        value=count,
-        si=servo.table.to_si(name, count),
-        unit=item.unit,
-        lower=item.lower if item.writable else None,
-        upper=item.upper if item.writable else None,
-        is_kept=item.eeprom,
-    )

@@ -16,7 +16,7 @@ from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.servo.measurements import list_cells
-from humanoid_getup.cli.robot.servo.monitor import Gauge, draw_bars
+from humanoid_getup.cli.robot.servo.monitor import Gauge
 
 MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
 
@@ -126,7 +126,7 @@ def test_a_monitored_range_is_saved_and_nothing_is_changed(desk, tmp_path: Path)
     before = desk.peek("torque_enable"), desk.peek("return_delay_time")
     desk.place(servo_1=-90.0)
     saved = tmp_path / "ranges.json"
-    line = ("servo", "monitor", *port(desk), "--seconds", "0.2", "--save", str(saved))
+    line = ("servo", "monitor", *port(desk), "--seconds", "0.2", "--json", str(saved))
     assert main(line) == 0
     ranges = json.loads(saved.read_text())
     assert ranges["1"]["range_min"] == ranges["1"]["range_max"] == 1024
@@ -153,7 +153,6 @@ def test_a_gauge_keeps_the_range_and_the_last_values_of_a_servo_that_falls_silen
         for angle in (0.0, 30.0, -60.0, 10.0):
             desk.place(servo_1=angle)
             gauge.read()
-        assert list(gauge.positions) == [2048, 2389, 1365, 2162]
         desk.virtual.servos[0].powered = False
         gauge.read()
         other.read()
@@ -166,12 +165,6 @@ def test_a_gauge_keeps_the_range_and_the_last_values_of_a_servo_that_falls_silen
     assert list_cells(other.servo.table, {}) == ["-"] * 7 + [""]
     error = {"torque_enable": 1, "hardware_error_status": 32}
     assert list_cells(other.servo.table, error)[1::6] == ["[bold red]on[/]", "[red]overload[/]"]
-
-
-def test_bars_go_from_the_least_to_the_largest_value():
-    assert draw_bars([0, 7, 14]) == "▁▄█"
-    assert draw_bars([5, 5]) == "▁▁"
-    assert draw_bars([]) == ""
 
 
 # With a person ----------------------------------------------------------------------------------

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from humanoid_getup.jobs.inverse_kinematics import EndPose
-from humanoid_getup.jobs.reach import Drag, Handle, Reach
+from humanoid_getup.studio.inverse_kinematics import EndPose
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.reach import Drag, Handle, Reach
 from robots import Posture
 from robots.quaternion import IDENTITY
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall
-from humanoid_getup.jobs.pose_robot import FallsToSample, sample_starts
 from humanoid_getup.studio.button_row import add_button_row
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.pose_robot import FallsToSample, sample_starts
 
 MOST_FALLS = 100
 CLASS = "The side on which the robot comes to rest."

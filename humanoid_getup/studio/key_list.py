@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from humanoid_getup.jobs.edit_keys import LEAST_DURATION, KeyEditor
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import MAX_DURATION
 from humanoid_getup.studio.button_row import add_button_row
+from humanoid_getup.studio.edit_keys import LEAST_DURATION, KeyEditor
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from humanoid_getup.jobs.edit_keys import store_keyframes
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.inputs import find_keyframes
@@ -14,6 +13,7 @@ from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.motions import BuildRequest, ImportKeysRequest, PreviewRequest
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
+from humanoid_getup.studio.edit_keys import store_keyframes
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.pose_robot import stand
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
 from humanoid_getup.progress.callback import Cancel, Progress
 from humanoid_getup.progress.latest_job import LatestJob
 from humanoid_getup.studio.folders import Folders
 from humanoid_getup.studio.plain_text import make_status
+from humanoid_getup.studio.pose_robot import stand
 from humanoid_getup.studio.timeline import Timeline
 from robots import Posture
 from robots.kinematics import place

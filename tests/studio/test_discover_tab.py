@@ -12,10 +12,10 @@ import pytest
 from searched_robot import copy_bare_robot, search_a_little, store
 from studio_page import StudioPage, open_studio
 
-from humanoid_getup.jobs.search_map import WAY_UP, MappedState, read_search_map
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.search_map import WAY_UP, MappedState, read_search_map
 from humanoid_getup.studio.takes.way_take import make_motion_take
 from robots import Robot, load_robot
 from robots.kinematics import place

@@ -10,7 +10,7 @@ from robots.quaternion import Array
 
 pytest.importorskip("viser")
 
-from humanoid_getup.jobs.reach import Reach
+from humanoid_getup.studio.reach import Reach
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

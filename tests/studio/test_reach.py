@@ -11,9 +11,9 @@ from spoiling import spoil
 
 pytest.importorskip("mink")
 
-from humanoid_getup.jobs.inverse_kinematics import EndPose
-from humanoid_getup.jobs.pose_robot import mirror_turned, turn_joint
-from humanoid_getup.jobs.reach import LEAP, Drag, Reach
+from humanoid_getup.studio.inverse_kinematics import EndPose
+from humanoid_getup.studio.pose_robot import mirror_turned, turn_joint
+from humanoid_getup.studio.reach import LEAP, Drag, Reach
 from robots import Posture, Robot, load_robot, quaternion
 from robots.body.limb import LIMB_NAMES
 

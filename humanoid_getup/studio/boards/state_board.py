@@ -15,7 +15,7 @@ from robots.quaternion import Array
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.search_map import MappedState
+    from humanoid_getup.studio.search_map import MappedState
 
 ROOT = "/discovery"
 NECK = "Neck height [share of standing]"

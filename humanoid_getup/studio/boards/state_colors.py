@@ -11,7 +11,7 @@ import numpy as np
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
-    from humanoid_getup.jobs.search_map import MappedState
+    from humanoid_getup.studio.search_map import MappedState
 
 Color = tuple[int, int, int]
 SCALE: tuple[Color, ...] = ((253, 210, 60), (240, 120, 60), (170, 50, 120), (60, 15, 110))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import get_args
 
-from humanoid_getup.jobs.edit_keys import KeyEditor, place_key
-from humanoid_getup.jobs.play_keys import KeysToPlay, play_keys
-from humanoid_getup.jobs.pose_robot import Squats
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING, START_CLASSES, EndClass
 from humanoid_getup.motions.trial import Trial
 from humanoid_getup.progress.background_job import BackgroundJob
+from humanoid_getup.studio.edit_keys import KeyEditor, place_key
 from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.key_list import KeyList
 from humanoid_getup.studio.key_store import KeyStore
 from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.play_keys import KeysToPlay, play_keys
+from humanoid_getup.studio.pose_robot import Squats
 from humanoid_getup.studio.takes.keyframe_take import locate_key, make_take
 
 ENDS: tuple[EndClass, ...] = get_args(EndClass)

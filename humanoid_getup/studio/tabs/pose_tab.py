@@ -6,7 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 from humanoid_getup.experiments.starts.falls import Fall
-from humanoid_getup.jobs.pose_robot import (
+from humanoid_getup.progress.callback import Cancel
+from humanoid_getup.studio.button_row import add_button_row
+from humanoid_getup.studio.drag_gizmo import DragGizmo
+from humanoid_getup.studio.fall_list import FallList
+from humanoid_getup.studio.page import Page
+from humanoid_getup.studio.plain_text import name_side
+from humanoid_getup.studio.pose_robot import (
     drop_robot,
     measure_pose,
     mirror_pose,
@@ -14,12 +20,6 @@ from humanoid_getup.jobs.pose_robot import (
     stand,
     turn_joint,
 )
-from humanoid_getup.progress.callback import Cancel
-from humanoid_getup.studio.button_row import add_button_row
-from humanoid_getup.studio.drag_gizmo import DragGizmo
-from humanoid_getup.studio.fall_list import FallList
-from humanoid_getup.studio.page import Page
-from humanoid_getup.studio.plain_text import name_side
 from robots import Posture, load_posture
 from robots.description.posture_file import format_posture
 from robots.kinematics import read_posture

@@ -10,13 +10,6 @@ from pathlib import Path
 
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.extract_style import extract_style
-from humanoid_getup.jobs.follow_style import (
-    STANDS,
-    RolloutRequest,
-    StyledRollout,
-    StyledTwin,
-    measure_start,
-)
 from humanoid_getup.jobs.policies import list_styled_policies
 from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.files import shorten_path
@@ -27,6 +20,13 @@ from humanoid_getup.progress.callback import Cancel
 from humanoid_getup.studio.boards.board_switch import BoardSwitch
 from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
 from humanoid_getup.studio.folders import containing
+from humanoid_getup.studio.follow_style import (
+    STANDS,
+    RolloutRequest,
+    StyledRollout,
+    StyledTwin,
+    measure_start,
+)
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes.rollout_take import make_take

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from humanoid_getup.jobs.follow_style import StyledRollout
+from humanoid_getup.studio.follow_style import StyledRollout
 from humanoid_getup.studio.takes.take import Mark, Plot, Take
 from robots.quaternion import Array
 

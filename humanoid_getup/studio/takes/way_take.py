@@ -15,9 +15,9 @@ from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
 if TYPE_CHECKING:
-    from humanoid_getup.jobs.search_map import MappedState
     from humanoid_getup.motions.motion import Motion
     from humanoid_getup.simulation.world import World
+    from humanoid_getup.studio.search_map import MappedState
     from robots import Posture
 
 MOVE_TIME = 0.6  # s in which a move is shown

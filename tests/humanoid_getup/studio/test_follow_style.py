@@ -12,10 +12,10 @@ from drivers.flight_log.reader import FlightRecord
 from drivers.servo_units import ServoUnits
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.follow_style import RolloutRequest, StyledRollout, StyledTwin
 from humanoid_getup.jobs.inputs import find_start
 from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.follow_style import RolloutRequest, StyledRollout, StyledTwin
 from humanoid_getup.style.edits import find_rise
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_editor import StyleEditor

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.pose_robot import put_down
 from humanoid_getup.motions.build import ATTITUDES
 from humanoid_getup.motions.importing.imported_keyframes import (
     TORQUE_SHARE,
@@ -32,6 +31,7 @@ from humanoid_getup.motions.motion import (
     StartClass,
 )
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.pose_robot import put_down
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 from robots.storage.validation import outside, shown

@@ -11,11 +11,11 @@ from searched_robot import copy_bare_robot, search_a_little, store
 
 from humanoid_getup.experiments.judging.standing import MAX_TILT
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.search_map import WAY_UP, MappedState, read_search_map
 from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.stored_states import STATES
 from humanoid_getup.simulation.world import World
+from humanoid_getup.studio.search_map import WAY_UP, MappedState, read_search_map
 from robots import load_robot
 from robots.robot import Robot
 from robots.storage.arrays import save_arrays

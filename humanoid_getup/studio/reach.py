@@ -10,7 +10,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from humanoid_getup.jobs.inverse_kinematics import (
+from humanoid_getup.studio.inverse_kinematics import (
     Aim,
     Dofs,
     EndPose,
@@ -18,7 +18,7 @@ from humanoid_getup.jobs.inverse_kinematics import (
     Ranges,
     Solution,
 )
-from humanoid_getup.jobs.pose_robot import mirror_turned
+from humanoid_getup.studio.pose_robot import mirror_turned
 from robots import Posture, Robot, quaternion
 from robots.body.limb import LIMB_NAMES, Limb, LimbName
 from robots.body.limbs import Limbs

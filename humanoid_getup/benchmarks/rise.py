@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from msgspec import convert
 
 from drivers import Twin
 from humanoid_getup.benchmarks.bench_result import (
@@ -16,13 +14,11 @@ from humanoid_getup.benchmarks.bench_result import (
     MeasuredRise,
     RiseBench,
 )
-from humanoid_getup.benchmarks.pieces import RunPieces, one_by_one
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import Fall, sample_falls
-from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -47,7 +43,7 @@ class RisePiece:
     """Whether the preflight may refuse it."""
 
 
-RunRises: TypeAlias = RunPieces[RisePiece, MeasuredRise]
+DoRises: TypeAlias = Callable[[Mapping[str, RisePiece]], Mapping[str, MeasuredRise]]
 
 
 def bench_rise(
@@ -56,8 +52,7 @@ def bench_rise(
     seed: int,
     each: int = 20,
     report: Report = lambda _: None,
-    ledger: Ledger | None = None,
-    run: RunRises | None = None,
+    do: DoRises | None = None,
 ) -> RiseBench:
     """Rise by plans from ``each`` settled falls of every class on the twin.
 
@@ -65,14 +60,13 @@ def bench_rise(
         strategy: Plans the rises.
         seed: Seed of the falls and the plans.
         each: Falls of each class.
-        report: Called after each rise.
-        ledger: Keeps every rise; those that it holds already are not repeated.
-        run: Does the rises by an equal strategy; None: one after another, here.
+        report: Called after each rise that is done here.
+        do: Does the rises elsewhere; None: one after another, here.
     """
     falls = _sample(strategy.world, each, seed)
     # An unfiltered path is played to see whether it stands.
     pieces = list_pieces(falls, seed, preflight=strategy.options.filtering)
-    rises = rise_all(pieces, run or one_by_one(partial(measure_rise, strategy)), report, ledger)
+    rises = [*do(pieces).values()] if do else rise_all(strategy, pieces, report)
     return RiseBench(
         name="rise",
         seed=seed,
@@ -126,22 +120,14 @@ def list_pieces(
 
 
 def rise_all(
-    pieces: Mapping[str, RisePiece], run: RunRises, report: Report, ledger: Ledger | None = None
+    strategy: Strategy, pieces: Mapping[str, RisePiece], report: Report
 ) -> list[MeasuredRise]:
-    """Do rises that a ledger does not hold yet; return all, in their order."""
-    kept = ledger.done if ledger is not None else {}
-    rises = {name: convert(kept[name], MeasuredRise) for name in pieces if name in kept}
-    for rise in rises.values():
-        report(rise)
-
-    def end(name: str, rise: MeasuredRise) -> None:
-        rises[name] = rise
-        if ledger is not None:
-            ledger.add(name, rise)
-        report(rise)
-
-    run({name: piece for name, piece in pieces.items() if name not in rises}, end)
-    return [rises[name] for name in pieces]
+    """Do rises one after another."""
+    rises = list[MeasuredRise]()
+    for piece in pieces.values():
+        rises.append(measure_rise(strategy, piece))
+        report(rises[-1])
+    return rises
 
 
 def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:

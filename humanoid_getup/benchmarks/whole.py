@@ -25,11 +25,9 @@ from humanoid_getup.benchmarks.conditions import Conditions, describe_conditions
 from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays
 from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.part import DisturbedRises, MethodRises, Part, PartResult, Step
-from humanoid_getup.benchmarks.pieces import one_by_one
 from humanoid_getup.benchmarks.rise import (
     Report,
     list_pieces,
-    measure_rise,
     rise_all,
     rise_from,
     summarize_classes,
@@ -155,7 +153,7 @@ class Whole:
             falls.falls, self.seed, classes=falls.classes, preflight=method.preflight
         )
         strategy = method.make(self.world, cap.limit)
-        rises = rise_all(pieces, one_by_one(partial(measure_rise, strategy)), report)
+        rises = rise_all(strategy, pieces, report)
         kept = convert(rises, list[KeptRise], from_attributes=True)
         return MethodRises(classes=falls.classes, missing=falls.missing, rises=kept)
 

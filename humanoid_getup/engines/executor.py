@@ -106,9 +106,9 @@ def do_pieces(
         ended(name, result)
 
     monitor = monitor or ProgressMonitor()
-    for name in pieces if ledger is not None else ():
-        if name in ledger.done:
-            end(name, convert(ledger.done[name], kind), is_new=False)
+    kept = ledger.done if ledger is not None else {}
+    for name in [name for name in pieces if name in kept]:
+        end(name, convert(kept[name], kind), is_new=False)
     missing = {name: piece for name, piece in pieces.items() if name not in results}
     call = work if is_here(executor) else _send(work, robot)
     _run(call, missing, executor, end, monitor, receive or monitor.show)
@@ -167,7 +167,7 @@ def _send(work: Callable[[Piece], Result], robot: str) -> Callable[[Piece], Resu
     return partial(_do_there, pickle.dumps(work), robot, Versions.find(robot))
 
 
-def _do_there(work: bytes, robot: str, versions: Versions, piece: Piece) -> Any:
+def _do_there(work: bytes, robot: str, versions: Versions, piece: object) -> Any:
     """Do a piece in a worker."""
     current_process().daemon = False  # as workers of Dask are, which then may start no processes
     with _one_at_a_time:  # of a worker with several threads

@@ -5,10 +5,10 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from humanoid_getup.benchmarks.bench_result import RiseBench
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, bench_rise
+from humanoid_getup.benchmarks.rise import bench_rise
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.pieces.planned_rises import make_planner, spread_rises
+from humanoid_getup.jobs.pieces.planned_rises import do_rises, make_planner
 from humanoid_getup.jobs.requests.bench import BenchRise
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
@@ -34,14 +34,11 @@ def benchmark(
         ledger = _open_ledger(request, planner)
     if ledger is not None and ledger.done:
         monitor.tell(f"{len(ledger.done)} rises are finished")
-    advance = monitor.count("rises", len(BENCH_CLASSES) * request.n)
     result = bench_rise(
         planner,
         seed=request.seed,
         each=request.n,
-        report=lambda _: advance(1),
-        ledger=ledger,
-        run=spread_rises(request, planner, monitor),
+        do=lambda pieces: do_rises(request, planner, pieces, ledger, monitor),
     )
     body = str(Body.parse(request.body))
     return replace(result, body=body, versions=Versions.find(request.robot))

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import fields
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from humanoid_getup.benchmarks.pieces import RunPieces
 from humanoid_getup.engines.engine import WORTH
-from humanoid_getup.engines.executor import do_pieces, is_here, make_executor
-from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.engines.executor import make_executor
 from humanoid_getup.jobs.requests.bench import EngineBench
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
-from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE
 from robots import list_robots
 
@@ -35,34 +30,6 @@ def starting(
 ) -> AbstractContextManager[Executor]:
     """Start the workers of a request's engine for a number of pieces."""
     return make_executor(request.engine, request.address, pieces=pieces, worth=worth)
-
-
-def run_on_engine(
-    kind: type[BenchRequest],
-    request: BenchRequest,
-    monitor: ProgressMonitor,
-    here: Callable[[Piece], Result],
-    away: Callable[[BenchRequest, Piece], Result],
-    **changes: object,
-) -> RunPieces[Piece, Result]:
-    """Do the pieces of a benchmark on the engine of its request.
-
-    Args:
-        kind: Class of the request in `jobs.requests.bench`.
-        request: The request.
-        monitor: Shows progress, and cancels.
-        here: Does a piece in this process.
-        away: Does the same in a worker, from the request and the piece alone.
-        changes: Fields of the request as workers get them.
-    """
-    shared = make_worker_request(kind, request, **changes)
-
-    def run(pieces: Mapping[str, Piece], end: Callable[[str, Result], None]) -> None:
-        with refusing(), starting(request, len(pieces)) as executor:
-            work = here if is_here(executor) else partial(away, shared)
-            do_pieces(work, pieces, executor, ended=end, monitor=monitor, robot=shared.robot)
-
-    return run
 
 
 def make_worker_request(kind: type[Request], request: Request, **changes: Any) -> Request:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Any
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from drivers.dynamixel.configuration import OPERATING_MODES
-from drivers.dynamixel.diagnostics import READ_SHARE, Finding, ServoFacts, Severity
+from drivers.dynamixel.diagnostics import READ_SHARE, ServoFacts, Severity
 from drivers.real_time_class import IS_KNOWN
 from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
@@ -22,8 +21,6 @@ from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.inputs import load_robot, name_ports
 from robots import Joint, Robot
-from robots.quaternion import Array
-from robots.servo import LimitMode
 
 PRIORITIZED = "the control loop goes before other programs"
 NOT_PRIORITIZED = "beside other programs more cycles are late"
@@ -33,97 +30,58 @@ MEASURED = ("°C", "V", "angle °", "range °", "delay µs", "mode", "torque", "
 HEADINGS = ("joint", "id", "model", "fw", *MEASURED)
 
 
-class ServoRow(msgspec.Struct, frozen=True, kw_only=True):
-    """Values read from a servo."""
-
-    id: int
-    model: str
-    firmware: int
-    temperature_c: float
-    voltage_v: float
-    angle_rad: float | None
-    ticks: int
-    lower_rad: float
-    upper_rad: float
-    return_delay_s: float
-    operating_mode: int
-    torque_on: bool
-    hardware_error: int
-
-
-class DoctorResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of the health check."""
-
-    robot: str
-    healthy: bool
-    findings: Sequence[Finding]
-    written: Sequence[str]
-    """Values that were written to the robot, in words."""
-    calibrated: bool
-    real_time_class: bool
-    torque_on: list[str]
-    limit_by: LimitMode
-    period_s: float
-    reading_allowed_s: float
-    ports: Sequence[PortReport]
-    accelerometer_m_s2: Array | None
-    gyro_rad_s: Array | None
-    imu: str
-    imu_rate_hz: float | None
-    joints: dict[str, ServoRow]
-
-
 def doctor(command: Doctor) -> int:
     """Check and report; 0 if the robot is healthy, 3 if it must not move."""
     robot = load_robot(command, takes_bench=True)
     ports = name_ports(robot, command.port)
     with phase("checking"), open_robot_bus(robot, ports) as bus:
         health = examine(bus)
-    write_json(to_result(health), command)
+    write_json(describe(health), command)
     print_health(health, console_for(command))
     return HARDWARE_FAULT if health.errors else DID_IT
 
 
-def to_result(health: HealthCheck) -> DoctorResult:
-    """Return the content of the JSON about a health check."""
+def describe(health: HealthCheck) -> dict[str, Any]:
+    """Describe a health check for JSON."""
     robot, imu = health.robot, health.imu
-    return DoctorResult(
-        robot=robot.name,
-        healthy=not health.errors,
-        findings=health.findings,
-        written=health.written,
-        calibrated=health.is_calibrated,
-        real_time_class=health.is_prioritized,
-        torque_on=[joint.name for joint in health.torque],
-        limit_by=robot.limit_by,
-        period_s=robot.control_period,
-        reading_allowed_s=READ_SHARE * robot.control_period,
-        ports=health.ports,
-        accelerometer_m_s2=imu and imu.accelerometer,
-        gyro_rad_s=imu and imu.gyro,
-        imu=health.imu_name,
-        imu_rate_hz=health.imu_rate,
-        joints={servo.joint.name: _describe_servo(servo, health.robot) for servo in health.servos},
-    )
+    return {
+        "robot": robot.name,
+        "healthy": not health.errors,
+        "findings": health.findings,
+        "written": health.written,
+        "calibrated": health.is_calibrated,
+        "real_time_class": health.is_prioritized,
+        "torque_on": [joint.name for joint in health.torque],
+        "limit_by": robot.limit_by,
+        "period_s": robot.control_period,
+        "reading_allowed_s": READ_SHARE * robot.control_period,
+        "ports": health.ports,
+        "accelerometer_m_s2": imu and imu.accelerometer,
+        "gyro_rad_s": imu and imu.gyro,
+        "imu": health.imu_name,
+        "imu_rate_hz": health.imu_rate,
+        "joints": {servo.joint.name: _describe_servo(servo, robot) for servo in health.servos},
+    }
 
 
-def _describe_servo(servo: ServoFacts, robot: Robot) -> ServoRow:
+def _describe_servo(servo: ServoFacts, robot: Robot) -> dict[str, Any]:
     registers, joint = servo.registers, _find_joint(servo, robot)
-    return ServoRow(
-        id=servo.id,
-        model=servo.table.model,
-        firmware=servo.firmware,
-        temperature_c=servo.temperature,
-        voltage_v=servo.voltage,
-        angle_rad=servo.angle,
-        ticks=registers["present_position"],
-        lower_rad=joint.lower,
-        upper_rad=joint.upper,
-        return_delay_s=registers["return_delay_time"] * servo.table["return_delay_time"].scale,
-        operating_mode=registers["operating_mode"],
-        torque_on=bool(registers["torque_enable"]),
-        hardware_error=registers["hardware_error_status"],
-    )
+    delay = servo.table["return_delay_time"]
+    return {
+        "id": servo.id,
+        "model": servo.table.model,
+        "firmware": servo.firmware,
+        "temperature_c": servo.temperature,
+        "voltage_v": servo.voltage,
+        "angle_rad": servo.angle,
+        "ticks": registers["present_position"],
+        "lower_rad": joint.lower,
+        "upper_rad": joint.upper,
+        "return_delay_s": registers["return_delay_time"] * delay.scale,
+        "operating_mode": registers.get("operating_mode"),
+        "torque_on": bool(registers["torque_enable"]),
+        "hardware_error": registers["hardware_error_status"],
+    }
 
 
 def _find_joint(servo: ServoFacts, robot: Robot) -> Joint:

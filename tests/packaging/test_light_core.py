@@ -10,6 +10,8 @@ extras |= {"mcap_ros2", "yaml", "mujoco_warp"}
 for package in ("robots", "drivers", "humanoid_getup"):
     path = importlib.import_module(package).__path__
     for module in pkgutil.walk_packages(path, f"{package}."):
+        if module.name.startswith("humanoid_getup.policy.foreign."):
+            continue  # of the extra `policies`; `policy import` alone imports them
         try:
             importlib.import_module(module.name)
         except ModuleNotFoundError as error:

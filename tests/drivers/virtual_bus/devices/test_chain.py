@@ -1,6 +1,5 @@
 """Several devices on one wire: the bytes they answer, in which order, and when."""
 
-import instructions
 import pytest
 from nonempty import nonempty
 from wire_talk import find_device, read, read_answers, request, sense, talk
@@ -38,6 +37,10 @@ def servo(chain: Chain, servo_id: int) -> VirtualServo:
     return device
 
 
+def tell(instruction: int, device: int, params: bytes = b"") -> bytes:
+    return Packet(device, instruction, params).encode()
+
+
 OK_FROM_1 = "FFFFFD00 01 0400 55 00 A10C"
 MEASURED = {  # by id
     1: {"ticks": 166, "voltage": 11.9},
@@ -54,10 +57,12 @@ MANUAL = [  # what is sent, as published; the reply, as published; what register
      "FFFFFD00 01 0800 55 00 A6000000 8CC0", {}),
     (protocol2.write(1, 116, b"\0\2\0\0").encode(), "FFFFFD00 01 0900 03 7400 00020000 CA89",
      OK_FROM_1, {(1, "goal_position"): 512}),
-    (instructions.reg_write(1, 104, b"\xc8\0\0\0"), "FFFFFD00 01 0900 04 6800 C8000000 AE8E",
+    (tell(Instruction.REG_WRITE, 1, b"\x68\0\xc8\0\0\0"), "FFFFFD00 01 0900 04 6800 C8000000 AE8E",
      OK_FROM_1, {}),
-    (instructions.action(1), "FFFFFD00 01 0300 05 02CE", OK_FROM_1, {(1, "goal_velocity"): 200}),
-    (instructions.clear_turns(1), "FFFFFD00 01 0800 10 01 44584C22 B1DC", OK_FROM_1, {}),
+    (tell(Instruction.ACTION, 1), "FFFFFD00 01 0300 05 02CE",
+     OK_FROM_1, {(1, "goal_velocity"): 200}),
+    (tell(Instruction.CLEAR, 1, b"\1DXL\x22"), "FFFFFD00 01 0800 10 01 44584C22 B1DC",
+     OK_FROM_1, {}),
     (protocol2.sync_read([1, 2], POSITION).encode(), "FFFFFD00 FE 0900 82 84000400 0102 CEFA",
      "FFFFFD00 01 0800 55 00 A6000000 8CC0 FFFFFD00 02 0800 55 00 1F080000 BABE", {}),
     (protocol2.sync_write(116, GOALS).encode(),
@@ -78,9 +83,9 @@ MANUAL = [  # what is sent, as published; the reply, as published; what register
     (protocol2.write(1, 100, b"\xff\xff\xfd\xff").encode(),
      "FFFFFD00 01 0A00 03 6400 FFFFFD FD FF 2074",
      OK_FROM_1, {(1, "goal_pwm"): -1, (1, "goal_current"): -3}),
-    (instructions.backup(1), "FFFFFD00 01 0800 20 01 4354524C 16F5", OK_FROM_1, {}),
+    (tell(Instruction.BACKUP, 1, b"\1CTRL"), "FFFFFD00 01 0800 20 01 4354524C 16F5", OK_FROM_1, {}),
     # The manual prints this one with a CRC that does not match.
-    (instructions.restore(1), "FFFFFD00 01 0800 20 02 4354524C 9EF5", OK_FROM_1, {}),
+    (tell(Instruction.BACKUP, 1, b"\2CTRL"), "FFFFFD00 01 0800 20 02 4354524C 9EF5", OK_FROM_1, {}),
 ]  # fmt: skip
 
 
@@ -141,7 +146,7 @@ def test_all_answer_a_broadcast_ping_in_order_of_id_each_in_its_slot():
 
 
 def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
-    def tell(frame: bytes) -> Chain:
+    def told(frame: bytes) -> Chain:
         chain = servos(1, 2)
         for device in chain.devices:
             device.poke("position_p_gain", 5)
@@ -152,16 +157,16 @@ def test_what_is_broadcast_is_done_by_all_and_answered_by_none():
         return [device.peek(name) for device in chain.devices]
 
     everyone = BROADCAST
-    assert look(tell(protocol2.write(everyone, 65, b"\1").encode()), "led") == [1, 1]
-    chain = tell(instructions.reg_write(everyone, 65, b"\1"))
+    assert look(told(protocol2.write(everyone, 65, b"\1").encode()), "led") == [1, 1]
+    chain = told(tell(Instruction.REG_WRITE, everyone, b"\x41\0\1"))
     assert look(chain, "led") == [0, 0]
-    assert chain.handle(request(instructions.action())) == []
+    assert chain.handle(request(tell(Instruction.ACTION, everyone))) == []
     assert look(chain, "led") == [1, 1]
-    assert look(tell(protocol2.reboot(everyone).encode()), "position_p_gain") == [800, 800]
-    tell(instructions.clear_turns(everyone))
-    assert look(tell(instructions.backup(everyone)), "backup_ready") == [1, 1]
+    assert look(told(protocol2.reboot(everyone).encode()), "position_p_gain") == [800, 800]
+    told(tell(Instruction.CLEAR, everyone, b"\1DXL\x22"))
+    assert look(told(tell(Instruction.BACKUP, everyone, b"\1CTRL")), "backup_ready") == [1, 1]
     reset = protocol2.factory_reset(everyone, Reset.ALL_BUT_ID_AND_BAUD).encode()
-    assert look(tell(reset), "return_delay_time") == [250, 250]
+    assert look(told(reset), "return_delay_time") == [250, 250]
 
 
 def test_a_read_of_everyone_and_unknown_instructions_are_not_done():

@@ -83,8 +83,8 @@ def test_an_unplugged_sensor_raises_nothing_and_comes_back(
 ):
     monkeypatch.setattr("drivers.imu.serial_link.REOPEN_EVERY", 0.0)
     bench = ImuBench(KINDS[kind])
+    assert bench.port is not None and bench.port.is_open
     bench.first()
-    assert bench.port is not None
     bench.port.unplugged = True
     assert [bench.cycle() for _ in range(5)] == [None] * 5
     bench.port.unplugged = False

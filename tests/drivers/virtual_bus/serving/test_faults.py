@@ -194,6 +194,7 @@ def test_every_kind_can_be_written_down_and_happens(tmp_path, devices: FakeDevic
     physics = RecordingPhysics(devices)
     with VirtualBus(devices, physics, time_mode=TimeMode.REAL_TIME, options=options) as bus:
         wait_until(lambda: bus.faults.counts["replug"] == 2)
+        assert (bus.faults.line.late_by, bus.faults.line.split_pause) == (0.01, 0.001)
     made = dict.fromkeys(list(ONE_OF_EACH)[:9], 1)
     assert bus.faults.counts == Counter(made, replug=2)
 

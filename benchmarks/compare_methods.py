@@ -17,9 +17,9 @@ from msgspec.structs import asdict
 from script import LOAD_FIGURES, LimitedOptions, do_pieces, write_results
 
 from drivers import Twin
-from humanoid_getup.benchmarks.bench_result import MeasuredRise
 from humanoid_getup.benchmarks.rise import (
     BENCH_CLASSES,
+    MeasuredRise,
     RisePiece,
     list_pieces,
     measure_rise,

@@ -17,8 +17,7 @@ import numpy as np
 import tyro
 from script import RISE_FIGURES, LimitedOptions, do_pieces, write_results
 
-from humanoid_getup.benchmarks.bench_result import MeasuredRise, RefusableSummary
-from humanoid_getup.benchmarks.rise import rise_from
+from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, RisePiece, rise_from
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.named_scenes import load_scene, seed_grounds
@@ -104,8 +103,14 @@ def rise_in_scene(options: SceneOptions, piece: SceneFall) -> list[MeasuredRise]
     """Rise from one fall in every way."""
     rises, number = list[MeasuredRise](), piece.number
     for way, strategy in make_strategies(options, piece.scene, piece.ground).items():
-        preflight = way not in (NEAREST, STRAIGHT)
-        rise = rise_from(strategy, piece.fall, number, options.seed, preflight=preflight)
+        again = RisePiece(
+            number=number,
+            fall=piece.fall,
+            bench_class=piece.scene,
+            seed=options.seed,
+            preflight=way not in (NEAREST, STRAIGHT),
+        )
+        rise = rise_from(strategy, again)
         rises.append(MeasuredRise.refusable(rise, case=piece.scene, way=way, fall=number))
     return rises
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,20 +21,18 @@ from typing import Annotated, Any
 import mujoco
 import numpy as np
 import tyro
-from msgspec import convert
 from msgspec.structs import asdict
 from script import LOAD_FIGURES, WorkOptions, do_pieces, write_results
 
 from drivers import Ending, Twin
-from humanoid_getup.benchmarks.bench_result import KeptRise
-from humanoid_getup.benchmarks.rise import rise_once
+from humanoid_getup.benchmarks.rise import MeasuredRise, rise_once
 from humanoid_getup.benchmarks.whole import sample_by_class
 from humanoid_getup.engines.versions import hash_folder, hash_program
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import RiseSummary, wilson_interval
 from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, classify, find_rest
-from humanoid_getup.jobs.import_robot import import_robot, read_source
+from humanoid_getup.jobs.import_robot import import_robot
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.policy.onnx_policy import list_policies
@@ -45,6 +43,7 @@ from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from humanoid_getup.strategies.track_record import PLAN
 from robots import FULL_TORQUE, Posture, TorqueLimit, load_robot, quaternion
+from robots.model_import.reading import read_model
 from robots.quaternion import Array
 
 PACKAGE = "unified_humanoid_get_up_env"
@@ -103,7 +102,7 @@ class Piece:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyRise(KeptRise):
+class BodyRise(MeasuredRise):
     """Figures of a rise, also by the measure of the makers."""
 
     head_in_time: bool
@@ -112,30 +111,6 @@ class BodyRise(KeptRise):
     """The same at the end, however late."""
     head_share: float | None
     """Height of the head at the end as a share of the standing one; None if nothing was played."""
-
-    @classmethod
-    def of(cls, rise: RiseResult, gauge: HeadGauge, bench_class: str) -> BodyRise:
-        """Take the figures of a rise.
-
-        A run that was aborted is none that ends standing; one that ended in a held stand stands on.
-        """
-        in_time, at_end, share = False, False, None
-        outcome, run = rise.outcome, rise.run
-        if outcome is not None and run is not None and len(outcome.qpos):
-            share = gauge.measure(outcome.qpos[-1])
-            is_done = run.ending is Ending.DONE and rise.attempts[-1].abort is None
-            at_end = is_done and is_up(share)
-            limit = round(TIME_LIMIT / outcome.record.period)
-            in_time = rise.stood and at_end
-            if len(outcome.qpos) >= limit:
-                in_time = is_up(gauge.measure(outcome.qpos[limit - 1]))
-        kept = convert(rise.figures(), KeptRise, from_attributes=True)
-        return cls(
-            **vars(replace(kept, bench_class=bench_class)),
-            head_in_time=in_time,
-            head_at_end=at_end,
-            head_share=share,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +136,7 @@ class BenchedBody:
         if not (robot / "robot.toml").exists():
             import_robot(ImportRequest(model=model, out=robot))
         self.name, self._options = name, options
-        self.source, self.world = read_source(model), World(load_robot(robot))
+        self.source, self.world = read_model(model).model, World(load_robot(robot))
         self.has_motions = bool(list_motions(self.world.robot))
         self.ways = (PLAN, *(file.stem for file in list_policies(self.world.robot)))
 
@@ -358,7 +333,26 @@ def rise_on_body(options: BodyOptions, piece: Piece) -> BodyRise:
     session = SessionOptions(start_class=fall.start_class, settle=piece.kind == FALLS)
     twin = Twin(body.world, fall.posture)
     rise = rise_once(twin, strategy, [options.seed, 1, piece.number], session)
-    return BodyRise.of(rise, body.gauge, fall.start_class)
+    heads = measure_heads(rise, body.gauge)
+    return BodyRise(**vars(rise.figures()), bench_class=fall.start_class, **heads)
+
+
+def measure_heads(rise: RiseResult, gauge: HeadGauge) -> dict[str, Any]:
+    """Measure the head of a robot at the time limit and at the end of its rise.
+
+    A run that was aborted is none that ends standing; one that ended in a held stand stands on.
+    """
+    in_time, at_end, share = False, False, None
+    outcome, run = rise.outcome, rise.run
+    if outcome is not None and run is not None and len(outcome.qpos):
+        share = gauge.measure(outcome.qpos[-1])
+        is_done = run.ending is Ending.DONE and rise.attempts[-1].abort is None
+        at_end = is_done and is_up(share)
+        limit = round(TIME_LIMIT / outcome.record.period)
+        in_time = rise.stood and at_end
+        if len(outcome.qpos) >= limit:
+            in_time = is_up(gauge.measure(outcome.qpos[limit - 1]))
+    return {"head_in_time": in_time, "head_at_end": at_end, "head_share": share}
 
 
 def summarize_case(rises: Sequence[BodyRise]) -> dict[str, Any]:

@@ -24,12 +24,11 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import tyro
-from msgspec import convert
 from msgspec.structs import asdict
+from other_servos import use_servos
 from script import LOAD_FIGURES, WorkOptions, do_pieces, print_table, write_results
 
-from humanoid_getup.benchmarks.bench_result import KeptRise
-from humanoid_getup.benchmarks.rise import list_pieces, measure_rise
+from humanoid_getup.benchmarks.rise import MeasuredRise, list_pieces, measure_rise
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.experiments.judging.summary import RiseSummary
@@ -42,7 +41,6 @@ from humanoid_getup.strategies.choice import NEAREST, STRAIGHT, make_strategy
 from humanoid_getup.strategies.plan import Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from robots import Body, Robot, TorqueLimit, load_robot
-from robots.description.other_servos import use_servos
 from robots.servo import LimitMode
 
 HALF = 0.5  # share of rises that stand, below which a design does not get up
@@ -123,7 +121,7 @@ class Piece:
 class SideRises:
     """The rises of a design from one side."""
 
-    rises: list[KeptRise]
+    rises: list[MeasuredRise]
     missing: str = ""
     """Why the robot does not come to lie so; "" if it does."""
 
@@ -217,7 +215,7 @@ def rise_from_side(options: SweepOptions, piece: Piece) -> SideRises:
     preflight = piece.design.way not in (NEAREST, STRAIGHT)
     pieces = list_pieces(falls, options.seed, classes=(piece.side,), preflight=preflight)
     rises = [measure_rise(strategy, each) for each in pieces.values()]
-    return SideRises(rises=convert(rises, list[KeptRise], from_attributes=True))
+    return SideRises(rises=rises)
 
 
 @lru_cache(maxsize=1)
@@ -299,7 +297,7 @@ def draw(
     if up is None:
         figure, panel = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
         for place, some in [*groups.items()][:MOST_LINES]:
-            at = [design.coordinates[across] for design in some]
+            at = np.array([design.coordinates[across] for design in some], dtype=float)
             share = np.array([cases[d]["stood"] / (cases[d]["n"] or math.nan) for d in some])
             interval = np.array([cases[d]["stood_interval_95"] for d in some])  # (designs, 2)
             panel.errorbar(at, share, np.abs(interval - share[:, None]).T, marker="o", label=place)

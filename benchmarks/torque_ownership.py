@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 from checked_driver import CheckedDriver
+from other_servos import use_servos
 
 import humanoid_getup as hg
 from drivers import Cycle, SafetyGuard
@@ -42,7 +43,6 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import find_rest, settle_posture
 from humanoid_getup.simulation.world import World
 from robots import Posture
-from robots.description.other_servos import use_servos
 from robots.kinematics import read_posture
 
 SERVOS = {"X": "", "AX": "AX-12A", "STS": "STS3215-C018"}

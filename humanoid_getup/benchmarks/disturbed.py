@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 
 from drivers import Command, Twin
-from humanoid_getup.benchmarks.bench_result import MeasuredRise
-from humanoid_getup.benchmarks.rise import rise_once
+from humanoid_getup.benchmarks.rise import MeasuredRise, rise_once
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.playback.estimation import estimate_posture

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from drivers import Twin
-from humanoid_getup.benchmarks.bench_result import (
-    KeptRise,
-    MeasuredRise,
-    RiseBench,
-)
+from humanoid_getup.engines.versions import Versions
 from humanoid_getup.execution.get_up import get_up
-from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.result import RiseFigures, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import RiseSummary
-from humanoid_getup.experiments.starts.falls import Fall, sample_falls
-from humanoid_getup.simulation.world import World
+from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.strategies.plan import Strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise
+from robots.servo import LimitMode
 
 BENCH_CLASSES = ("supine", "prone", "lateral")
 """Start classes of benchmarks; left and right count as one."""
-
-Report = Callable[[MeasuredRise], None]
-"""Called after each rise, with its figures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,60 +36,71 @@ class RisePiece:
     """Whether the preflight may refuse it."""
 
 
-DoRises: TypeAlias = Callable[[Mapping[str, RisePiece]], Mapping[str, MeasuredRise]]
+@dataclass(frozen=True, kw_only=True)
+class MeasuredRise(RiseFigures):
+    """Figures of one rise; unset fields are not needed to identify it."""
+
+    bench_class: str | UnsetType = UNSET
+    """Class of the fall."""
+    way: str | UnsetType = UNSET
+    case: str | UnsetType = UNSET
+    fall: int | UnsetType = UNSET
+    """Number of the fall."""
+    refused: bool | UnsetType = UNSET
+    """Whether nothing was played."""
+
+    @classmethod
+    def refusable(cls, rise: RiseResult, *, case: str, way: str, fall: int) -> MeasuredRise:
+        """Label a rise that the preflight may have refused."""
+        refused = rise.run is None
+        return cls(**vars(rise.figures()), case=case, way=way, fall=fall, refused=refused)
 
 
-def bench_rise(
-    strategy: PlannedRise,
-    *,
-    seed: int,
-    each: int = 20,
-    report: Report = lambda _: None,
-    do: DoRises | None = None,
-) -> RiseBench:
-    """Rise by plans from ``each`` settled falls of every class on the twin.
+class RefusableSummary(RiseSummary, frozen=True, kw_only=True):
+    """Rises of which the preflight may refuse some."""
 
-    Args:
-        strategy: Plans the rises.
-        seed: Seed of the falls and the plans.
-        each: Falls of each class.
-        report: Called after each rise that is done here.
-        do: Does the rises elsewhere; None: one after another, here.
-    """
-    falls = _sample(strategy.world, each, seed)
-    # An unfiltered path is played to see whether it stands.
-    pieces = list_pieces(falls, seed, preflight=strategy.options.filtering)
-    rises = [*do(pieces).values()] if do else rise_all(strategy, pieces, report)
-    return RiseBench(
-        name="rise",
-        seed=seed,
-        n=len(rises),
-        robot=strategy.world.robot.name,
-        scene=strategy.world.scene.name,
-        torque_limit_nm=strategy.torque_limit.value,
-        limit_by=strategy.torque_limit.by,
-        planning=strategy.options.planning,
-        filtering=strategy.options.filtering,
-        assistance=strategy.options.assistance,
-        prefer=strategy.prefer,
-        search_budget_s=strategy.search_budget,
-        classes=summarize_classes(rises, BENCH_CLASSES),
-        all=RiseSummary.of(rises),
-        rises=rises,
-    )
+    refused: int
+    failures: list[str]
+    """Fall and reason of each rise that did not stand."""
+
+    @classmethod
+    def table(
+        cls, rises: Sequence[MeasuredRise], cases: Iterable[str], ways: Sequence[str]
+    ) -> dict[str, RefusableSummary]:
+        """Summarize the rises of each case by each way."""
+        return {f"{case}: {way}": cls._select(rises, case, way) for case in cases for way in ways}
+
+    @classmethod
+    def _select(cls, rises: Sequence[MeasuredRise], case: str, way: str) -> RefusableSummary:
+        ours = [rise for rise in rises if rise.case == case and rise.way == way]
+        return cls.of(
+            ours,
+            refused=sum(bool(rise.refused) for rise in ours),
+            failures=[f"fall {rise.fall}: {rise.reason}" for rise in ours if not rise.stood],
+        )
 
 
-def summarize_classes(rises: Sequence[KeptRise], classes: Sequence[str]) -> dict[str, RiseSummary]:
-    """Summarize the rises of each class."""
-    return {
-        name: RiseSummary.of([rise for rise in rises if rise.bench_class == name])
-        for name in classes
-    }
+class RiseBench(msgspec.Struct, frozen=True, kw_only=True):
+    """Many rises by plans, by start class, with their conditions."""
 
-
-def _sample(world: World, each: int, seed: int) -> list[Fall]:
-    rng = np.random.default_rng(seed)
-    return sample_falls(world, dict.fromkeys(BENCH_CLASSES, each), rng)
+    name: str = "rise"
+    seed: int
+    n: int
+    robot: str
+    body: str
+    scene: str
+    torque_limit_nm: float | None
+    """None for stall torque."""
+    limit_by: LimitMode | None
+    versions: Versions
+    planning: bool
+    filtering: bool
+    assistance: float
+    prefer: str
+    search_budget_s: float
+    classes: dict[str, RiseSummary]
+    all: RiseSummary
+    rises: list[MeasuredRise]
 
 
 def list_pieces(
@@ -119,33 +123,17 @@ def list_pieces(
     }
 
 
-def rise_all(
-    strategy: Strategy, pieces: Mapping[str, RisePiece], report: Report
-) -> list[MeasuredRise]:
-    """Do rises one after another."""
-    rises = list[MeasuredRise]()
-    for piece in pieces.values():
-        rises.append(measure_rise(strategy, piece))
-        report(rises[-1])
-    return rises
-
-
 def measure_rise(strategy: Strategy, piece: RisePiece) -> MeasuredRise:
     """Rise on a fresh twin."""
-    rise = rise_from(strategy, piece.fall, piece.number, piece.seed, preflight=piece.preflight)
+    rise = rise_from(strategy, piece)
     return MeasuredRise(**vars(rise.figures()), bench_class=piece.bench_class)
 
 
-def rise_from(
-    strategy: Strategy, fall: Fall, number: int, seed: int, *, preflight: bool = True
-) -> RiseResult:
-    """Rise from one of many falls, by its number, on a fresh twin."""
-    return rise_once(
-        Twin(strategy.world, fall.posture),
-        strategy,
-        [seed, 1, number],
-        SessionOptions(start_class=fall.start_class, preflight=preflight),
-    )
+def rise_from(strategy: Strategy, piece: RisePiece) -> RiseResult:
+    """Rise from one of many falls on a fresh twin."""
+    options = SessionOptions(start_class=piece.fall.start_class, preflight=piece.preflight)
+    twin = Twin(strategy.world, piece.fall.posture)
+    return rise_once(twin, strategy, [piece.seed, 1, piece.number], options)
 
 
 def rise_once(
@@ -154,3 +142,13 @@ def rise_once(
     """Try once to rise on a twin."""
     rng = np.random.default_rng(seed)
     return get_up(twin, strategy, seed=rng, max_attempts=1, options=options)
+
+
+def summarize_classes(
+    rises: Sequence[MeasuredRise], classes: Sequence[str]
+) -> dict[str, RiseSummary]:
+    """Summarize the rises of each class."""
+    return {
+        name: RiseSummary.of([rise for rise in rises if rise.bench_class == name])
+        for name in classes
+    }

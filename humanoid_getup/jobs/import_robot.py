@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import msgspec
-import mujoco
 import numpy as np
 
 from humanoid_getup.jobs.errors import BadInputError
@@ -13,7 +10,6 @@ from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import RobotError, load_robot
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
-from robots.model_import.reading import read_model
 from robots.model_import.robot_folder import write_robot
 from robots.model_import.source import ModelImportError
 
@@ -65,18 +61,6 @@ def import_robot(
     except (ModelImportError, RobotError) as error:
         raise BadInputError(*error.problems) from error
     return _summarize(robot)
-
-
-def read_source(path: Path) -> mujoco.MjModel:
-    """Read the model file of a robot as its maker has it.
-
-    Raises:
-        BadInputError: if it cannot be read.
-    """
-    try:
-        return read_model(path).model
-    except ModelImportError as error:
-        raise BadInputError(*error.problems) from error
 
 
 def _summarize(robot: ImportedRobot) -> RobotImport:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from humanoid_getup.benchmarks.bench_result import RefusableSummary
-from humanoid_getup.benchmarks.conditions import Conditions
 from humanoid_getup.benchmarks.motions import MotionSummary
-from humanoid_getup.benchmarks.whole import CapSummary, WholeBench
-from humanoid_getup.reporting.page_cells import (
-    NONE,
-    write_count,
-    write_number,
-    write_rate,
-    write_spread,
-    write_table,
-)
+from humanoid_getup.benchmarks.rise import RefusableSummary
+from humanoid_getup.benchmarks.whole import CapSummary, Conditions, WholeBench
+from humanoid_getup.experiments.judging.summary import Quantiles, RiseSummary
 
+NONE = "–"
 DEFINITIONS = (
     "**Stood**: for 3.0 s without a break, torso tilt at most 15°, neck at least 90 % of its "
     "standing height, nothing but the feet touching the ground; judged by ground truth. Intervals "
@@ -42,7 +37,7 @@ def write_page(result: WholeBench) -> str:
         *_write_disturbed(result.disturbed),
         *_write_pictures(result),
         "## Conditions",
-        write_table(("condition", "value"), _list_conditions(result)),
+        _write_table(("condition", "value"), _list_conditions(result)),
         "Repeat it, falls and all, with:",
         f"```\n{result.command}\n```",
         "## Definitions",
@@ -67,13 +62,13 @@ def _write_results(result: WholeBench) -> list[str]:
         (
             case.method,
             _name_cap(case),
-            write_rate(case),
-            *(write_spread(getattr(case, key)) for key in keys),
+            _write_rate(case),
+            *(_write_spread(getattr(case, key)) for key in keys),
         )
         for case in cases
     ]
     by_class = [
-        (case.method, case.cap, *(write_rate(case.classes.get(name)) for name in classes))
+        (case.method, case.cap, *(_write_rate(case.classes.get(name)) for name in classes))
         for case in cases
     ]
     times = [
@@ -81,7 +76,7 @@ def _write_results(result: WholeBench) -> list[str]:
             case.method,
             case.cap,
             *(
-                write_spread(case.classes[name].stand_time_s) if name in case.classes else NONE
+                _write_spread(case.classes[name].stand_time_s) if name in case.classes else NONE
                 for name in classes
             ),
         )
@@ -89,11 +84,11 @@ def _write_results(result: WholeBench) -> list[str]:
     ]
     return [
         "## Results",
-        write_table(("method", "torque cap", "stood", *columns), overall),
+        _write_table(("method", "torque cap", "stood", *columns), overall),
         "### Stood, by class",
-        write_table(("method", "torque cap", *classes), by_class),
+        _write_table(("method", "torque cap", *classes), by_class),
         "### Time to stand [s], by class",
-        write_table(("method", "torque cap", *classes), times),
+        _write_table(("method", "torque cap", *classes), times),
     ]
 
 
@@ -105,12 +100,12 @@ def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
             name,
             f"{motion.start_class} to {motion.end_class}",
             "yes" if motion.succeeded else "no",
-            write_number(motion.stand_time_s),
-            write_number(motion.peak_torque_nm),
-            write_number(motion.rms_torque_nm),
-            write_number(motion.head_impact_m_s),
-            write_number(motion.lowest_torque_limit_nm),
-            write_count(
+            _write_number(motion.stand_time_s),
+            _write_number(motion.peak_torque_nm),
+            _write_number(motion.rms_torque_nm),
+            _write_number(motion.head_impact_m_s),
+            _write_number(motion.lowest_torque_limit_nm),
+            _write_count(
                 motion.disturbed_succeeded,
                 motion.disturbed_n,
                 motion.disturbed_interval_95,
@@ -123,7 +118,7 @@ def _write_motions(motions: Mapping[str, MotionSummary], n: int) -> list[str]:
         "## Stored motions",
         "Each from its own start, at stall torque; then under ideal limits, from stall torque down "
         f"to the lowest under which it succeeds, and disturbed (n = {n}).",
-        write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
+        _write_table((*headings, "head [m/s]", "lowest limit [N·m]", "disturbed"), rows),
     ]
 
 
@@ -131,13 +126,13 @@ def _write_disturbed(cases: Mapping[str, RefusableSummary]) -> list[str]:
     if not cases:
         return []
     rows = [
-        (*name.split(": ", 1), write_rate(case), case.refused, write_spread(case.stand_time_s))
+        (*name.split(": ", 1), _write_rate(case), case.refused, _write_spread(case.stand_time_s))
         for name, case in cases.items()
     ]
     return [
         "## Disturbed",
         "At stall torque, in worlds of which neither plan nor policy knows; falls of their own.",
-        write_table(("disturbance", "method", "stood", "refused", "to stand [s]"), rows),
+        _write_table(("disturbance", "method", "stood", "refused", "to stand [s]"), rows),
     ]
 
 
@@ -163,7 +158,7 @@ def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
         ("robot", f"{result.robot}, {about.body or 'original'} body"),
         ("mass", f"{about.mass_kg:.2f} kg"),
         ("standing neck height", f"{about.neck_height_m:.3f} m"),
-        ("servos", f"{list_servos(about)}; {about.joints} joints"),
+        ("servos", f"{_list_servos(about)}; {about.joints} joints"),
         ("stall torque of the strongest", f"{about.stall_torque_nm:.2f} N·m"),
         ("supply", f"{about.supply_v:g} V"),
         ("torque caps act on", about.limit_by),
@@ -171,16 +166,16 @@ def _list_conditions(result: WholeBench) -> list[tuple[str, str]]:
         ("ground", about.scene),
         ("seed", str(result.seed)),
         ("falls of each class", str(result.n)),
-        ("programs", name_programs(about)),
+        ("programs", _name_programs(about)),
     ]
 
 
-def list_servos(about: Conditions) -> str:
+def _list_servos(about: Conditions) -> str:
     """List the servos of a robot, with the count of each type."""
     return ", ".join(f"{count} × {name}" for name, count in about.servos.items())
 
 
-def name_programs(about: Conditions) -> str:
+def _name_programs(about: Conditions) -> str:
     """Name the programs of a benchmark, with their versions."""
     return f"humanoid-getup {about.humanoid_getup}, MuJoCo {about.mujoco}, Python {about.python}"
 
@@ -188,3 +183,35 @@ def name_programs(about: Conditions) -> str:
 def _name_cap(case: CapSummary) -> str:
     limit = case.torque_limit_nm
     return case.cap if limit is None else f"{case.cap}, {limit:g} N·m"
+
+
+def _write_rate(case: RiseSummary | None) -> str:
+    """Write how many rises stood, with the interval; a dash for none."""
+    if case is None:
+        return NONE
+    return _write_count(case.stood, case.n, case.stood_interval_95)
+
+
+def _write_count(stood: int, n: int, interval: Sequence[float]) -> str:
+    """Write a count of n, with the interval of its share."""
+    low, high = interval
+    return f"{stood} of {n} ({low:.0%} to {high:.0%})"
+
+
+def _write_spread(value: Quantiles) -> str:
+    """Write a median, with the 95th percentile."""
+    if value.median is None:
+        return NONE
+    return f"{_write_number(value.median)} ({_write_number(value.p95)})"
+
+
+def _write_number(value: float | None) -> str:
+    """Write a number with two decimals; a dash for none."""
+    return NONE if value is None or math.isnan(value) else f"{value:.2f}"
+
+
+def _write_table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Write a Markdown table; vertical bars in cells are escaped."""
+    lines = [tuple(headings), ("---",) * len(headings), *rows]
+    cells = [[str(cell).replace("|", "\\|") for cell in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)

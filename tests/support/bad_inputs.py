@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import importlib.util
 import io
 import json
@@ -89,7 +88,7 @@ GROUPS: dict[str, list[Case]] = {
         case("bench all --n 0", "--n is 0, expected 1 to 1000000"),
         case("bench all --limit-by luck", "--limit-by is 'luck', expected current, pwm or ideal"),
         case("bench all --out text.txt", "text.txt is not a folder"),
-        case("bench all --out begun --quick --resume", "parts/plan_stall_torque", "starts over"),
+        case("bench all --out begun --quick --resume", "benchmark.jsonl", "starts over"),
         case(
             "play squat_to_stand --without-imu",
             "robot 'op3' has an IMU (board)",
@@ -843,10 +842,8 @@ def make_files(folder: Path, robot: Robot) -> None:
     (folder / "off.toml").write_text(
         "[ground]\nheights = [[0, 1], [0, 0]]\n[[starts]]\nlying = 'prone'\nx = [2, 3]\n"
     )
-    digest = hashlib.sha256(b"plan, stall torque").hexdigest()[:6]
-    begun = folder / "begun" / "parts" / f"plan_stall_torque_{digest}.jsonl"
-    begun.parent.mkdir(parents=True)
-    begun.write_text("half a part")
+    (folder / "begun").mkdir()
+    (folder / "begun" / "benchmark.jsonl").write_text("half a piece")
     _make_styles(folder)
     (folder / "upside.toml").write_text("[[starts]]\nlying = 'left'\nz = [1, 0]\n")
     (folder / "same.npz").symlink_to("path.npz")

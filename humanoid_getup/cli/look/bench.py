@@ -13,9 +13,8 @@ from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.cli.shared.repeat import hinting_resume
 from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.measure_robot import measure_robot
-from humanoid_getup.jobs.requests.bench import PAGE, BenchAll, BenchRise
+from humanoid_getup.jobs.requests.bench import LEDGER, PAGE, BenchAll, BenchRise
 from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.jobs.run_parts import is_begun
 
 HEADINGS = {
     "n": "n",
@@ -30,7 +29,6 @@ HEADINGS = {
     "self_collisions": "self-collisions",
 }
 """Figures of the tables, with their headings."""
-HEADS = ("n", "planned", "stood", "stood_interval_95")
 LOADS = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 
 
@@ -39,7 +37,12 @@ def bench_rise(command: BenchRise) -> int:
     with hinting_resume("bench rise", command, _has_rises), showing(command) as report:
         result = benchmark(command, report)
     write_json(result, command)
-    _print_table("rise", result.classes, (*HEADS, *LOADS, "self_collisions"), command)
+    _print_table(
+        "rise",
+        result.classes,
+        ("n", "planned", "stood", "stood_interval_95", *LOADS, "self_collisions"),
+        command,
+    )
     return DID_IT
 
 
@@ -49,13 +52,17 @@ def _has_rises(command: BenchRise) -> bool:
 
 def bench_all(command: BenchAll) -> int:
     """Run or resume the whole benchmark; print its main figures, and the place of its page."""
-    with hinting_resume("bench all", command, is_begun), showing(command) as report:
+    with hinting_resume("bench all", command, _is_begun), showing(command) as report:
         result = measure_robot(command, report)
     write_json(result, command)
-    figures = (*HEADS, *LOADS, "torque_use", "head_impact_m_s")
+    figures = ("n", "stood", "stood_interval_95", *LOADS, "torque_use", "head_impact_m_s")
     _print_table("all", result.cases, figures, command)
     console_for(command).print(f"written to {command.out / PAGE}", markup=False)
     return DID_IT
+
+
+def _is_begun(command: BenchAll) -> bool:
+    return (command.out / LEDGER).exists()
 
 
 def _print_table(

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 from humanoid_getup.engines.engine import WORTH
 from humanoid_getup.engines.executor import make_executor
-from humanoid_getup.jobs.requests.bench import EngineBench
 from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE
@@ -19,10 +18,7 @@ from robots import list_robots
 FILES = (SCENE, POLICY, ".npz")
 HERE = {"engine": "local", "address": ""}
 """Engine in the request of a worker, which starts none."""
-Piece = TypeVar("Piece")
-Result = TypeVar("Result")
 Request = TypeVar("Request", bound=RobotOption)
-BenchRequest = TypeVar("BenchRequest", bound=EngineBench)
 
 
 def starting(

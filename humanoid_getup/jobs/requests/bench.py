@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.output_files import find_folder_problems
 from humanoid_getup.jobs.requests.files import WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
@@ -22,7 +21,8 @@ from humanoid_getup.jobs.requests.shared import (
 )
 from humanoid_getup.jobs.requests.values import at_least, between
 
-PAGE, FIGURES, PLOT, PARTS = "benchmark.md", "benchmark.json", "benchmark.png", "parts"
+PAGE, FIGURES, PLOT = "benchmark.md", "benchmark.json", "benchmark.png"
+LEDGER = "benchmark.jsonl"
 STRIPS = tuple(f"strip_{name}.png" for name in ("supine", "prone", "left", "right"))
 WHOLE_ARTEFACTS = (PAGE, FIGURES, PLOT, *STRIPS)
 """Files of the whole benchmark."""
@@ -40,37 +40,22 @@ class BenchAll(EngineOptions, BodyOption, RobotOption):
     quick: bool = False
     """Fewer falls, torque caps and disturbances, for a first look."""
     out: Annotated[Path, Written(WHOLE_ARTEFACTS), arg(metavar="DIR")] = Path("out/benchmark")
-    """Folder for benchmark.md, benchmark.json, pictures, and the results of finished parts."""
+    """Folder for benchmark.md, benchmark.json, pictures, and the ledger of what is finished."""
     resume: bool = False
-    """Keep the finished parts in the folder; they must be of the same benchmark."""
+    """Keep what is finished; it must be of the same benchmark."""
 
     @property
     def each(self) -> int:
         """Return the falls of each class."""
         return self.n if self.n is not None else 4 if self.quick else 20
 
-    def find_problems(self) -> list[str]:
-        """Report a folder that cannot be written as well."""
-        return super().find_problems() or find_folder_problems(self.out / PARTS, ())
-
 
 @dataclass(frozen=True, kw_only=True)
-class EngineBench(EngineOptions, RobotOption):
-    """Options of a benchmark of a robot whose pieces an engine does."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FallsOptions(TorqueOptions, BodyOption, SceneOptions):
-    """Option for the number of falls of a benchmark."""
+class BenchRise(EngineOptions, PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
+    """Rise from many settled falls: success rates, times and faults."""
 
     n: Count = 20
     """Falls of each class: supine, prone, lateral."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchRise(EngineBench, PreferenceOptions, FallsOptions):
-    """Rise from many settled falls: success rates, times and faults."""
-
     planning: bool = True
     """Plan a collision-free path to the rising motion; otherwise interpolate."""
     filtering: bool = True

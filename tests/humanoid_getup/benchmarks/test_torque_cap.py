@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from humanoid_getup.benchmarks.torque_cap import SHARES, make_caps
+from humanoid_getup.benchmarks.whole import SHARES, make_caps
 from robots import Robot
 
 

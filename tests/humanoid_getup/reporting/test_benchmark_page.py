@@ -4,9 +4,8 @@ import math
 
 from msgspec.structs import replace
 
-from humanoid_getup.benchmarks.conditions import describe_conditions
 from humanoid_getup.benchmarks.motions import MotionSummary
-from humanoid_getup.benchmarks.whole import Pictures, WholeBench
+from humanoid_getup.benchmarks.whole import Pictures, WholeBench, describe_conditions
 from humanoid_getup.reporting.benchmark_page import write_page
 from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
@@ -16,6 +15,8 @@ def make_result(world: World, **changes) -> WholeBench:
     result = WholeBench(
         name="all",
         robot="op3",
+        body="",
+        scene="flat",
         n=4,
         seed=7,
         notes=["It has no policies."],

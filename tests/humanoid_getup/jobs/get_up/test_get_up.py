@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bus_stories import TINY
+from rise_figures_of import WALL_TIMES
 from stored_plans import plan_stored
 
 import humanoid_getup as hg
 from drivers import SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.benchmarks.bench_result import WALL_TIMES
 from humanoid_getup.cli.main import main
 from humanoid_getup.execution.phase import Phase
 from humanoid_getup.jobs.errors import BadInputError

@@ -20,18 +20,14 @@ from drivers.dynamixel.protocol2 import (
 )
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import (
-    BadCrc,
     Quirks,
     ReadGap,
-    UndefinedRegisters,
-    WatchdogFeed,
 )
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.reply import Reply
 
 HANG = 60.0  # s that one chain's share may take before it counts as a hang
 PACKETS_PER_CHAIN = 2000
@@ -39,7 +35,7 @@ MODELS = ("XM430-W350", "XM430-W350", "XM540-W270", "XL430-W250", "XC330-M288", 
 FIRMWARES = (38, 44, 45, 46, 52)
 WRITES = (Instruction.WRITE, Instruction.REG_WRITE, Instruction.SYNC_WRITE, Instruction.BULK_WRITE)
 FAST = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
-RESTORING = (Instruction.FACTORY_RESET, Instruction.BACKUP, Instruction.REBOOT)
+RESTORING = (Instruction.FACTORY_RESET, Instruction.REBOOT)
 LIMITED = (
     ("goal_pwm", "pwm_limit"),
     ("goal_current", "current_limit"),
@@ -106,11 +102,7 @@ def build_chain(rng: random.Random) -> Chain:
     quirks = Quirks(
         sync_gap=rng.choice(list(ReadGap)),
         fast_gap=rng.choice(list(ReadGap)),
-        bad_crc=rng.choice(list(BadCrc)),
-        watchdog_feed=rng.choice(list(WatchdogFeed)),
-        undefined=rng.choice(list(UndefinedRegisters)),
         torque_on_seeds_goal=rng.random() < 0.8,
-        voltage_error_clears=rng.random() < 0.5,
         reboot_time=0.05,
     )
     servos = [
@@ -186,8 +178,6 @@ def draw_command(rng: random.Random) -> tuple[Instruction, bytes]:
             (Instruction.ACTION, b""),
             (Instruction.ACTION, b""),
             (Instruction.CLEAR, b"\x01\x44\x58\x4c\x22"),
-            (Instruction.BACKUP, b"\x01CTRL"),
-            (Instruction.BACKUP, b"\x02CTRL"),
             (Instruction.REBOOT, b"") if rng.random() < 0.3 else (Instruction.PING, b""),
             (Instruction.FACTORY_RESET, kept) if rng.random() < 0.3 else (Instruction.PING, b""),
         ]

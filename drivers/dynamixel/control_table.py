@@ -151,17 +151,6 @@ def apply_sign(number: int, sign_bit: int) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Indirect:
-    """Block of indirect items: each data byte maps the register that its address names."""
-
-    address: int
-    """First address item, of two bytes each."""
-    data: int
-    """First data item, of one byte each."""
-    count: int
-
-
-@dataclass(frozen=True, kw_only=True)
 class ControlTable:
     """All items of a device."""
 
@@ -170,14 +159,11 @@ class ControlTable:
     """Model number in the reply to a ping."""
     items: Mapping[str, Item]
     """By name, in order of address."""
-    indirect: tuple[Indirect, ...]
     modes: tuple[int, ...]
     """Operating modes it has; empty if there is no register for them."""
     default_mode: int | None
     fast_read_firmware: int | None
     """First firmware with fast reads; None when none has them."""
-    backup_firmware: int | None
-    """First firmware with the backup instruction; None when none has it."""
     is_servo: bool = True
     wire: Wire = WIRES["2.0"]
     """Protocol that it speaks."""
@@ -289,10 +275,6 @@ class ControlTable:
         """Return whether a firmware has fast reads."""
         return self.fast_read_firmware is not None and firmware >= self.fast_read_firmware
 
-    def supports_backup(self, firmware: int) -> bool:
-        """Return whether a firmware has the backup instruction."""
-        return self.backup_firmware is not None and firmware >= self.backup_firmware
-
 
 # Finding a table ----------------------------------------------------------------------------
 
@@ -342,23 +324,20 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
     if table_names()[model] != model:
         return table_named(table_names()[model], firmware)
     source = _settings_of(model)
-    indirect = _indirect_blocks(source, firmware)
     rows = [
         _build_item(name, row, source, eeprom=memory == "eeprom")
         for memory in ("eeprom", "ram")
         for name, row in source[memory].items()
         if firmware is None or firmware >= row.get("since", 0)
     ]
-    items = sorted([*rows, *_indirect_items(indirect)], key=lambda item: item.address)
+    items = sorted([*rows, *_indirect_items(source, firmware)], key=lambda item: item.address)
     return ControlTable(
         model=model,
         number=source["number"],
         items={item.name: item for item in items},
-        indirect=indirect,
         modes=tuple(source.get("modes", ())),
         default_mode=source.get("default_mode"),
         fast_read_firmware=source.get("fast_read_firmware"),
-        backup_firmware=source["ram"].get("backup_ready", {}).get("since"),
         is_servo=source.get("is_servo", True),
         wire=_wire_of(model),
         extra_instructions=frozenset(Instruction[name] for name in source.get("knows", [])),
@@ -433,22 +412,16 @@ def _build_item(name: str, row: dict[str, Any], source: dict[str, Any], *, eepro
     )
 
 
-def _indirect_blocks(source: dict[str, Any], firmware: int | None) -> tuple[Indirect, ...]:
+def _indirect_items(source: dict[str, Any], firmware: int | None) -> Iterator[Item]:
+    """Yield the indirect items: each data byte maps the register that its address names."""
     blocks, old = source.get("indirect", []), source.get("old_indirect")
     if old is not None and firmware is not None and firmware < old["before"]:
         blocks = old["blocks"]
-    return tuple(Indirect(address=a, data=d, count=count) for a, d, count in blocks)
-
-
-def _indirect_items(blocks: tuple[Indirect, ...]) -> Iterator[Item]:
-    last = max((block.data + block.count - 1 for block in blocks), default=0)
-    number = 0
-    for block in blocks:
-        for i in range(block.count):
-            number += 1
-            address, data = block.address + 2 * i, block.data + i
-            where = {"at": address, "size": 2, "default": data, "range": (FIRST_MAPPED, last)}
-            what = {"at": data, "default": 0, "range": (0, 255)}
-            source = {"units": _read_file()["units"]}
-            yield _build_item(f"indirect_address_{number}", where, source, eeprom=False)
-            yield _build_item(f"indirect_data_{number}", what, source, eeprom=False)
+    last = max((data + count - 1 for _, data, count in blocks), default=0)
+    pairs = [(at + 2 * i, data + i) for at, data, count in blocks for i in range(count)]
+    for number, (address, data) in enumerate(pairs, start=1):
+        where = {"at": address, "size": 2, "default": data, "range": (FIRST_MAPPED, last)}
+        what = {"at": data, "default": 0, "range": (0, 255)}
+        units = {"units": _read_file()["units"]}
+        yield _build_item(f"indirect_address_{number}", where, units, eeprom=False)
+        yield _build_item(f"indirect_data_{number}", what, units, eeprom=False)

@@ -3,8 +3,8 @@
     with VirtualPorts(VirtualRobot(Simulation(robot)), time_mode=TimeMode.LOCK_STEP) as ports:
         backend = DynamixelBackend(robot, ports.paths)
 
-`VirtualRobot` is a robot's `virtual_devices`, its servos, its controller board and its IMU, coupled
-to a MuJoCo simulation by `servo_physics`; `VirtualPorts` serves it on pseudo-terminals.
+`VirtualRobot` is a robot's servos, its controller board and its IMU, coupled to a MuJoCo simulation
+by `servo_physics`; `VirtualPorts` serves it on pseudo-terminals.
 `served_robot` chooses between lock-step, in one process, and real time.
 
 - `devices` is the firmware: control tables in memory, servos and the board that execute

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-from typing import Protocol
-
-from drivers.imu.source import ImuSource
-from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
@@ -15,57 +10,13 @@ from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Posture
 
 
-class ServedRobot(Protocol):
-    """A robot whose ports are served."""
-
-    @property
-    def paths(self) -> dict[str, str]:
-        """Return the path of each port by its name in robot.toml, that of the IMU included."""
-        ...
-
-    @property
-    def imu(self) -> ImuSource | None:
-        """Return the source of an IMU on I2C that keeps step with its client; None without one."""
-        ...
-
-    def make_port(self, path: str, baud: int) -> SerialPort:
-        """Make the client's end of a port, for a driver in this process."""
-        ...
-
-    @property
-    def running(self) -> bool:
-        """Return whether its ports are served."""
-        ...
-
-    @property
-    def behind(self) -> float:
-        """Return by how much physics has fallen behind the clock since the start [s]."""
-        ...
-
-    def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off."""
-        ...
-
-    def hold(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off, held by a person."""
-        ...
-
-    def turn(self, joint: int, by: float) -> None:
-        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
-        ...
-
-    def let_go(self) -> None:
-        """Let a robot go that is held."""
-        ...
-
-
 def serve_robot(
     simulation: Simulation,
     *,
     time_mode: TimeMode,
     options: PortOptions | None = None,
     powered: bool = False,
-) -> AbstractContextManager[ServedRobot]:
+) -> ServedRobot:
     """Serve a simulated robot inside a ``with`` block.
 
     Args:
@@ -110,3 +61,7 @@ class LockStepRobot(VirtualPorts):
     def let_go(self) -> None:
         """Let a robot go that is held."""
         self.main.call(self._virtual.physics.let_go)
+
+
+ServedRobot = RealTimeRobot | LockStepRobot
+"""A robot whose ports are served inside a ``with`` block."""

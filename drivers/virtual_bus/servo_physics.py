@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from operator import is_
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from drivers.dynamixel.control_table import OperatingMode
 from drivers.servo_units import ServoUnits
 from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.motor_command import MotorCommand
+from drivers.virtual_bus.devices.motor_servo import MotorCommand
 from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured
 from robots import Posture
 from robots.drive import Drive
@@ -181,7 +182,9 @@ class ServoPhysics:
         moving = not plain or any(servo.has_profile for servo in self.motors)
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
-        if moving or self._driven is None or not _are_the_same(commands, self._last_commands):
+        # A servo keeps its command until something changes.
+        is_same = all(map(is_, commands, self._last_commands))
+        if moving or self._driven is None or not is_same:
             self._driven, self._last_commands = self._convert(commands, step), commands
         simulation.drive(*self._driven)
         self._note_rest(commands, steps * step)
@@ -277,8 +280,3 @@ class ServoPhysics:
             self._board.sense_body(simulation.imu.gyro, simulation.imu.accelerometer)
         for callback in self.on_sense:
             callback()
-
-
-def _are_the_same(commands: list[MotorCommand], others: list[MotorCommand]) -> bool:
-    """Compare by identity: a servo keeps its `MotorCommand` until something changes."""
-    return all(a is b for a, b in zip(commands, others, strict=True))

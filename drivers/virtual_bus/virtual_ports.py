@@ -11,12 +11,10 @@ from drivers.imu.build import build_i2c_source
 from drivers.imu.source import ImuSource
 from drivers.serial_port import SerialPort
 from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip, VirtualUartImu
-from drivers.virtual_bus.serving.i2c_line import I2cLine
-from drivers.virtual_bus.serving.imu_line import ImuLine
-from drivers.virtual_bus.serving.interfaces import SideLine
 from drivers.virtual_bus.serving.lock_step_port import LockStepPort
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
-from drivers.virtual_bus.virtual_devices import VirtualDevices
+from drivers.virtual_bus.serving.side_lines import I2cLine, ImuLine, SideLine
+from drivers.virtual_bus.virtual_robot import VirtualDevices
 from robots.imu import IMU_PORT
 
 
@@ -59,7 +57,6 @@ class VirtualPorts:
                 robot.physics,
                 time_mode=time_mode,
                 options=own,
-                strict_stuffing=robot.quirks.strict_stuffing,
                 advances_time=is_main or time_mode is TimeMode.REAL_TIME,
                 line=self.imu_line if is_main else None,
             )

@@ -16,8 +16,7 @@ from drivers.dynamixel.protocol2 import (
     Status,
 )
 from drivers.dynamixel.wire import PROTOCOL_2
-from drivers.virtual_bus.cycle_end import X_SERIES
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.chain import X_SERIES, Reply
 
 
 @dataclass

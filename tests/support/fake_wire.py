@@ -11,7 +11,7 @@ from fake_devices import FakeDevices
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.interfaces import StillPhysics
+from drivers.virtual_bus.serving.physics import StillPhysics
 
 LEAST = 1e-7  # s that a wait takes
 

@@ -11,9 +11,8 @@ from drivers.imu.build import build_i2c_source, build_imu_source
 from drivers.imu.sample import ImuSample
 from drivers.orientation_filter import GRAVITY
 from drivers.serial_port import PortLostError, PortRefusedError
-from drivers.virtual_bus.imu.build import build_virtual_imu
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu
+from drivers.virtual_bus.virtual_robot import build_virtual_imu
 from robots import ImuSettings, quaternion
 from robots.imu import SensorAxes
 

@@ -4,8 +4,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from drivers.virtual_bus.serving.call_queue import CallQueue
-from drivers.virtual_bus.serving.interfaces import SideLine
+from drivers.virtual_bus.serving.server import CallQueue
+from drivers.virtual_bus.serving.side_lines import SideLine
 
 
 class Serving:

@@ -3,11 +3,10 @@
 from collections.abc import Iterable
 
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
-from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.reply import Reply
 
 ROOM = 25.0  # °C
 FULL_PWM = 885  # counts

@@ -4,26 +4,84 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
+from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.dynamixel.protocol2 import (
     BROADCAST,
     HEADER,
     MAX_LENGTH,
     Damaged,
-    ErrorNumber,
     Instruction,
     Packet,
+    Span,
     Status,
     crc16,
 )
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-from drivers.virtual_bus.cycle_end import CycleEnd
 from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
-from drivers.virtual_bus.devices.quirks import BadCrc, Quirks, ReadGap, WatchdogFeed
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+
+# s for the reply of each id to a broadcast ping: the wait of the vendor's library per id
+PING_SLOT = 0.003
+
+
+class Reply(NamedTuple):
+    """Bytes that a device puts on the wire: a frame, or its part of a fast one."""
+
+    device: int
+    """Its id."""
+    delay: float
+    """Silence before them [s], since the end of the instruction or of the reply before."""
+    data: bytes
+    hold: float = 0.0
+    """How long the adapter holds them back [s]."""
+
+
+@dataclass(frozen=True)
+class CycleEnd:
+    """A sync write of goal positions, or of torque off to all servos that have no watchdog.
+
+    To those without torque no goal is written, for that would switch it on.
+    """
+
+    goal: Span
+    torque: Span | None = None
+    """Register of the torque; None where goals are written to limp servos too."""
+    servos: int = 0
+    """Number of servos."""
+
+    @classmethod
+    def of(cls, tables: Sequence[ControlTable]) -> CycleEnd:
+        """Find it for the servos of a bus; that of the X series if there is none."""
+        servos = [table for table in tables if table.is_servo]
+        if not servos:
+            return X_SERIES
+        torque = None if servos[0].has_watchdog else servos[0]["torque_enable"].span
+        return cls(servos[0]["goal_position"].span, torque, len(servos))
+
+    def is_ended_by(self, item: Packet | Damaged) -> bool:
+        """Return whether an instruction ends a period."""
+        if isinstance(item, Damaged) or item.instruction != Instruction.SYNC_WRITE:
+            return False
+        if len(item.params) < 4:
+            return False
+        address = int.from_bytes(item.params[:2], "little")
+        length = int.from_bytes(item.params[2:4], "little")
+        goal, torque = self.goal, self.torque
+        if address <= goal.address and address + length >= goal.address + goal.length:
+            return True
+        if torque is None or (address, length) != (torque.address, torque.length):
+            return False
+        values = item.params[5::2]
+        return len(values) == self.servos and not any(values)
+
+
+X_SERIES = CycleEnd(table_named("XM430-W350")["goal_position"].span)
+"""As in every X and MX(2.0) servo."""
 
 
 class MemberRead(NamedTuple):
@@ -76,11 +134,12 @@ class Chain:
         """
         self._find_listeners(baud)
         if isinstance(item, Damaged):
-            return self._reply_to_damaged(item)
+            return []  # a device cannot trust the id of a damaged frame
         if item.instruction == Instruction.STATUS:
             return []  # a reply of another device
-        if self.quirks.watchdog_feed is WatchdogFeed.ANY_INSTRUCTION:
-            self._feed_watchdogs()
+        for devices in self._members.values():
+            for device in devices:
+                device.note_traffic()
         group = self._groups.get(item.instruction)
         if group is not None and item.id == BROADCAST:
             return group(item.params)
@@ -100,20 +159,7 @@ class Chain:
                     seconds.setdefault(second, []).append(device)
         self._members, self._seconds = members, seconds
 
-    def _feed_watchdogs(self) -> None:
-        for devices in self._members.values():
-            for device in devices:
-                device.note_traffic()
-
     # One instruction, one id or all ----------------------------------------------------------
-
-    def _reply_to_damaged(self, item: Damaged) -> list[Reply]:
-        if self.quirks.bad_crc is BadCrc.SILENT:
-            return []
-        devices = self._members.get(item.id, [])
-        return self._collect(
-            devices, lambda device: Status(item.id, ErrorNumber.CRC | device.alert)
-        )
 
     def _address(self, packet: Packet) -> list[Reply]:
         devices = self._members.get(packet.id, [])
@@ -138,8 +184,7 @@ class Chain:
         now = 0.0  # s since the instruction
         for device_id, devices in sorted(self._members.items()):
             (reply,) = self._collect(devices, lambda device: device.handle(Instruction.PING))
-            slot = device_id * self.quirks.ping_slot
-            delay = max(reply.delay, slot - now)
+            delay = max(reply.delay, device_id * PING_SLOT - now)
             replies.append(Reply(device_id, delay, reply.data))
             now += delay + _duration(len(reply.data), devices[0].baud)
         return replies
@@ -203,8 +248,8 @@ class Chain:
                 pieces.append(piece + struct.pack("<H", crc16(piece, crc)))
             data = _garble(pieces)
             crc = crc16(data, crc)
-            waits = not replies or self.quirks.fast_pieces_wait
-            delay = waited + (devices[0].return_delay if waits else 0.0)
+            # All pieces together are one reply, and the delay is from instruction to reply.
+            delay = waited + (0.0 if replies else devices[0].return_delay)
             replies.append(Reply(request.id, delay, data))
             waited, start = 0.0, b""
         return replies

@@ -37,7 +37,7 @@ class VirtualDevice:
     ) -> None:
         """Build a device with its registers at factory defaults, its speed in bit/s."""
         self.table, self.quirks, self.firmware = table, quirks, firmware
-        self.registers = Registers(table, quirks.undefined)
+        self.registers = Registers(table)
         self.alive = True
         """False behind a broken cable: it neither receives nor replies."""
         self._powered = True

@@ -1,4 +1,4 @@
-"""Reboot, factory reset and backup: which registers keep their values."""
+"""Reboot and factory reset: which registers keep their values."""
 
 from __future__ import annotations
 
@@ -26,31 +26,7 @@ KEPT = {
     Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate"),
 }
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
-STORE_BACKUP, RESTORE_BACKUP = b"\x01CTRL", b"\x02CTRL"
 CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
-
-
-class Backup:
-    """Stored copy of EEPROM, gains, profile and indirect addresses of a servo (e-manual)."""
-
-    def __init__(self) -> None:
-        self._values: dict[str, int] = {}
-
-    @property
-    def is_ready(self) -> bool:
-        """Return whether a copy is stored."""
-        return bool(self._values)
-
-    def store(self, registers: Registers) -> None:
-        """Copy registers."""
-        items = (item for item in registers.table if _is_backed_up(item))
-        self._values = {item.name: registers[item.name] for item in items}
-
-    def restore(self, registers: Registers, *, eeprom: bool) -> None:
-        """Restore the EEPROM, or else gains, profile and indirect addresses."""
-        for name, value in self._values.items():
-            if registers.table[name].eeprom == eeprom:
-                registers[name] = value
 
 
 def reset(registers: Registers, items: Iterable[Item]) -> None:
@@ -65,12 +41,6 @@ def reset_ram(registers: Registers) -> None:
     reset(registers, (item for item in registers.table if not item.eeprom))
 
 
-def _is_backed_up(item: Item) -> bool:
-    if item.eeprom:
-        return item.writable
-    return item.name in GAINS + PROFILE or item.name.startswith("indirect_address_")
-
-
 class Maintained(Protocol):
     """A servo that is maintained."""
 
@@ -78,28 +48,22 @@ class Maintained(Protocol):
     registers: Registers
     firmware: int
 
-    @property
-    def torque_on(self) -> bool:
-        """Return whether it drives its motor."""
-        ...
-
-    def reboot(self, *, restore: bool = False) -> None:
-        """Restart with RAM at its defaults, or restored from the backup."""
+    def reboot(self) -> None:
+        """Restart with RAM at its defaults."""
 
     def clear_turns(self) -> None:
         """Bring the position back into one turn and hold it."""
 
 
 class Maintenance:
-    """Executes reboot, clear, factory reset and backup on one servo."""
+    """Executes reboot, clear and factory reset on one servo."""
 
-    def __init__(self, servo: Maintained, backup: Backup) -> None:
-        self._servo, self._backup = servo, backup
+    def __init__(self, servo: Maintained) -> None:
+        self._servo = servo
         self.handlers: dict[int, Handler] = {
             Instruction.REBOOT: self._reboot,
             Instruction.CLEAR: self._clear,
             Instruction.FACTORY_RESET: self._reset,
-            Instruction.BACKUP: self._store_or_restore,
         }
 
     def _reboot(self, params: bytes, addressing: Addressing) -> int:
@@ -135,24 +99,4 @@ class Maintenance:
         items = (item for item in servo.table if item.eeprom and item.writable)
         reset(servo.registers, (item for item in items if item.name not in KEPT[kept]))
         servo.reboot()
-        return ErrorNumber.NONE
-
-    def _store_or_restore(self, params: bytes, addressing: Addressing) -> int:
-        servo = self._servo
-        if not servo.table.supports_backup(servo.firmware):
-            return ErrorNumber.INSTRUCTION
-        if params not in (STORE_BACKUP, RESTORE_BACKUP):
-            return ErrorNumber.DATA_RANGE
-        if servo.torque_on:
-            return ErrorNumber.RESULT_FAIL
-        if params == STORE_BACKUP:
-            self._backup.store(servo.registers)
-            servo.registers["backup_ready"] = 1
-            return ErrorNumber.NONE
-        if addressing is Addressing.SECONDARY:
-            return ErrorNumber.ACCESS
-        if not self._backup.is_ready:
-            return ErrorNumber.RESULT_FAIL
-        self._backup.restore(servo.registers, eeprom=True)
-        servo.reboot(restore=True)
         return ErrorNumber.NONE

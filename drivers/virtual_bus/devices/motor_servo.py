@@ -2,15 +2,46 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
-from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.control_table import ControlTable, OperatingMode
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.motor_command import MotorCommand
-from drivers.virtual_bus.devices.protection import Protection
 from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import ServoModel
+
+# Of the stall current, that a servo sustains, and s of the overload model: the manual mentions a
+# persistent load above the maximum output. At full stall a cold servo trips after about that time.
+OVERLOAD_SHARE, OVERLOAD_TIME = 0.8, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCommand:
+    """Command to the motor, in the horn's own direction."""
+
+    torque_on: bool = False
+    mode: OperatingMode = OperatingMode.POSITION
+    target_ticks: float = 0.0
+    """Target of the position loop, turns included, without homing offset."""
+    p_gain: int = 0
+    """Register value of the position loop's gain, as is the next."""
+    d_gain: int = 0
+    velocity_p_gain: int = 0
+    """Register value of the velocity loop's gain, as is the next."""
+    velocity_i_gain: int = 0
+    pwm_limit: float = 0.0
+    """Largest share of the supply, 0 to 1."""
+    current_limit: float = 0.0
+    """[A]; infinite for a model without current limit."""
+    goal_current: float = 0.0
+    """For current mode [A]."""
+    goal_velocity: float = 0.0
+    """For velocity mode, after its ramp [rad/s]."""
+    goal_pwm: float = 0.0
+    """For PWM mode, share of the supply, -1 to 1."""
 
 
 class MotorServo(VirtualDevice, ABC):
@@ -29,7 +60,7 @@ class MotorServo(VirtualDevice, ABC):
         """Build a servo of a type; the stall current [A] is that of its type if None is given."""
         super().__init__(table, servo_id, firmware, baud, quirks)
         stall = figures.stall_current if stall_current is None else stall_current
-        self._protection = Protection(self.registers, quirks, stall)
+        self._protection = Protection(self.registers, stall)
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
         self._boot_start = 0.0
         self.late = 0.0
@@ -82,3 +113,49 @@ class MotorServo(VirtualDevice, ABC):
     @abstractmethod
     def _restart(self) -> None:
         """Set RAM to its power-up values."""
+
+
+class Protection:
+    """Checks supply, temperature and load against the limits in the registers."""
+
+    def __init__(self, registers: Registers, stall_current: float) -> None:
+        """Check a servo whose motor draws a current [A] at standstill, at the nominal supply."""
+        self._registers = registers
+        self.overload = OverloadModel(stall_current)
+        self.reload()
+
+    def reload(self) -> None:
+        """Reload the limits from the registers."""
+        registers = self._registers
+        self._hottest = registers["temperature_limit"]
+        self._lowest = registers["min_voltage_limit"]
+        self._highest = registers["max_voltage_limit"]
+
+    def check(self, voltage: float, temperature: float) -> int:
+        """Return the `HardwareError` bits for a supply [V] and a temperature [°C]."""
+        bits = 0
+        if not self._lowest <= round(voltage * 10.0) <= self._highest:
+            bits = HardwareError.VOLTAGE.value
+        if temperature > self._hottest:
+            bits |= HardwareError.OVERHEATING.value
+        return bits
+
+
+class OverloadModel:
+    """Heat of a winding, as a share of its steady state at stall.
+
+    A first-order model of current squared: it follows ``(current / stall)²`` with a time constant
+    and trips above the square of a share.
+    """
+
+    def __init__(self, stall_current: float) -> None:
+        self._stall_current = stall_current
+        self.heat = 0.0
+
+    def advance(self, current: float, duration: float) -> bool:
+        """Apply a current [A] for a duration [s]; return whether the limit is exceeded."""
+        if not self.heat and not current:
+            return False
+        share = current / self._stall_current
+        self.heat += (share * share - self.heat) * -math.expm1(-duration / OVERLOAD_TIME)
+        return self.heat > OVERLOAD_SHARE**2

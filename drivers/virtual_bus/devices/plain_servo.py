@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-from drivers.dynamixel.control_table import OperatingMode, table_named
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import Addressing
 from drivers.virtual_bus.devices.maintenance import reset, reset_ram
-from drivers.virtual_bus.devices.motor_command import MotorCommand
-from drivers.virtual_bus.devices.motor_servo import MotorServo
+from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import Measured
@@ -160,17 +159,10 @@ class PlainServo(MotorServo):
             limit = registers["goal_pwm"]
         return MotorCommand(
             torque_on=self.torque_on and not self.turns,
-            mode=OperatingMode.POSITION,
             target_ticks=self._target,
             p_gain=self._gain(),
-            d_gain=0,
-            velocity_p_gain=0,
-            velocity_i_gain=0,
             pwm_limit=min(limit, registers["pwm_limit"]) / self._full_scale,
             current_limit=math.inf,
-            goal_current=0.0,
-            goal_velocity=0.0,
-            goal_pwm=0.0,
         )
 
     def _gain(self) -> int:
@@ -205,7 +197,7 @@ class PlainServo(MotorServo):
         lower, upper = (self.registers[f"{end}_position_limit"] for end in ("min", "max"))
         if self.turns or lower <= goal <= upper:
             return ErrorNumber.NONE
-        return self.quirks.limit_error
+        return ErrorNumber.DATA_LIMIT
 
     # Measurements -------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 from drivers.dynamixel.control_table import ControlTable, Item
 from drivers.dynamixel.protocol2 import ErrorNumber
-from drivers.virtual_bus.devices.quirks import UndefinedRegisters
 
 MAX_PLANS = 256  # cached; clients use a handful, a fuzzer many
 _POINTER, _TARGET = "indirect_address_", "indirect_data_"
@@ -42,14 +41,15 @@ class WritePlan:
 
 
 class Registers:
-    """The memory of a control table."""
+    """The memory of a control table.
 
-    def __init__(
-        self, table: ControlTable, undefined: UndefinedRegisters = UndefinedRegisters.ZEROS
-    ) -> None:
+    Inside a longer read, addresses without an item are zeros; writing them does nothing. The
+    manual gives error 7 for them, yet its own clients read across gaps.
+    """
+
+    def __init__(self, table: ControlTable) -> None:
         self.table = table
         self.memory = table.initial_bytes()
-        self._undefined = undefined
         self._codecs = {item.name: codec_of(item) for item in table.items.values()}
         self._addresses = {item.name: item.address for item in table.items.values()}
         self._defined = bytearray(table.size)
@@ -88,11 +88,6 @@ class Registers:
             return ErrorNumber.DATA_LENGTH, b""
         if end > len(self.memory) or not self._defined[address]:
             return ErrorNumber.ACCESS, b""
-        if (
-            self._undefined is not UndefinedRegisters.ZEROS
-            and self._defined.find(0, address, end) >= 0
-        ):
-            return ErrorNumber.ACCESS, b""
         if self._redirected.find(1, address, end) < 0:
             return 0, bytes(self.memory[address:end])
         memory = self.memory
@@ -123,7 +118,7 @@ class Registers:
         while offset < length:
             item = self.table.at(addresses[offset])
             if item is None:
-                if offset == 0 or self._undefined is not UndefinedRegisters.ZEROS:
+                if offset == 0:
                     return WritePlan(ErrorNumber.ACCESS)
                 offset += 1
                 continue

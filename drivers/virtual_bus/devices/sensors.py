@@ -13,7 +13,6 @@ from typing import NamedTuple
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.twin.servo_model import AMBIENT_TEMPERATURE
 from drivers.virtual_bus.devices.profile import PositionControl
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
@@ -23,6 +22,8 @@ POSITION_MODES = (
     OperatingMode.CURRENT_BASED_POSITION,
 )
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
+# ticks, at which Moving Status reports arrival and a following error; no figures published
+IN_POSITION, FOLLOWING_ERROR = 20, 100
 NOMINAL_VOLTAGE = 12.0  # V, or the middle of the model's range
 _SIDE_BY_SIDE = struct.Struct("<hhii")  # PWM, load, velocity, position: so in every servo's table
 
@@ -47,8 +48,8 @@ class Measured(NamedTuple):
 class Sensors:
     """Converts physical quantities to the present-value and moving registers of a servo."""
 
-    def __init__(self, registers: Registers, control: PositionControl, quirks: Quirks) -> None:
-        self._registers, self._control, self._quirks = registers, control, quirks
+    def __init__(self, registers: Registers, control: PositionControl) -> None:
+        self._registers, self._control = registers, control
         table = registers.table
         self._has_current = "present_current" in table
         self._load_scale = table["present_current" if self._has_current else "present_load"].scale
@@ -128,11 +129,8 @@ class Sensors:
         running = control.running
         status = running << 1 | control.shape << 4
         if self._mode in POSITION_MODES:
-            quirks = self._quirks
-            has_arrived = (
-                abs(self._registers["goal_position"] - position) <= quirks.in_position_ticks
-            )
-            is_off_path = abs(control.position - position) > quirks.following_error_ticks
+            has_arrived = abs(self._registers["goal_position"] - position) <= IN_POSITION
+            is_off_path = abs(control.position - position) > FOLLOWING_ERROR
             status |= has_arrived | (is_off_path and self._registers["torque_enable"]) << 3
         memory, at = self._registers.memory, self._at_flags
         memory[at] = running or abs(self._speed_counts) > self._threshold

@@ -11,13 +11,11 @@ from drivers.state import HardwareError
 from drivers.virtual_bus.devices.maintenance import (
     GAINS,
     PROFILE,
-    Backup,
     Maintenance,
     reset,
     reset_ram,
 )
-from drivers.virtual_bus.devices.motor_command import MotorCommand
-from drivers.virtual_bus.devices.motor_servo import MotorServo
+from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
@@ -26,7 +24,7 @@ from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
 
-TORQUE_AT_BOOT, RESTORE_AT_BOOT = 1, 2  # bits of startup_configuration
+TORQUE_AT_BOOT = 1  # bit of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
 
 
@@ -51,17 +49,16 @@ class VirtualServo(MotorServo):
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         figures = servo_models()[model]
         super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
-        self._control, self._backup = PositionControl(self.registers), Backup()
-        self._sensors = Sensors(self.registers, self._control, quirks)
+        self._control = PositionControl(self.registers)
+        self._sensors = Sensors(self.registers, self._control)
         self._farthest_goal = table["goal_position"].upper or 0
         self._at_secondary = table["secondary_id"].address
         self._connect_rules()
         self._restart()
 
     def _connect_rules(self) -> None:
-        self._handlers |= Maintenance(self, self._backup).handlers
-        self._checks |= make_checks(self.registers, self.quirks)
-        self._checks["torque_enable"] = self._check_torque
+        self._handlers |= Maintenance(self).handlers
+        self._checks |= make_checks(self.registers)
         configuration = ("homing_offset", "moving_threshold", *GAINS)
         limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
         goal_limits = ("pwm_limit", "current_limit", "velocity_limit")
@@ -123,12 +120,9 @@ class VirtualServo(MotorServo):
             self._is_shut_down = True
             self._release()
 
-    def reboot(self, *, restore: bool = False) -> None:
-        """Restart with RAM at its defaults, or restored from the backup."""
+    def reboot(self) -> None:
+        """Restart with RAM at its defaults."""
         self._boot()
-        if restore:
-            self._backup.restore(self.registers, eeprom=False)
-            self._reload()
 
     def clear_turns(self) -> None:
         """Bring the position back into one turn and hold it."""
@@ -185,7 +179,7 @@ class VirtualServo(MotorServo):
         if new := bits & ~self._hardware_error:
             self.trip(HardwareError(new))
         gone = self._hardware_error & ~bits & HardwareError.VOLTAGE
-        if gone and self.quirks.voltage_error_clears:
+        if gone:  # with its cause, though the manual names a reboot alone
             self._set_hardware_error(self._hardware_error & ~HardwareError.VOLTAGE)
 
     def _set_hardware_error(self, error: int) -> None:
@@ -213,9 +207,6 @@ class VirtualServo(MotorServo):
 
     def _is_locked(self) -> bool:
         return self._torque_on
-
-    def _check_torque(self, value: int) -> int:
-        return self.quirks.locked_torque_error if value and self._is_shut_down else 0
 
     def _switch_torque(self, value: int) -> None:
         if not value:
@@ -331,11 +322,6 @@ class VirtualServo(MotorServo):
         """Set RAM to its power-up values."""
         registers = self.registers
         reset_ram(registers)
-        startup = registers.value_or_zero("startup_configuration")
-        if "backup_ready" in registers:
-            registers["backup_ready"] = int(self._backup.is_ready)
-        if startup & RESTORE_AT_BOOT:
-            self._backup.restore(registers, eeprom=False)
         self._is_booting = True
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._traffic_at = False, self.now

@@ -7,7 +7,6 @@ from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import Registers
 
 TRIPPED = -1  # value of bus_watchdog after it stopped the servo
@@ -15,7 +14,7 @@ PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
 LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
-def make_checks(registers: Registers, quirks: Quirks) -> dict[str, Callable[[int], int]]:
+def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:
     """Make the check of each item's values; it returns an `ErrorNumber`."""
     drive_bits = registers.table["drive_mode"].upper or 0  # the mask of the model's bits
 
@@ -30,12 +29,12 @@ def make_checks(registers: Registers, quirks: Quirks) -> dict[str, Callable[[int
             return ErrorNumber.DATA_RANGE
         lower, upper = registers["min_position_limit"], registers["max_position_limit"]
         is_free = registers["operating_mode"] != OperatingMode.POSITION
-        return ErrorNumber.NONE if is_free or lower <= goal <= upper else quirks.limit_error
+        return ErrorNumber.NONE if is_free or lower <= goal <= upper else ErrorNumber.DATA_LIMIT
 
     def check_by(limit: str, goal: int) -> int:
         if registers["bus_watchdog"] == TRIPPED:
             return ErrorNumber.DATA_RANGE
-        return quirks.limit_error if abs(goal) > registers[limit] else ErrorNumber.NONE
+        return ErrorNumber.DATA_LIMIT if abs(goal) > registers[limit] else ErrorNumber.NONE
 
     ranges: dict[str, Callable[[int], object]] = {
         "operating_mode": lambda mode: mode in registers.table.modes,

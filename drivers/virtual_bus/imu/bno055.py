@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.orientation_filter import GRAVITY
-from drivers.virtual_bus.imu.reading import ImuReading, to_counts
-from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip, VirtualUartImu
+from drivers.virtual_bus.imu.virtual_imu import (
+    ImuReading,
+    VirtualI2cChip,
+    VirtualUartImu,
+    to_counts,
+)
 
 # All numbers here are the data sheet's own (BST-BNO055-DS000), none is the driver's: what one side
 # gets wrong, the other does not follow.

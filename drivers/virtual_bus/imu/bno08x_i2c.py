@@ -5,8 +5,7 @@ from __future__ import annotations
 import struct
 from collections import deque
 
-from drivers.virtual_bus.imu.reading import ImuReading, to_counts
-from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualI2cChip, to_counts
 
 # All numbers here are those of the manuals of SHTP and SH-2 (CEVA), none is the driver's.
 PACKET = struct.Struct("<HBB")  # length, channel, sequence number

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.orientation_filter import GRAVITY
-from drivers.virtual_bus.imu.reading import ImuReading, to_counts
-from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu, to_counts
 from robots.quaternion import Array, slerp
 
 # All numbers here are the data sheet's own (1.3.5.2), none is the driver's.

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu
 from robots.imu import VALUES, ImuSettings
 
 

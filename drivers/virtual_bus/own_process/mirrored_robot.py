@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from operator import is_, methodcaller
 
-from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.own_process.row_formats import (
+from drivers.virtual_bus.own_process.shared_rows import (
     Measurements,
+    SharedRows,
     count_commands,
     count_measurements,
     write_commands,
 )
-from drivers.virtual_bus.own_process.shared_rows import SharedRows
-from drivers.virtual_bus.serving.interfaces import Physics
-from drivers.virtual_bus.virtual_devices import VirtualDevices
+from drivers.virtual_bus.serving.physics import Physics
+from drivers.virtual_bus.virtual_robot import VirtualDevices
 from robots import Robot
 
 PERIOD = 0.008  # s of a control period, for faults of a schedule
@@ -28,22 +28,12 @@ class MirroredRobot(VirtualDevices):
         robot: Robot,
         commands: int,
         measurements: int,
-        request: Callable[..., None],
+        request: Callable[[methodcaller], None],
         *,
         powered: bool,
-        quirks: Quirks | None,
     ) -> None:
-        """Build the devices.
-
-        Args:
-            robot: The robot.
-            commands: Descriptor of the rows to the physics.
-            measurements: Descriptor of the rows from the physics.
-            request: Calls a method of the physics by its name.
-            powered: Whether servos have power from the start.
-            quirks: Device behavior that the manual leaves open; None for the defaults.
-        """
-        super().__init__(robot, powered=powered, quirks=quirks)
+        """Build the devices; the rows to and from the physics are named by their descriptors."""
+        super().__init__(robot, powered=powered)
         self.physics: MirroredPhysics = MirroredPhysics(
             self,
             SharedRows(count_commands(robot.n), commands),
@@ -72,7 +62,7 @@ class MirroredPhysics(Physics):
         robot: VirtualDevices,
         commands: SharedRows,
         measurements: SharedRows,
-        request: Callable[..., None],
+        request: Callable[[methodcaller], None],
     ) -> None:
         self.time = 0.0
         self._robot, self._request = robot, request
@@ -99,11 +89,11 @@ class MirroredPhysics(Physics):
         """Set the temperature of a servo [°C]."""
         if servo_id not in [servo.id for servo in self._robot.servos]:
             raise ValueError(f"no servo has id {servo_id}")
-        self._request("heat", servo_id, temperature)
+        self._request(methodcaller("heat", servo_id, temperature))
 
     def sag(self, voltage: float) -> None:
         """Set the supply voltage [V]."""
-        self._request("sag", voltage)
+        self._request(methodcaller("sag", voltage))
 
     def _sense(self) -> None:
         """Give the newest measurements to the devices."""
@@ -116,8 +106,8 @@ class MirroredPhysics(Physics):
             servo.sense(measured)
             servo.late = found.late
         if robot.board is not None:
-            robot.board.sense_voltage(found.board.voltage)
-            robot.board.sense_body(found.board.gyro, found.board.accelerometer)
+            robot.board.sense_voltage(found.voltage)
+            robot.board.sense_body(found.gyro, found.accelerometer)
         if robot.imu is not None and found.imu is not None and found.imu.time != self._imu_time:
             self._imu_time = found.imu.time
             robot.imu.sense(found.imu)
@@ -127,11 +117,7 @@ class MirroredPhysics(Physics):
         """Publish the motors' commands if one has changed."""
         servos = self._robot.servos
         commands = [servo.motor_command() for servo in servos]
-        if len(commands) == len(self._published) and all(map(_is_same, commands, self._published)):
+        if len(commands) == len(self._published) and all(map(is_, commands, self._published)):
             return
         self._published = list(commands)
         self._commands.publish(write_commands(commands, [servo.has_profile for servo in servos]))
-
-
-def _is_same(a: object, b: object) -> bool:
-    return a is b

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from multiprocessing.connection import Connection
+from operator import methodcaller
 from time import monotonic
 from typing import Any
 
@@ -17,16 +18,7 @@ from drivers.dynamixel.robot_bus import find_bus
 from drivers.errors import DriverError
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.own_process.messages import (
-    Count,
-    Peek,
-    PhysicsRequest,
-    Statistics,
-    TorqueOff,
-    WireSetup,
-)
+from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.own_process.remote_devices import RemoteDevices
 from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
 from drivers.virtual_bus.servo_physics import ServoPhysics
@@ -37,8 +29,6 @@ LONGEST_START = 60.0  # s
 LONGEST_REPLY = 10.0  # s
 LONGEST_CATCH_UP = 0.02  # s of physics at once; what is older is lost
 REST_PAUSE = 0.008  # s between two advances of a robot at rest
-ENDED = None
-"""Reply of a process that has ended."""
 SERVER = "drivers.virtual_bus.own_process.wire_server"
 
 
@@ -61,7 +51,6 @@ class RealTimeRobot:
         *,
         powered: bool = False,
         options: PortOptions | None = None,
-        quirks: Quirks | None = None,
     ) -> None:
         """Prepare to serve a simulated robot; the parameters are those of `VirtualPorts`.
 
@@ -71,9 +60,7 @@ class RealTimeRobot:
         robot, has_board = simulation.robot, find_bus(simulation.robot).board is not None
         self.simulation = simulation
         self._paths = dict[str, str]()
-        self._setup = WireSetup(
-            robot=robot, options=options or PortOptions(), powered=powered, quirks=quirks
-        )
+        self._setup = robot, options or PortOptions(), powered
         self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
         board = self._devices.board if has_board else None
         self.physics = ServoPhysics(simulation, self._devices.servos, board, rests=True)
@@ -109,14 +96,9 @@ class RealTimeRobot:
         """Return whether its ports are served."""
         return self._thread.is_alive() and self._process.poll() is None
 
-    @property
-    def statistics(self) -> Statistics:
-        """Return the counts of each port."""
-        return self._ask(Count())
-
     def peek(self, register: str) -> list[int]:
         """Return a register of every servo, in the order of the joints."""
-        return self._ask(Peek(name=register))
+        return self._ask(methodcaller("peek", register))
 
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off."""
@@ -162,7 +144,7 @@ class RealTimeRobot:
 
     def _release(self) -> None:
         """Switch torque off."""
-        self._ask(TorqueOff())
+        self._ask(methodcaller("release"))
         self._devices.receive()
 
     def _end_process(self) -> None:
@@ -173,11 +155,11 @@ class RealTimeRobot:
         self._process.wait()
         self._devices.close()
 
-    def _ask(self, question: object) -> Any:
-        """Send a question to the other process once it serves; return its reply."""
+    def _ask(self, call: methodcaller) -> Any:
+        """Call a method of the robot in the other process once it serves; return its result."""
         _ = self.paths
         with contextlib.suppress(OSError):  # of a process that has ended: its last reply says so
-            self._connection.send(question)
+            self._connection.send(call)
         return self._await_reply(LONGEST_REPLY)
 
     def _await_reply(self, longest: float) -> Any:
@@ -188,8 +170,6 @@ class RealTimeRobot:
             raise VirtualBusError(f"the virtual bus does not answer within {longest:g} s") from None
         if isinstance(reply, DriverError | OSError):
             raise reply
-        if reply is ENDED:
-            raise VirtualBusError("the virtual bus stopped unexpectedly")
         return reply
 
     # Physics ------------------------------------------------------------------------------------
@@ -199,7 +179,7 @@ class RealTimeRobot:
         try:
             self._keep_time()
         finally:
-            self._replies.put(ENDED)
+            self._replies.put(VirtualBusError("the virtual bus stopped unexpectedly"))
 
     def _keep_time(self) -> None:
         start = monotonic() - self.physics.time
@@ -220,8 +200,8 @@ class RealTimeRobot:
         try:
             while self._connection.poll():
                 message = self._connection.recv()
-                if isinstance(message, PhysicsRequest):
-                    getattr(self.physics, message.name)(*message.values)
+                if isinstance(message, methodcaller):
+                    message(self.physics)
                 else:
                     self._replies.put(message)
         except (EOFError, OSError):  # it has ended

@@ -6,35 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.dynamixel.control_table import OperatingMode
-from drivers.virtual_bus.devices.motor_command import MotorCommand
+from drivers.virtual_bus.devices.motor_servo import MotorCommand
 from drivers.virtual_bus.devices.sensors import Measured
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.own_process.row_formats import (
-    BodyReading,
+from drivers.virtual_bus.imu.virtual_imu import ImuReading
+from drivers.virtual_bus.own_process.shared_rows import (
     Measurements,
+    SharedRows,
     count_commands,
     count_measurements,
     read_commands,
 )
-from drivers.virtual_bus.own_process.shared_rows import SharedRows
 from robots.quaternion import Array
-
-LIMP = MotorCommand(
-    torque_on=False,
-    mode=OperatingMode.POSITION,
-    target_ticks=0.0,
-    p_gain=0,
-    d_gain=0,
-    velocity_p_gain=0,
-    velocity_i_gain=0,
-    pwm_limit=0.0,
-    current_limit=0.0,
-    goal_current=0.0,
-    goal_velocity=0.0,
-    goal_pwm=0.0,
-)
-"""Command of a servo that has sent none yet."""
 
 
 class RemoteServo:
@@ -44,7 +26,7 @@ class RemoteServo:
         self.id = servo_id
         self.measured = Measured()
         self.has_profile = False
-        self._command = LIMP
+        self._command = MotorCommand()  # as long as it has sent none
 
     def motor_command(self) -> MotorCommand:
         """Return its newest command."""
@@ -68,20 +50,15 @@ class RemoteBoard:
     """Sensors of a board."""
 
     def __init__(self) -> None:
-        self._voltage, self._gyro, self._accelerometer = 0.0, np.zeros(3), np.zeros(3)
-
-    @property
-    def reading(self) -> BodyReading:
-        """Return what it measured last."""
-        return BodyReading(self._voltage, self._gyro, self._accelerometer)
+        self.voltage, self.gyro, self.accelerometer = 0.0, np.zeros(3), np.zeros(3)
 
     def sense_voltage(self, voltage: float) -> None:
         """Measure the supply [V]."""
-        self._voltage = voltage
+        self.voltage = voltage
 
     def sense_body(self, gyro: Array, accelerometer: Array) -> None:
         """Measure rates [rad/s] and forces [m/s²], (3,) each."""
-        self._gyro, self._accelerometer = gyro, accelerometer
+        self.gyro, self.accelerometer = gyro, accelerometer
 
     def advance(self, now: float) -> None:
         """Do nothing: its clock is in the other process."""
@@ -114,9 +91,11 @@ class RemoteDevices:
 
     def publish(self) -> None:
         """Publish the newest measurements."""
-        measured = [servo.measured for servo in self.servos]
         found = Measurements(
-            servos=measured, board=self.board.reading, imu=self.imu, late=self.late
+            servos=[servo.measured for servo in self.servos],
+            **vars(self.board),
+            imu=self.imu,
+            late=self.late,
         )
         self.measurements.publish(found.write())
 

@@ -1,17 +1,28 @@
-"""Rows of numbers that one process publishes and another one reads, without a lock."""
+"""Rows of numbers that one process publishes and another one reads, without a lock.
+
+They hold the commands to the motors, or the measurements of all devices.
+"""
 
 from __future__ import annotations
 
 import mmap
 import os
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
+from drivers.dynamixel.control_table import OperatingMode
+from drivers.virtual_bus.devices.motor_servo import MotorCommand
+from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from robots.quaternion import Array
 
 SLOTS = 8
 """Rows that are kept, so that a reader has the time of seven to copy one."""
 WORD = 8  # bytes of a number
+COMMAND_FIELDS, MEASURED_FIELDS = len(fields(MotorCommand)), len(Measured._fields)
+BOARD_FIELDS, REST_FIELDS = 7, 12  # the rest: IMU, and by how much physics is late
 
 
 class SharedRows:
@@ -49,3 +60,68 @@ class SharedRows:
     def close(self) -> None:
         """Close the descriptor; the memory goes with the last process that has it."""
         os.close(self.descriptor)
+
+
+def count_commands(servos: int) -> int:
+    """Return the width of a row of commands."""
+    return servos * (COMMAND_FIELDS + 1)
+
+
+def count_measurements(servos: int) -> int:
+    """Return the width of a row of measurements."""
+    return servos * MEASURED_FIELDS + BOARD_FIELDS + REST_FIELDS
+
+
+def write_commands(commands: Sequence[MotorCommand], profiles: Sequence[bool]) -> Array:
+    """Write the motors' commands, and which servos execute a profile, as a row."""
+    rows = [
+        (*astuple(command), is_running)
+        for command, is_running in zip(commands, profiles, strict=True)
+    ]
+    return np.array(rows, dtype=float).ravel()
+
+
+def read_commands(row: Array) -> list[tuple[MotorCommand, bool]]:
+    """Read a row of commands."""
+    found = []
+    for on, mode, target, *others, is_running in row.reshape(-1, COMMAND_FIELDS + 1).tolist():
+        gains, goals = map(int, others[:4]), others[4:]
+        command = MotorCommand(bool(on), OperatingMode(int(mode)), target, *gains, *goals)
+        found.append((command, bool(is_running)))
+    return found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measurements:
+    """Measurements of all devices at one time."""
+
+    servos: Sequence[Measured]
+    voltage: float
+    """Supply at the board [V]."""
+    gyro: Array
+    """Of the board, in the axes of the robot's IMU site [rad/s], (3,)."""
+    accelerometer: Array
+    """Likewise [m/s²], (3,)."""
+    imu: ImuReading | None
+    """None if the robot has no IMU on a line of its own."""
+    late: float = 0.0
+    """Time by which physics has fallen behind the clock since the start [s]."""
+
+    def write(self) -> Array:
+        """Write them as a row."""
+        imu = np.full(REST_FIELDS - 1, np.nan)
+        if self.imu is not None:
+            reading = self.imu
+            imu = np.r_[reading.time, reading.gyro, reading.accelerometer, reading.orientation]
+        servos = np.array(self.servos, dtype=float).ravel()
+        return np.r_[servos, self.voltage, self.gyro, self.accelerometer, imu, self.late]
+
+    @classmethod
+    def read(cls, row: Array) -> Measurements:
+        """Read them from a row."""
+        servos, board, rest = np.split(row, (-BOARD_FIELDS - REST_FIELDS, -REST_FIELDS))
+        measured = [Measured(*each) for each in servos.reshape(-1, MEASURED_FIELDS).tolist()]
+        imu, late = rest[:-1], float(rest[-1])
+        reading = None if np.isnan(imu[0]) else ImuReading(imu[0], imu[1:4], imu[4:7], imu[7:])
+        body = {"voltage": float(board[0]), "gyro": board[1:4], "accelerometer": board[4:]}
+        return cls(servos=measured, imu=reading, late=late, **body)

@@ -6,11 +6,11 @@ from collections import deque
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.dynamixel.wire import encode_item
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
-from drivers.virtual_bus.serving.interfaces import Devices, Physics, WireStatistics
+from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction, WireStatistics
+from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 GROUP_READS = (
@@ -26,18 +26,17 @@ class Exchange:
 
     def __init__(
         self,
-        devices: Devices,
+        devices: Chain,
         physics: Physics,
         faults: FaultInjector,
         schedule: FaultSchedule | None = None,
         *,
-        strict_stuffing: bool = False,
         advances_time: bool = True,
     ) -> None:
         """Connect devices and physics; the parameters are those of `VirtualBus`."""
         self._devices, self._physics, self._faults = devices, physics, faults
         self._scheduled = deque(schedule.plan_actions() if schedule else ())
-        self._strict_stuffing, self._advances_time = strict_stuffing, advances_time
+        self._advances_time = advances_time
         self.statistics = WireStatistics()
         self.wire = devices.wire
         """Protocol of the bus."""
@@ -99,8 +98,6 @@ class Exchange:
             return []
         if all(device.baud != request.baud for device in self._devices.devices):
             self.statistics.wrong_baud += 1
-            return []
-        if request.unstuffed and self._strict_stuffing:
             return []
         return self._faults.line.disturb_request(request.item)
 

@@ -4,13 +4,33 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.virtual_bus.serving.interfaces import Faulty
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
+
+T = TypeVar("T")
+
+
+class Faulty(Protocol):
+    """Target of injected faults: a bus with its devices, its physics and its port."""
+
+    devices: Chain
+    physics: Physics
+
+    def call(self, action: Callable[[], T]) -> T:
+        """Run an action between two instructions; return its result."""
+        ...
+
+    def plug(self) -> None:
+        """Plug in a new port under the same path."""
+
+    def unplug(self) -> None:
+        """Unplug the port while clients may use it."""
 
 
 class FaultError(DriverError):

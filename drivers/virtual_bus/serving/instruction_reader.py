@@ -8,11 +8,48 @@ from dataclasses import dataclass
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import Damaged, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
-from drivers.virtual_bus.serving.interfaces import WireStatistics
 
 LONGEST_GAP = 0.0015  # s between two bytes of an instruction (e-manual)
 
 _HEADER_RUN = b"\xff\xff\xfd"
+
+
+@dataclass
+class WireStatistics:
+    """Counts since the bus was started; of instructions unless stated otherwise."""
+
+    bytes_in: int = 0
+    """Bytes sent by clients."""
+    bytes_out: int = 0
+    """Bytes delivered to clients."""
+    packets: int = 0
+    """Instructions whose CRC matched when they left the client."""
+    answers: int = 0
+    """Replies of devices; each device's part of a fast reply is one."""
+    damaged: int = 0
+    """Instructions whose CRC did not match when they left the client."""
+    noise: int = 0
+    """Bytes from clients that belong to no instruction."""
+    broken_off: int = 0
+    """Instructions dropped because of a gap between two of their bytes."""
+    wrong_baud: int = 0
+    """Instructions sent at a rate that no device is set to."""
+    unstuffed: int = 0
+    """Instructions that contain FF FF FD without the FD that byte stuffing puts after it."""
+    talked_over: int = 0
+    """Instructions sent while replies to the one before were still coming."""
+    unanswered: int = 0
+    """Instructions that expect a reply and got none."""
+    overflow: int = 0
+    """Bytes lost because the client did not read."""
+    missed: int = 0
+    """Bytes lost because the client changed its baud rate before they arrived."""
+    deliveries: int = 0
+    """Batches of bytes delivered in real time."""
+    lateness_total: float = 0.0
+    """Sum of their delays behind the wire's own timing [s]."""
+    lateness_max: float = 0.0
+    """Largest of these delays [s]."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +63,6 @@ class ReceivedInstruction:
     """Time at which its last bytes arrived [s]."""
     baud: int
     """Baud rate of the client [bit/s]."""
-    unstuffed: bool = False
-    """Whether it contains FF FF FD without the FD that must follow."""
 
 
 class InstructionReader:
@@ -60,10 +95,10 @@ class InstructionReader:
             self._unclaimed += len(piece)
             for item in items:
                 size = begun - parser.pending - (parser.noise - noise)
-                unstuffed = self._count(item, size)
+                self._count(item, size)
                 whole = self._unclaimed - parser.pending
                 self._unclaimed = parser.pending
-                found.append(ReceivedInstruction(item, whole, at, baud, unstuffed))
+                found.append(ReceivedInstruction(item, whole, at, baud))
         statistics.noise = parser.noise
         return found
 
@@ -72,16 +107,14 @@ class InstructionReader:
             return at - self._last_byte > LONGEST_GAP
         return data.startswith(self._wire.header)
 
-    def _count(self, item: Packet | Damaged, size: int) -> bool:
-        """Count an instruction; return whether it lacks byte stuffing."""
+    def _count(self, item: Packet | Damaged, size: int) -> None:
         statistics = self._statistics
         if isinstance(item, Damaged):
             statistics.damaged += 1
-            return False
+            return
         statistics.packets += 1
-        unstuffed = _HEADER_RUN in item.params and size < len(encode_item(self._wire, item))
-        statistics.unstuffed += unstuffed
-        return unstuffed
+        lacks_stuffing = _HEADER_RUN in item.params and size < len(encode_item(self._wire, item))
+        statistics.unstuffed += lacks_stuffing
 
 
 def byte_time(baud: int) -> float:

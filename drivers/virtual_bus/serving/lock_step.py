@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.chain import Reply
 from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
 from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal

@@ -5,31 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from drivers.serial_port import PortLostError, SerialPort
+from drivers.virtual_bus.serving.server import VirtualBus
 
 POLL = 0.002  # s between two looks whether the bus is done
 LONGEST = 5.0  # s for which a bus may handle what was written, or bytes may be on their way
-
-
-class CountingBus(Protocol):
-    """A bus that counts the bytes of its port."""
-
-    @property
-    def running(self) -> bool:
-        """Return whether it serves its port."""
-        ...
-
-    @property
-    def handled(self) -> int:
-        """Return the bytes of clients that it has read, and done what they say."""
-        ...
-
-    @property
-    def delivered(self) -> int:
-        """Return the bytes that it has written to its port."""
-        ...
 
 
 class LockStepPort(SerialPort):
@@ -39,7 +20,7 @@ class LockStepPort(SerialPort):
     waited for that does not come.
     """
 
-    def __init__(self, path: str, baud: int, bus: CountingBus) -> None:
+    def __init__(self, path: str, baud: int, bus: VirtualBus) -> None:
         super().__init__(path, baud)
         self._bus = bus
         self._written = self._received = 0

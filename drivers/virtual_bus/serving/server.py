@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
+import os
+import select
 import threading
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from drivers.errors import DriverError
 from drivers.real_time_class import WIRE_PRIORITY, enter_real_time_class
-from drivers.virtual_bus.serving.call_queue import CallQueue
+from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.interfaces import (
-    Devices,
-    Physics,
-    SideLine,
-    StillPhysics,
-    WireStatistics,
-)
+from drivers.virtual_bus.serving.instruction_reader import WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
+from drivers.virtual_bus.serving.physics import Physics, StillPhysics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
+from drivers.virtual_bus.serving.side_lines import SideLine
 
 T = TypeVar("T")
 LONGEST_STOP = 30.0  # s that one run of physics steps may take before `stop` gives up
@@ -60,6 +60,81 @@ class VirtualBusError(DriverError):
     """A virtual bus cannot do this in its present state."""
 
 
+class CallQueue:
+    """Queues actions of other threads; the serving thread runs them between instructions.
+
+    Only the serving thread touches devices and physics, so they need no locks.
+    """
+
+    def __init__(self) -> None:
+        """Create a closed queue: until `open` and after `close`, callers run their own actions."""
+        self._lock = threading.RLock()
+        self._server: int | None = None
+        self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._bell: int | None = None  # an eventfd
+        self.lines: list[SideLine] = []
+        """Further lines; what comes on them is handled before what came on the waiting one's."""
+
+    def open(self) -> None:
+        """Make the calling thread the serving one."""
+        with self._lock:
+            self._bell = os.eventfd(0)
+            self._server = threading.get_ident()
+
+    def close(self) -> None:
+        """Run the queued actions; later ones run in their caller's thread."""
+        with self._lock:
+            self._server = None
+            self._do_waiting()
+            if self._bell is not None:
+                os.close(self._bell)
+            self._bell = None
+
+    def call(self, action: Callable[[], T]) -> T:
+        """Run an action in the serving thread; return its result."""
+        with self._lock:
+            is_ours = self._server in (None, threading.get_ident())
+            future: Future[T] = Future()
+            if not is_ours:
+                self._waiting.append((action, future))
+                self.ring()
+        return action() if is_ours else future.result()
+
+    def ring(self) -> None:
+        """Wake the serving thread."""
+        with self._lock:
+            if self._bell is not None:
+                os.eventfd_write(self._bell, 1)
+
+    def wait(self, port: int, duration: float) -> bool:
+        """Wait for bytes on a file descriptor, -1 for none; return whether bytes are there.
+
+        Runs queued actions. Waits for ``duration`` seconds at most, below 0 not at all.
+        """
+        bell = self._bell
+        assert bell is not None
+        lines = {line.fileno(): line for line in self.lines}
+        ends = [end for end in (port, bell, *lines) if end >= 0]
+        ready = select.select(ends, (), (), max(duration, 0.0))[0]
+        for end in lines.keys() & set(ready):
+            lines[end].serve()
+        if not ready:
+            for line in self.lines:
+                line.idle()
+        if bell in ready:
+            os.eventfd_read(bell)
+            self._do_waiting()
+        return port in ready
+
+    def _do_waiting(self) -> None:
+        while self._waiting:
+            action, future = self._waiting.popleft()
+            try:
+                future.set_result(action())
+            except BaseException as error:  # raised in the caller, not in the bus
+                future.set_exception(error)
+
+
 class VirtualBus:
     """A serial port with devices behind it, for any program that speaks Dynamixel.
 
@@ -72,12 +147,11 @@ class VirtualBus:
 
     def __init__(
         self,
-        devices: Devices,
+        devices: Chain,
         physics: Physics | None = None,
         *,
         time_mode: TimeMode = TimeMode.REAL_TIME,
         options: PortOptions | None = None,
-        strict_stuffing: bool = False,
         advances_time: bool = True,
         line: SideLine | None = None,
     ) -> None:
@@ -88,13 +162,11 @@ class VirtualBus:
             physics: Physics behind them; None for devices that do not move.
             time_mode: How time advances.
             options: Its port, and what goes wrong there; None for the defaults.
-            strict_stuffing: Whether devices ignore an instruction with an unstuffed FF FF FD;
-                otherwise it is only counted.
             advances_time: False if another bus of the same robot does.
             line: Another line of the robot to serve in the same thread, such as its IMU's.
         """
         options = options or PortOptions()
-        self.devices: Devices = devices
+        self.devices = devices
         self.physics: Physics = physics or StillPhysics(devices)
         self.time_mode = time_mode
         self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
@@ -103,7 +175,6 @@ class VirtualBus:
             self.physics,
             self.faults,
             options.schedule,
-            strict_stuffing=strict_stuffing,
             advances_time=advances_time,
         )
         self._options = options

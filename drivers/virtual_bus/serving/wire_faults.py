@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.dynamixel.protocol2 import MAX_ID, Damaged, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.chain import Reply
 
 LONGEST_NOISE = 8  # bytes
 

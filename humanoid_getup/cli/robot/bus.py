@@ -14,7 +14,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from drivers.virtual_bus.virtual_devices import VirtualDevices
+from drivers.virtual_bus.virtual_robot import VirtualDevices
 from humanoid_getup.cli.options.hardware import ServeBus
 from humanoid_getup.cli.robot.bench_words import build_bench
 from humanoid_getup.cli.robot.virtual_person import VirtualPerson

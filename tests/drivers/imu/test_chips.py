@@ -13,7 +13,7 @@ from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
-from drivers.virtual_bus.imu.reading import ImuReading
+from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from robots import ImuSettings
 
 READING = ImuReading(

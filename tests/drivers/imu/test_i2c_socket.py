@@ -20,12 +20,11 @@ from drivers.imu.i2c_socket import SocketI2cChip
 from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuError, ImuSource
 from drivers.socket_path import LONGEST_PATH
-from drivers.virtual_bus.imu.build import build_virtual_imu
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.imu.virtual_imu import VirtualI2cChip
-from drivers.virtual_bus.serving.call_queue import CallQueue
-from drivers.virtual_bus.serving.i2c_line import I2cLine
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualI2cChip
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
+from drivers.virtual_bus.serving.server import CallQueue
+from drivers.virtual_bus.serving.side_lines import I2cLine
+from drivers.virtual_bus.virtual_robot import build_virtual_imu
 from robots import ImuSettings
 
 SETTINGS = {kind: ImuSettings(kind=kind, connection="i2c") for kind in ("bno055", "bno08x")}

@@ -12,7 +12,7 @@ from drivers.imu.build import build_i2c_source
 from drivers.imu.fusion import FROZEN_CYCLES, ImuFusion
 from drivers.imu.source import ImuError
 from drivers.orientation_filter import GRAVITY
-from drivers.virtual_bus.imu.build import build_virtual_imu
+from drivers.virtual_bus.virtual_robot import build_virtual_imu
 from robots import ImuSettings, quaternion
 
 pytestmark = pytest.mark.usefixtures("counted_time")

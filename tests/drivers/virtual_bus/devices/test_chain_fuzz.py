@@ -7,17 +7,13 @@ from wire_talk import sense
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
-from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.chain import Chain, Reply
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import (
-    BadCrc,
     Quirks,
     ReadGap,
-    UndefinedRegisters,
-    WatchdogFeed,
 )
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.reply import Reply
 
 IDS = (1, 2, 3, 3, 200)
 TRIPPED = -1
@@ -26,12 +22,7 @@ quirks = st.builds(
     Quirks,
     sync_gap=st.sampled_from(ReadGap),
     fast_gap=st.sampled_from(ReadGap),
-    bad_crc=st.sampled_from(BadCrc),
-    watchdog_feed=st.sampled_from(WatchdogFeed),
-    undefined=st.sampled_from(UndefinedRegisters),
-    fast_pieces_wait=st.booleans(),
     torque_on_seeds_goal=st.booleans(),
-    voltage_error_clears=st.booleans(),
     reboot_time=st.just(0.02),
 )
 ids = st.sampled_from([*IDS, 9, 252, 253, BROADCAST, BROADCAST, 255])

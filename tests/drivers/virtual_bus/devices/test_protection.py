@@ -6,7 +6,6 @@ from wire_talk import read, sense, write
 from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots.description.servo_catalog import servo_models
 
@@ -65,9 +64,9 @@ def test_a_voltage_error_goes_when_the_voltage_is_good_again(voltage: float):
     assert read(servo, "hardware_error_status") == 0
 
 
-def time_to_trip(current: float, quirks: Quirks | None = None, longest: float = 60.0) -> float:
+def time_to_trip(current: float, longest: float = 60.0) -> float:
     """Seconds of a steady current until overload, ``inf`` for never."""
-    servo = VirtualServo(1, quirks=quirks)
+    servo = VirtualServo(1)
     write(servo, "torque_enable", 1)
     sense(servo, current=current)
     step = 0.01

@@ -13,9 +13,9 @@ from wire_talk import read, sense, write
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset, Status
 from drivers.virtual_bus.devices.device import Addressing
-from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS, RESTORE_BACKUP, STORE_BACKUP
+from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS
 from drivers.virtual_bus.devices.plain_servo import PlainServo
-from drivers.virtual_bus.devices.quirks import Quirks, UndefinedRegisters
+from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 MODELS = [name for name in known_models() if table_named(name).has_watchdog]
@@ -124,13 +124,9 @@ def test_reads_may_cross_a_gap_and_not_leave_the_table():
         assert raw_read(servo, *span) == (ErrorNumber.ACCESS, b""), span
     assert raw_read(servo, 132, 0) == (ErrorNumber.DATA_LENGTH, b"")
     span = (65, 4)  # led, two undefined bytes, status return level
-    lenient, strict = (VirtualServo(1, quirks=Quirks(undefined=u)) for u in UndefinedRegisters)
-    assert raw_read(lenient, *span) == (0, b"\0\0\0\2")
-    assert raw_read(strict, *span) == (ErrorNumber.ACCESS, b"")
-    assert raw_write(lenient, 65, b"\1\7\7\2") == 0
-    assert raw_read(lenient, *span) == (0, b"\1\0\0\2")
-    assert raw_write(strict, 65, b"\1\0\0\2") == ErrorNumber.ACCESS
-    assert strict.peek("led") == 0
+    assert raw_read(servo, *span) == (0, b"\0\0\0\2")
+    assert raw_write(servo, 65, b"\1\7\7\2") == 0
+    assert raw_read(servo, *span) == (0, b"\1\0\0\2")
 
 
 def test_data_limit_error_for_goals_beyond_a_configured_limit():
@@ -147,8 +143,6 @@ def test_data_limit_error_for_goals_beyond_a_configured_limit():
     assert write(servo, "goal_position", 3001) == ErrorNumber.DATA_LIMIT
     assert servo.peek("goal_position") == 2048
     assert write(servo, "goal_position", 1000) == write(servo, "goal_position", 3000) == 0
-    other = VirtualServo(1, quirks=Quirks(limit_error=ErrorNumber.DATA_RANGE))
-    assert write(other, "goal_position", 4096) == ErrorNumber.DATA_RANGE
 
 
 def test_torque_locks_eeprom_and_nothing_else():
@@ -266,39 +260,13 @@ def test_a_factory_reset_keeps_what_it_is_asked_to(kept: Reset):
     assert read(servo, "firmware_version") == 46
 
 
-def test_a_backup_brings_back_eeprom_gains_profile_and_indirect_addresses():
+def test_startup_configuration_switches_torque_on():
     servo = VirtualServo(1)
-    assert tell(servo, Instruction.BACKUP, RESTORE_BACKUP).number == ErrorNumber.RESULT_FAIL
-    kept = {"homing_offset": -77, "position_p_gain": 321, "profile_velocity": 44}
-    for name, value in (kept | {"indirect_address_2": 70}).items():
-        assert write(servo, name, value) == 0
-    write(servo, "torque_enable", 1)
-    assert tell(servo, Instruction.BACKUP, STORE_BACKUP).number == ErrorNumber.RESULT_FAIL
-    write(servo, "torque_enable", 0)
-    assert tell(servo, Instruction.BACKUP, STORE_BACKUP).error == 0
-    assert read(servo, "backup_ready") == 1
-    write(servo, "homing_offset", 5)
-    write(servo, "led", 1)
-    servo.handle(Instruction.REBOOT)
-    wake(servo)
-    assert read(servo, "backup_ready") == 1 and read(servo, "position_p_gain") == 800
-    assert tell(servo, Instruction.BACKUP, RESTORE_BACKUP).error == 0
-    wake(servo)
-    for name, value in (kept | {"indirect_address_2": 70, "led": 0}).items():
-        assert read(servo, name) == value
-    old = VirtualServo(2, firmware=44)
-    assert tell(old, Instruction.BACKUP, STORE_BACKUP).number == ErrorNumber.INSTRUCTION
-
-
-def test_startup_configuration_switches_torque_on_and_restores_ram():
-    servo = VirtualServo(1)
-    write(servo, "startup_configuration", 3)
-    write(servo, "position_p_gain", 123)
-    servo.handle(Instruction.BACKUP, STORE_BACKUP)
+    write(servo, "startup_configuration", 1)
     servo.handle(Instruction.REBOOT)
     assert not servo.motor_command().torque_on
     wake(servo)
-    assert servo.motor_command().torque_on and servo.motor_command().p_gain == 123
+    assert servo.motor_command().torque_on
     assert read(servo, "torque_enable") == 1
 
 

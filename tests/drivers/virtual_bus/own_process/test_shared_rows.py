@@ -8,16 +8,16 @@ from nonempty import nonempty
 
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
-from drivers.virtual_bus.imu.reading import ImuReading
-from drivers.virtual_bus.own_process.row_formats import (
-    BodyReading,
+from drivers.virtual_bus.imu.virtual_imu import ImuReading
+from drivers.virtual_bus.own_process.shared_rows import (
+    SLOTS,
     Measurements,
+    SharedRows,
     count_commands,
     count_measurements,
     read_commands,
     write_commands,
 )
-from drivers.virtual_bus.own_process.shared_rows import SLOTS, SharedRows
 from robots.quaternion import Array
 
 
@@ -78,16 +78,16 @@ def test_commands_of_motors_survive_a_row():
 def test_measurements_survive_a_row(has_imu: bool):
     rng = np.random.default_rng(0)
     servos = [Measured(*rng.normal(size=6).tolist()) for _ in range(3)]
-    board = BodyReading(11.5, rng.normal(size=3), rng.normal(size=3))
+    gyro, force = rng.normal(size=3), rng.normal(size=3)
     imu = ImuReading(0.25, *(rng.normal(size=n) for n in (3, 3, 4))) if has_imu else None
-    row = Measurements(servos=servos, board=board, imu=imu, late=0.75).write()
+    body = {"voltage": 11.5, "gyro": gyro, "accelerometer": force}
+    row = Measurements(servos=servos, **body, imu=imu, late=0.75).write()
     assert row.shape == (count_measurements(3),)
     found = Measurements.read(row)
     assert found.servos == servos
     assert found.late == 0.75
-    assert found.board.voltage == board.voltage
-    assert np.array_equal(found.board.gyro, board.gyro)
-    assert np.array_equal(found.board.accelerometer, board.accelerometer)
+    assert found.voltage == 11.5
+    assert np.array_equal(found.gyro, gyro) and np.array_equal(found.accelerometer, force)
     assert (found.imu is not None) == has_imu
     if imu is not None and found.imu is not None:
         for name in ("time", "gyro", "accelerometer", "orientation"):

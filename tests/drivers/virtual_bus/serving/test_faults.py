@@ -12,10 +12,10 @@ from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
-from drivers.virtual_bus.reply import Reply
+from drivers.virtual_bus.devices.chain import Reply
 from drivers.virtual_bus.serving.fault_injector import FaultError
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule, FaultScheduleError
-from drivers.virtual_bus.serving.interfaces import StillPhysics
+from drivers.virtual_bus.serving.physics import StillPhysics
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
 from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 

@@ -1,4 +1,4 @@
-"""The UNIX socket of a virtual I2C bus, served by the thread of the servo bus."""
+"""The lines of a robot beside its servo buses, served by the thread of one of them."""
 
 from __future__ import annotations
 
@@ -13,25 +13,67 @@ from pathlib import Path
 from drivers.imu.i2c import I2cChip
 from drivers.imu.i2c_socket import GREETING, LONGEST_PACKET, TRANSFER
 from drivers.socket_path import reaching
-from drivers.virtual_bus.serving.interfaces import SideLine
-from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
+from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
+from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
 
 BACKLOG = 8  # clients that may wait to be accepted
 
 
-class I2cLine(SideLine):
+class ImuLine:
+    """A pseudo-terminal in front of a virtual IMU; all methods are for the bus' thread."""
+
+    def __init__(self, imu: VirtualUartImu, *, link: Path | None, repeats: bool) -> None:
+        """Plug the port in, under a path or a temporary one.
+
+        ``repeats`` says whether to send while time stands still, as it does in lock-step: a
+        sensor's own clock does not.
+        """
+        self._imu, self._repeats = imu, repeats
+        self._wire = PseudoTerminal(link)
+
+    @property
+    def path(self) -> str:
+        """Return the path of the port."""
+        return self._wire.path
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 while it is unplugged."""
+        return self._wire.fileno()
+
+    def serve(self) -> None:
+        """Reply to what the client has sent."""
+        self._wire.write(self._imu.receive(self._wire.read()))
+
+    def pass_on(self) -> None:
+        """Send what the sensor has sent by itself."""
+        self._wire.write(self._imu.take())
+
+    def idle(self) -> None:
+        """Keep sending while the bus is idle, to a client that has read everything."""
+        if self._repeats and self._wire.plugged and not self._wire.unread:
+            self._wire.write(self._imu.repeat())
+
+    def plug(self) -> None:
+        """Plug the sensor's adapter in."""
+        self._wire.plug()
+
+    def unplug(self) -> None:
+        """Unplug the sensor's adapter."""
+        self._wire.unplug()
+
+    def close(self) -> None:
+        """Remove the port."""
+        self._wire.close()
+
+
+class I2cLine:
     """A virtual I2C bus with one chip; all methods are for the bus' thread.
 
     As on /dev/i2c-N, several programs may transfer, and other addresses do not acknowledge.
     """
 
     def __init__(self, chip: I2cChip, address: int, *, link: Path | None) -> None:
-        """Plug the bus in.
-
-        Args:
-            chip: The chip.
-            address: Its address on the bus.
-            link: Path of the socket; None for a temporary one.
+        """Plug the bus in, with a chip at an address; at the path of its socket or a temporary one.
 
         Raises:
             PortLinkError: if the socket cannot be created.
@@ -149,3 +191,6 @@ def _is_dead(link: Path) -> bool:
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe, reaching(link) as address:
         return probe.connect_ex(address) == errno.ECONNREFUSED
+
+
+SideLine = ImuLine | I2cLine

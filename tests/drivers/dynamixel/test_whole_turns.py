@@ -81,3 +81,16 @@ def test_a_servo_that_restarts_beyond_the_end_of_its_turn_is_still_measured_righ
         assert rig.servo("l_hip").peek("present_position") > 0, "the test shows nothing"
         assert after.joint_pos == pytest.approx(before.joint_pos, abs=0.05)
         assert rig.peek("torque_enable") == [1, 1]
+
+
+def test_a_joint_beyond_its_range_is_taken_at_the_nearer_end():
+    """Wolfgang's shoulders turn almost right round: a register alone would put one at its other
+    end."""
+    wolfgang = load_robot("wolfgang")
+    row = wolfgang.joint_names.index("RShoulderRoll")
+    joint_pos = wolfgang.standing.joint_pos.copy()
+    joint_pos[row] = wolfgang.upper[row] + 0.15
+    true = ServoUnits(wolfgang).to_ticks(joint_pos)
+    register = np.mod(true, TICKS_PER_TURN)
+    found = ServoUnits(wolfgang).to_rad(WholeTurns(wolfgang).resolve(register, register))
+    assert found == pytest.approx(joint_pos, abs=0.002)

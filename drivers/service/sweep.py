@@ -26,10 +26,6 @@ READ_MARGIN = 0.05  # s for the read of an id that was heard; what is later than
 ROUNDS = 2  # of ids that are silent, so that one damaged or late reply hides no servo
 
 
-class ProtocolError(SetupError):
-    """It cannot be known which protocol servos speak."""
-
-
 def choose_wires(protocol: str | None) -> tuple[Wire, ...]:
     """Return the protocols in which to look for servos: that of a name, or all without one.
 
@@ -49,11 +45,11 @@ def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = 
     Only pings and reads are sent: nothing changes.
 
     Raises:
-        ProtocolError: if it cannot be known which protocol they speak, or they speak two.
+        SetupError: if it cannot be known which protocol they speak, or they speak two.
     """
     found = list_speakers(bus, wires, ids)
     if unclear := [device for device, wire in found.items() if wire is None]:
-        raise ProtocolError(
+        raise SetupError(
             f"port {bus.port.path}: the servo of id {unclear[0]} may be a Dynamixel of Protocol "
             "1.0 or a Feetech: --protocol 1.0 or --protocol feetech says which"
         )
@@ -61,7 +57,7 @@ def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = 
     bus.wire = next(iter(spoken.values()), PROTOCOL_2)
     if len({wire.name for wire in spoken.values()}) > 1:
         listed = ", ".join(f"{device} ({wire.name})" for device, wire in spoken.items())
-        raise ProtocolError(
+        raise SetupError(
             f"port {bus.port.path}: servos {listed} speak two protocols, expected one: "
             "--protocol names one of them"
         )

@@ -43,7 +43,7 @@ class Load:
 BARE = Load()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ServoBench(Robot):
     """Servos side by side on a heavy plate, each with its load.
 

@@ -206,6 +206,12 @@ class Robot(JointArrays):
         for array in (self.standing.position, self.standing.orientation, self.standing.joint_pos):
             array.setflags(write=False)
 
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}({self.name}: {self.n} joints, stands "
+            f"{self.standing_neck_height:.3g} m high at the neck)"
+        )
+
     @cached_property
     def strength(self) -> Array:
         """Return the share of each servo's torque that it has, (n,): 0 for limp joints."""

@@ -7,12 +7,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots import Posture, Robot, quaternion
+from robots import Posture, Robot, list_robots, load_robot, quaternion
 from robots.arguments import expect
 from robots.posture import MAX_DISTANCE, UNIT_TOLERANCE
 from robots.quaternion import Array
@@ -96,6 +97,25 @@ class Motion(Trajectory):
         problems = _check_shapes(self) or _check_finite(self) or _check_values(self)
         if problems:
             raise ValueError(f"motion '{self.name}': " + "; ".join(problems))
+
+    def __repr__(self) -> str:
+        return (
+            f"Motion({self.name} of {self.robot}: {self.start_class} to {self.end_class}, "
+            f"{self.duration:.2f} s, {len(self.time)} frames of {self.joint_pos.shape[1]} joints)"
+        )
+
+    def _repr_png_(self) -> bytes | None:
+        """Draw a film strip for notebooks; None without OpenGL, or the robot by its name."""
+        from humanoid_getup.reporting import film_strip, motion_strip
+
+        if self.robot not in list_robots():
+            return None
+        try:
+            with TemporaryDirectory() as folder:
+                motion_strip.draw_motion(load_robot(self.robot), self, Path(folder) / "strip.png")
+                return (Path(folder) / "strip.png").read_bytes()
+        except film_strip.NoRendererError:
+            return None
 
     @property
     def duration(self) -> float:

@@ -93,6 +93,13 @@ class OnnxPolicy:
         self._begin = self._clock = 0.0
         self._start_at(robot.standing.joint_pos)
 
+    def __repr__(self) -> str:
+        names = ", ".join(term.name for term in self.contract.observation)
+        return (
+            f"OnnxPolicy({self.robot.name}: {names} to {self.robot.n} {self.action.mode} targets, "
+            f"every {self._step_time:g} s)"
+        )
+
     @staticmethod
     def load(
         file: Path | str,

@@ -51,6 +51,9 @@ class World:
         self.limbs = tuple(model.body(int(body)).name for body in roots)
         """Bodies at the root of each limb."""
 
+    def __repr__(self) -> str:
+        return f"World({self.robot.name} in scene {self.scene.name})"
+
     def vary(
         self,
         *,

@@ -10,7 +10,7 @@ from robots.reshaping.reshape_model import reshape_model
 from robots.robot import Robot
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ReshapedRobot(Robot):
     """A robot whose model has the lengths of `body`; servos and joints stay the same."""
 

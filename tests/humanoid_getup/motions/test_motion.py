@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.motion import KEYS, Motion
-from robots import load_robot, quaternion
+from humanoid_getup.reporting import motion_strip
+from humanoid_getup.reporting.film_strip import NoRendererError
+from humanoid_getup.simulation.world import World
+from robots import Robot, load_robot, quaternion
 
 ROBOT = load_robot("op3")
 FRAMES = 5
@@ -125,3 +128,29 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path, how: str):
     with pytest.raises(ValueError, match=r"m\.npz") as caught:
         Motion.load(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_motion_a_robot_and_a_world_print_in_one_line():
+    lines = [repr(make()), repr(ROBOT), repr(World(ROBOT))]
+    assert lines == [
+        "Motion(sit_up of op3: left to standing, 0.40 s, 5 frames of 20 joints)",
+        "Robot(op3: 20 joints, stands 0.393 m high at the neck)",
+        "World(op3 in scene flat)",
+    ]
+
+
+def test_a_notebook_shows_a_motion_as_its_film_strip(monkeypatch: pytest.MonkeyPatch):
+    """The film strip itself is tested where it is drawn."""
+
+    def draw(robot: Robot, motion: Motion, path: Path) -> None:
+        path.write_bytes(f"{motion.name} of {robot.name}".encode())
+
+    monkeypatch.setattr(motion_strip, "draw_motion", draw)
+    assert make()._repr_png_() == b"sit_up of op3"
+    assert make(robot="unknown")._repr_png_() is None
+
+    def fail(*_: object) -> None:
+        raise NoRendererError("no GL")
+
+    monkeypatch.setattr(motion_strip, "draw_motion", fail)
+    assert make()._repr_png_() is None

@@ -38,7 +38,10 @@ def test_no_flipped_bit_is_accepted(tmp_path: Path):
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
 def test_the_shipped_policies_are_valid_onnx_and_load(op3: Robot, file: Path):
     onnx.checker.check_model(onnx.load(str(file)))
-    assert OnnxPolicy.load(file, op3, op3.control_period).failure is None
+    policy = OnnxPolicy.load(file, op3, op3.control_period)
+    assert policy.failure is None
+    assert repr(policy).startswith("OnnxPolicy(op3: gravity, ")
+    assert "\n" not in repr(policy)
 
 
 def test_a_policy_without_a_checksum_is_refused_with_what_to_do(tmp_path: Path):

@@ -79,6 +79,8 @@ class TrainedPolicy:
     def assess(self) -> str:
         """Tell whether a body is learning, and what it may lack."""
         said = f"after {format_time(self.recent[-1].seconds)} {self.describe()}: "
+        if not self.is_learning and self.recent[-1].seconds < ASSESSED:
+            return f"{said}too short to judge"
         return said + ("it is learning" if self.is_learning else f"not learned yet; {self._hint}")
 
     @property

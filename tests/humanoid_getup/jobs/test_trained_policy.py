@@ -82,6 +82,12 @@ def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning():
     assert report(policy, seconds=ASSESSED + 10.0) == ""
 
 
+def test_a_short_training_blames_nothing():
+    policy = begin()
+    report(policy, seconds=20.0)
+    assert policy.assess().endswith("0% without help: too short to judge")
+
+
 @pytest.mark.parametrize(
     ("motions", "neck", "lacks"),
     [

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import find_motion, load_robot
 from humanoid_getup.jobs.requests.motions import ExportMotionRequest
@@ -21,13 +23,13 @@ class ExportedMotion:
     file: Path
     points: int
     duration_s: float
-    """From the start of the approach to the last point."""
+    """From the first point, for a JointTrajectory the start of the approach, to the last one."""
     start_class: str
     end_class: str
 
 
 def export_motion(request: ExportMotionRequest) -> ExportedMotion:
-    """Write a motion as a JointTrajectory.
+    """Write a motion as a JointTrajectory, or as CSV.
 
     Raises:
         BadInputError: if there is no such motion of the robot, or the file cannot be written.
@@ -35,20 +37,27 @@ def export_motion(request: ExportMotionRequest) -> ExportedMotion:
     ExportMotionRequest.accept(request)
     robot = load_robot(request)
     motion = find_motion(robot, request.motion)
-    trajectory = JointTrajectory.of(motion, robot, request.approach)
-    is_json = request.trajectory.suffix == ".json"
-    write = trajectory.to_json if is_json else trajectory.to_yaml
+    if request.trajectory is not None:
+        file, trajectory = request.trajectory, JointTrajectory.of(motion, robot, request.approach)
+        write = trajectory.to_json if file.suffix == ".json" else trajectory.to_yaml
+        time, text = trajectory.time, write(goal=request.goal)
+    else:
+        assert request.csv is not None  # the request says so
+        file, time = request.csv, motion.time - motion.time[0]
+        header = ",".join(("time", *robot.joint_names))
+        rows = (map(repr, row) for row in np.column_stack([time, motion.joint_target]).tolist())
+        text = "\n".join((header, *map(",".join, rows))) + "\n"
     try:
-        request.trajectory.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(request.trajectory, write(goal=request.goal))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(file, text)
     except OSError as error:
-        raise BadInputError(f"output file {request.trajectory}: {error.strerror}") from error
+        raise BadInputError(f"output file {file}: {error.strerror}") from error
     return ExportedMotion(
         name=motion.name,
         robot=robot.name,
-        file=request.trajectory,
-        points=len(trajectory.time),
-        duration_s=float(trajectory.time[-1]),
+        file=file,
+        points=len(time),
+        duration_s=float(time[-1]),
         start_class=motion.start_class,
         end_class=motion.end_class,
     )

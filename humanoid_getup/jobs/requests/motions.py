@@ -173,12 +173,14 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
 
 @dataclass(frozen=True, kw_only=True)
 class ExportMotionRequest(RobotOption):
-    """Export a motion as a JointTrajectory of ROS: the targets that servos receive, with their
-    velocities and accelerations, one point each control period, at rest at both ends."""
+    """Export the targets that servos receive, one row or point each control period: as CSV, or as
+    a JointTrajectory of ROS, with velocities and accelerations, at rest at both ends."""
 
     motion: Positional[MotionName]
-    trajectory: Annotated[Path, WRITTEN, arg(metavar="FILE.yaml|FILE.json")]
-    """File to write."""
+    trajectory: Annotated[Path | None, WRITTEN, arg(metavar="FILE.yaml|FILE.json")] = None
+    """JointTrajectory to write."""
+    csv: Annotated[Path | None, WRITTEN, arg(metavar="FILE.csv")] = None
+    """CSV file to write: time [s] and every joint by its name [rad], after a header line."""
     goal: bool = False
     """Write the goal of the action FollowJointTrajectory instead of the message."""
     approach: Annotated[float, between(0.0, 60.0, "s"), arg(metavar="S")] = 2.0
@@ -187,7 +189,9 @@ class ExportMotionRequest(RobotOption):
     def find_problems(self) -> list[str]:
         """Report a file of another kind as well."""
         problems = super().find_problems()
-        if self.trajectory.suffix not in TRAJECTORY_SUFFIXES:
+        if (self.trajectory is None) == (self.csv is None):
+            problems.append("expected either --trajectory or --csv, a file to write")
+        if self.trajectory is not None and self.trajectory.suffix not in TRAJECTORY_SUFFIXES:
             expected = name_choices(TRAJECTORY_SUFFIXES)
             problems.append(
                 f"--trajectory is {self.trajectory}, expected a name that ends with {expected}"

@@ -174,3 +174,14 @@ def test_an_exported_motion_is_imported_as_keys_that_go_the_same_way(
     knots = np.concatenate([[0.0], np.cumsum(sequence.after)])
     targets = PchipInterpolator(knots, sequence.keys)(motion.time)  # the curve of keyframes
     assert np.abs(targets - motion.joint_target).max() < CLOSE + 2 * ROUNDING
+
+
+def test_a_csv_file_has_the_targets_of_the_motion(op3: Robot, tmp_path: Path):
+    file = tmp_path / "motion.csv"
+    exported = export_motion(ExportMotionRequest(motion=MOTION, csv=file))
+    header, *_ = file.read_text().splitlines()
+    assert header.split(",") == ["time", *op3.joint_names]
+    rows, motion = np.loadtxt(file, delimiter=",", skiprows=1), find_motion(op3, MOTION)
+    np.testing.assert_array_equal(rows[:, 0], motion.time - motion.time[0])
+    np.testing.assert_array_equal(rows[:, 1:], motion.joint_target)
+    assert (exported.file, exported.points) == (file, len(rows))

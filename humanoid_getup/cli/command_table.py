@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 SECTIONS = {
-    "get up": ("rise", "play", "run", "sit", "hold"),
+    "get up": ("rise", "play", "run", "sit", "hold", "fall"),
     "plan and check": ("plan", "preflight", "motions", "mocap", "scenes", "style"),
     "learn": ("train", "eval", "export", "policy", "prior"),
     "robot": (
@@ -61,6 +61,12 @@ COMMANDS = {
         "Hold a robot in its stand until a key is pressed.",
         "requests.rise.HoldRequest",
         "stand.hold",
+        json=True,
+    ),
+    "fall": TableEntry(
+        "Drop a limp robot, and write how it lies as a posture file.",
+        "requests.rise.FallRequest",
+        "fall.fall",
         json=True,
     ),
     "prior": TableEntry(
@@ -133,7 +139,7 @@ COMMANDS = {
         "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
     ),
     "motions export": TableEntry(
-        "Write a motion as a JointTrajectory of ROS.",
+        "Write a motion as CSV, or as a JointTrajectory of ROS.",
         "requests.motions.ExportMotionRequest",
         "motions.export",
         json=True,

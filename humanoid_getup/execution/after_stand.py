@@ -170,6 +170,11 @@ class AfterStand:
         return self.refusal is None and self.release is None and self._find_failure() is None
 
     @property
+    def interrupted(self) -> bool:
+        """Return whether an interrupt ended the hold."""
+        return self.hold is not None and self.hold.run.ending is Ending.INTERRUPTED
+
+    @property
     def by_fault(self) -> bool:
         """Return whether the guard or the hardware ended it."""
         failure = self._find_failure()

@@ -62,4 +62,7 @@ def get_up(
         options = replace(options, then=then)
     session = Session.on(backend, world, strategy.torque_limit, options)
     manager = AttemptManager(session, strategy, max_attempts=max_attempts)
-    return manager.get_up(np.random.default_rng(seed))
+    result = manager.get_up(np.random.default_rng(seed))
+    if result.after is not None and result.after.interrupted:
+        raise KeyboardInterrupt
+    return result

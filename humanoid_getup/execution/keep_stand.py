@@ -41,4 +41,7 @@ def keep_stand(
     expect("world", world, World, "a World, e.g. World(robot)")
     expect("options", options, SessionOptions | None, "e.g. SessionOptions(balance=False)")
     options = replace(options or SessionOptions(), then=then)
-    return StandKeeper(Session.on(backend, world, torque_limit, options)).start()
+    result = StandKeeper(Session.on(backend, world, torque_limit, options)).start()
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result

@@ -13,7 +13,7 @@ class Phase(Enum):
     PLANNING = "planning"
     PREFLIGHT = "preflight"
     PLAYING = "playing"
-    HOLDING = "holding the stand, until a key is pressed"
+    HOLDING = "holding the stand"
     FOLLOWING = "following its pilot"
     LYING_DOWN = "sitting and lying down"
     RECOVERING = "recovering"

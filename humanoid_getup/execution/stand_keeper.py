@@ -37,7 +37,7 @@ from humanoid_getup.playback.stand_holder import make_stand, make_still
 from humanoid_getup.playback.supervisor import supervise_hold, supervise_motion
 from robots.kinematics import torso_orientation
 
-HOLDING_TARGETS = "holding the last targets, until a key is pressed"
+HOLDING_TARGETS = "holding the last targets"
 
 
 class StandKeeper:
@@ -102,10 +102,11 @@ class StandKeeper:
     def keep(self, *, balanced: bool = True) -> AfterStand:
         """Hold a judged stand or follow the pilot, on the engaged robot, and end it.
 
-        ``balanced`` is False to hold the stand without feedback to the ankles.
+        ``balanced`` is False to hold the stand without feedback to the ankles. An interrupt of the
+        hold ends it with torque off, and is in the result.
 
         Raises:
-            KeyboardInterrupt: if it was interrupted; the robot's torque goes off then.
+            KeyboardInterrupt: if the pilot was interrupted; the robot's torque goes off then.
         """
         self._balanced = balanced
         if self._session.pilot is not None:
@@ -211,7 +212,10 @@ class StandKeeper:
 
     def _follow(self, pilot: Controller) -> Step:
         self._report(Phase.FOLLOWING)
-        return Step(run=self._run(pilot, math.inf, self.watch, Phase.FOLLOWING))
+        run = self._run(pilot, math.inf, self.watch, Phase.FOLLOWING)
+        if run.ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        return Step(run=run)
 
     def _run(
         self,
@@ -226,8 +230,6 @@ class StandKeeper:
             run = run_engaged(
                 controller, guard, max_time=max_time, realtime=session.realtime, on_cycle=on_cycle
             )
-            if run.ending is Ending.INTERRUPTED:
-                raise KeyboardInterrupt
             past += run.duration
             is_paused = guard.fault is not None and guard.fault.kind is FaultKind.PAUSED
             if not (is_paused and session.has_imu) or self._find_lean(guard.read()):

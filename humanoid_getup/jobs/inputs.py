@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,11 +23,14 @@ from humanoid_getup.playback.estimation import check_start
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.standing_places import check_standing_place
 from humanoid_getup.simulation.world import World
-from robots import Body, Robot, TorqueLimit, list_robots, load_posture
+from robots import Body, Posture, Robot, TorqueLimit, list_robots, load_posture
 from robots import load_robot as load_robot_by_name
 from robots.bench import ServoBench
 from robots.imu import IMU_PORT
 from robots.storage.validation import name_unknown_joints
+
+FALL = "fall"
+"""Key of a posture file of `getup fall`: the side on which the robot was to lie."""
 
 
 def load_robot(options: RobotOption, *, takes_bench: bool = False) -> Robot:
@@ -63,8 +68,16 @@ def make_torque_limit(options: TorqueOptions, robot: Robot) -> TorqueLimit:
         return TorqueLimit(options.torque_limit, options.limit_by).on(robot)
 
 
-def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
-    """Sample a settled fall of a class, or load a posture file."""
+def find_start(
+    world: World,
+    origin: str,
+    rng: np.random.Generator,
+    tell: Callable[[str], None] | None = None,
+) -> Fall:
+    """Sample a settled fall of a class, or load a posture file.
+
+    With ``tell``, a file may leave joints out: they take the angles of the stance, and are named.
+    """
     with refusing():
         if origin in CLASSES:
             fall = sample_falls(world, {origin: 1}, rng)[0]
@@ -72,13 +85,38 @@ def find_start(world: World, origin: str, rng: np.random.Generator) -> Fall:
             return fall
         path = Path(origin)
         if not path.exists():
+            if path.suffix or len(path.parts) > 1:
+                raise ValueError(f"posture file {path} is missing")
             raise ValueError(
                 f"unknown start '{origin}', expected {', '.join(CLASSES)} or a posture file"
             )
-        posture = load_posture(path, world.robot)
+        posture = load_posture(path, world.robot, fill=tell)
         check_start(world, posture)
         check_standing_place(world, posture.position)
-    return Fall(posture=posture, start_class=classify(posture.orientation) or UNCLASSED)
+        return _find_sampled(world, path, posture, rng) or Fall(
+            posture=posture, start_class=classify(posture.orientation) or UNCLASSED
+        )
+
+
+def _find_sampled(
+    world: World, path: Path, posture: Posture, rng: np.random.Generator
+) -> Fall | None:
+    """Sample the fall that `getup fall` wrote to a file, if it is of this world and seed.
+
+    The generator goes on as after the sample, so that a rise is planned as without the file.
+    """
+    if (side := json.loads(path.read_text("utf-8")).get(FALL)) not in CLASSES:
+        return None
+    sampler = copy.deepcopy(rng)
+    fall = sample_falls(world, {side: 1}, sampler)[0]
+    same = (
+        np.allclose(getattr(fall.posture, name), getattr(posture, name), rtol=0.0, atol=1e-12)
+        for name in ("position", "orientation", "joint_pos")
+    )
+    if not all(same):
+        return None
+    rng.bit_generator.state = sampler.bit_generator.state
+    return fall
 
 
 def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:

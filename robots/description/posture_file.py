@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,8 +42,11 @@ class _PostureFile:
     joint_pos: Annotated[dict[str, Angle], Meta(description="an object {joint name: rad}")]
 
 
-def load_posture(path: Path, robot: Robot) -> Posture:
+def load_posture(path: Path, robot: Robot, *, fill: Callable[[str], None] | None = None) -> Posture:
     """Load a posture file: {"position", "orientation", "joint_pos": {name: rad}}.
+
+    Joints that it leaves out take the angles of the stance if ``fill`` is given, and ``fill`` is
+    called with a line that names them; otherwise they are an error.
 
     Raises:
         ValueError: naming everything in the file that is wrong.
@@ -61,6 +65,12 @@ def load_posture(path: Path, robot: Robot) -> Posture:
     if any(abs(x) > MAX_DISTANCE for x in read.position):
         found = f"{max(read.position, key=abs):.4g} m"
         problems.append(f"position is {found}, expected at most {MAX_DISTANCE:g} m from the origin")
+    names = robot.joint_names
+    missing = [name for name in names if name not in read.joint_pos]
+    if fill is not None and missing and isinstance(record.get("joint_pos"), dict):
+        stance = dict(zip(names, robot.standing.joint_pos.tolist(), strict=True))
+        read = replace(read, joint_pos=stance | read.joint_pos)
+        fill(f"posture file {path}: {', '.join(missing)} not named, taken from the stance")
     if isinstance(record.get("joint_pos"), dict):
         problems += _check_joints(read.joint_pos, robot)
     if problems:
@@ -68,7 +78,7 @@ def load_posture(path: Path, robot: Robot) -> Posture:
     return Posture(
         position=np.array(read.position),
         orientation=quaternion.normalize(np.array(read.orientation)),
-        joint_pos=np.array([read.joint_pos[name] for name in robot.joint_names]),
+        joint_pos=np.array([read.joint_pos[name] for name in names]),
     )
 
 

@@ -558,10 +558,10 @@ GROUPS: dict[str, list[Case]] = {
         case("bus --faults wrong.toml", "wrong.toml"),
         case("bus --faults folder", "folder"),
         case("bus --link none/port", "none/port"),
-        case("bus --from none.json", "unknown start 'none.json'"),
+        case("bus --from none.json", "posture file none.json is missing"),
     ],
     "posture files": [
-        case("rise --from none.json", "unknown start 'none.json'"),
+        case("rise --from none.json", "posture file none.json is missing"),
         case("rise --from empty.json", "posture file empty.json: not JSON"),
         case("rise --from text.txt", "posture file text.txt: not JSON"),
         case("rise --from list.json", "posture file list.json"),
@@ -795,7 +795,7 @@ GROUPS: dict[str, list[Case]] = {
         case("replay empty.mcap --out text.txt", "text.txt is not a folder"),
         case("motions export squat_to_stand --trajectory folder.yaml", "folder.yaml: is a folder"),
         case("motions export squat_to_stand --trajectory t.csv", "ends with .yaml, .yml or .json"),
-        case("motions export squat_to_stand", "--trajectory FILE.yaml|FILE.json is missing"),
+        case("motions export squat_to_stand", "expected either --trajectory or --csv"),
         case(
             "motions export squat_to_stand --trajectory t.json --approach -1", "--approach is -1 s"
         ),

@@ -10,7 +10,12 @@ from rich.markup import escape
 
 from drivers import Ending
 from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.cli.shared.exit_codes import (
+    DID_IT,
+    DID_NOT_STAND,
+    HARDWARE_FAULT,
+    INTERRUPTED,
+)
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.result import RiseResult
@@ -53,6 +58,8 @@ def show_stand(done: FinishedStand, command: MoveOptions) -> int:
             console.print(escape(str(result.hand_over)))
     if result.succeeded:
         return DID_IT
+    if result.interrupted:
+        return INTERRUPTED
     return HARDWARE_FAULT if result.by_fault else DID_NOT_STAND
 
 
@@ -60,6 +67,8 @@ def _find_exit_code(result: RiseResult) -> int:
     after = result.after
     if result.stood and (after is None or after.succeeded):
         return DID_IT
+    if after is not None and after.interrupted:
+        return INTERRUPTED
     cut_off = result.run is not None and result.run.ending is Ending.FAULT
     by_fault = result.by_fault or cut_off or (after is not None and after.by_fault)
     return HARDWARE_FAULT if by_fault else DID_NOT_STAND

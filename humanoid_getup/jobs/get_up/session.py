@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -63,7 +64,7 @@ def run_session(
         naming_hand_over(lambda: rise and rise.hand_over),
         open_backend(request, world, limit, without_imu=without_imu) as choice,
     ):
-        start = _choose_start(request, world, motion, rng)
+        start = _choose_start(request, world, motion, rng, monitor.tell)
         if start is not None and choice.place is not None:
             choice.place(start.posture)
         own_start = start if request.origin is None else None
@@ -98,11 +99,15 @@ def _locate(request: GetUpOptions, options: SessionOptions) -> SessionOptions:
 
 
 def _choose_start(
-    request: GetUpOptions, world: World, motion: Motion | None, rng: np.random.Generator
+    request: GetUpOptions,
+    world: World,
+    motion: Motion | None,
+    rng: np.random.Generator,
+    tell: Callable[[str], None],
 ) -> Fall | None:
     """Find where a simulated robot starts; ``None`` for a real one, which starts as it lies."""
     if request.origin is not None:
-        return find_start(world, request.origin, rng)
+        return find_start(world, request.origin, rng, tell)
     if request.is_real or motion is None:
         return None
     return Fall(posture=find_rest(world, motion.posture(0)), start_class=motion.start_class)

@@ -108,7 +108,8 @@ class SessionHooks:
         self._operator.note(change)
         self._recorder.note(change)
         if change.phase is not Phase.ENDED:
-            self._monitor.begin(change.phase.value)
+            waits = change.phase is Phase.HOLDING and not self._operator.is_released()
+            self._monitor.begin(change.phase.value + ", until a key is pressed" * waits)
 
 
 def check_video(request: MoveOptions) -> None:

@@ -21,6 +21,7 @@ from humanoid_getup.jobs.requests.shared import (
     MotionName,
     PolicyName,
     PreferenceOptions,
+    SceneOptions,
     TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import between
@@ -232,3 +233,25 @@ class HoldRequest(BodyOption, MoveOptions):
     def ending(self) -> Literal["hold", "limp", "hand-over"]:
         """What the robot does: it is always held first."""
         return "hold" if self.then == "sit" else self.then
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallRequest(BodyOption, SceneOptions):
+    """Drop a limp robot until it comes to lie on a side, and write how it lies as a posture file.
+
+    `getup rise --from FILE` with the same options gets it up as `getup rise --from SIDE` does.
+    """
+
+    origin: Annotated[
+        Literal["supine", "prone", "left", "right"],
+        arg(name="from", help="Side on which the robot comes to lie."),
+    ]
+    out: Annotated[Path | None, WRITTEN, arg(metavar="FILE.json")] = None
+    """Posture file to write."""
+
+    def find_problems(self) -> list[str]:
+        """Report a posture that is written nowhere as well."""
+        problems = super().find_problems()
+        if self.out is None and not getattr(self, "json", None):
+            problems.append("--out is missing, expected a posture file to write, or --json -")
+        return problems

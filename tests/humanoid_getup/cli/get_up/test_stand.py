@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import pty
@@ -94,3 +95,23 @@ def test_a_key_releases_a_robot_that_is_held_and_stops_one_that_moves(op3: Robot
         assert time.monotonic() - pressed > SAME_PRESS, "the key that released it repeats itself"
     os.close(master)
     os.close(slave)
+
+
+@pytest.mark.usefixtures("no_film")
+def test_an_interrupt_of_a_hold_still_writes_report_and_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    calls = itertools.count()
+
+    def interrupt(_key: OperatorKey) -> bool:
+        if next(calls) > 50:
+            raise KeyboardInterrupt
+        return False
+
+    monkeypatch.setattr(OperatorKey, "is_released", interrupt)
+    code, report = run("play", SQUAT, "--then", "hold", "--out", str(tmp_path), out=tmp_path)
+    assert (code, report["stood"]) == (130, True)
+    failed = "holding the stand failed: it was interrupted; torque off"
+    assert report["after"]["reason"] == failed
+    assert json.loads((tmp_path / "report.json").read_text()) == report
+    assert (tmp_path / "torque.png").exists()

@@ -54,7 +54,7 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
         options = hooks.join(SessionOptions())
 
         def hold() -> AfterStand:
-            options.on_phase(PhaseChange(Phase.HOLDING, 1, "until a key is pressed"))
+            options.on_phase(PhaseChange(Phase.HOLDING, 1, ""))
             assert not options.is_released()
             patience = Patience(op3, master, options.is_released)
             report = run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
@@ -65,7 +65,7 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
     os.close(slave)
     assert held is not None
     assert held.run.ending is Ending.DONE, "the key releases a robot that is held, and stops none"
-    assert shown == [Progress(phase=Phase.HOLDING.value)]
+    assert shown == [Progress(phase="holding the stand, until a key is pressed")]
     assert [event.kind for event in FlightRecord.load(path, op3).events] == ["holding"]
 
 

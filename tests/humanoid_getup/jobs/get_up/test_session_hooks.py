@@ -12,7 +12,7 @@ from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli.get_up.operator_key import OperatorKey
 from humanoid_getup.execution.after_stand import AfterStand, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.get_up.operator import NoOperator
 from humanoid_getup.jobs.get_up.recording import recording
@@ -44,7 +44,7 @@ class Patience:
         return self._is_released()
 
 
-def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
+def test_a_phase_reaches_progress_log_and_key(op3: Robot, world: World, tmp_path: Path):
     master, slave = pty.openpty()
     path, shown, guard = tmp_path / "flight.mcap", list[Progress](), SafetyGuard(Twin(op3))
     choice = BackendChoice(backend=guard, realtime=True)
@@ -60,7 +60,7 @@ def test_a_phase_reaches_progress_log_and_key(op3: Robot, tmp_path: Path):
             report = run(patience, guard, max_time=5.0, realtime=True, on_cycle=options.on_cycle)
             return AfterStand(hold=Step(run=report))
 
-        held = hooks.work(guard, hold).hold
+        held = hooks.work(Session.on(guard, world), hold).hold
     os.close(master)
     os.close(slave)
     assert held is not None

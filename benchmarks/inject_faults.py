@@ -38,7 +38,7 @@ from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.playback.ending import has_succeeded, hold_time
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play_in_simulation
-from humanoid_getup.playback.stand_holder import make_stand
+from humanoid_getup.playback.supervisor import make_stand
 from humanoid_getup.simulation.world import World
 
 WINDOW = (0.1, 0.8)  # part of the motion, or of a held stand, in which the fault is injected

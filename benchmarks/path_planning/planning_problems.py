@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from humanoid_getup.motions.posture_metric import PostureMetric
-from humanoid_getup.planning import path_planner, shortcut
+from humanoid_getup.planning import path_planner, smoothing
 from humanoid_getup.planning.goal_placement import GoalPlacement
 from humanoid_getup.planning.path_planner import PathOptions
-from humanoid_getup.planning.position_space import PointProblem
-from humanoid_getup.planning.posture_space import PostureProblem
+from humanoid_getup.planning.posture_space import PointProblem, PostureProblem
 from humanoid_getup.planning.rrt_blossom import SearchStatus, search
 from humanoid_getup.planning.way_out import find_way_out
 from humanoid_getup.simulation.world import World
@@ -119,7 +118,7 @@ class ProblemMaker:
         self.checker.grant(None)
         if path and not is_free_path(problem, path):
             path = []
-        length = shortcut.length(problem, path) if path else None
+        length = smoothing.length(problem, path) if path else None
         return PlannerAttempt(path=path, time=took, checks=checks, length=length)
 
 

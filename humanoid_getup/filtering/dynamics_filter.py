@@ -14,10 +14,9 @@ from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
 from humanoid_getup.experiments.rollouts.play import Experiment, Feedback, FeedbackLaw
 from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
-from humanoid_getup.filtering.coarse_world import coarsen
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
-from humanoid_getup.filtering.search import TargetSearch
+from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
 from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
 from humanoid_getup.filtering.yielding import Yielding

@@ -10,12 +10,25 @@ from numpy.typing import NDArray
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.filtering.evolution_strategy import EvolutionStrategy
-from humanoid_getup.filtering.variation import Variation
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import SEARCH_TIMESTEP, World
+from robots import Robot
 from robots.quaternion import Array
+
+MANY_DOFS = 40  # OP3 has 26 and steps in 24 µs, the human 55 and 95 µs
+
+
+def coarsen(world: World) -> World:
+    """Return a world that costs less to simulate, or the world itself if its robot is small.
+
+    Its physics step is longer, and joints have no dry friction: 2.7 times as fast for the human.
+    """
+    if world.model.nv <= MANY_DOFS:
+        return world
+    timestep = world.robot.choose_timestep(SEARCH_TIMESTEP)
+    return world.vary(timestep=max(timestep, world.model.opt.timestep), dry_friction=False)
+
 
 SAMPLES = 10  # variations of a generation
 HARDEST = 4  # worlds in which every variation is rolled out
@@ -212,3 +225,87 @@ def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:
         merit = (outcome.stood + outcome.progress)[0, others]
         others = others[np.argsort(merit, kind="stable")]
     return np.sort(np.concatenate([[0], others[: HARDEST - 1]]))
+
+
+PARENTS = 5  # best of a generation, about which the next one is sampled
+
+
+class EvolutionStrategy:
+    """Samples genes about the weighted mean of the parents: `ask`, then `tell` their costs.
+
+    (μ/μ_w, λ) of Hansen, "The CMA evolution strategy", 2016. The covariance is fixed, for searches
+    that end within a few generations, before CMA-ES would have learned one.
+    """
+
+    def __init__(self, mean: Array, spread: float, size: int, rng: np.random.Generator) -> None:
+        """Begin about a mean, (...), with a standard deviation of all genes."""
+        self.mean, self._spread, self._rng = mean, spread, rng
+        self._shape = (size, *mean.shape)
+        self._genes = np.zeros(self._shape)
+
+    def ask(self) -> Array:
+        """Sample a generation, (size, ...)."""
+        self._genes = self.mean + self._spread * self._rng.normal(size=self._shape)
+        return self._genes
+
+    def tell(self, cost: Array) -> NDArray[np.int_]:
+        """Take the costs of the last generation, (size,); return its rows, the cheapest first."""
+        order = np.argsort(cost, kind="stable")
+        parents = self._genes[order[:PARENTS]]
+        weight = np.log(PARENTS + 0.5) - np.log(np.arange(1, PARENTS + 1))
+        self.mean = (weight / weight.sum()) @ parents
+        return order
+
+
+STRETCHES = 6  # of equal duration, each with a tempo and a posture of its own
+UNIT_TEMPO, UNIT_OFFSET = 0.3, 0.15  # logarithm of a duration, and rad: 1 in a gene
+LONGEST, SHORTEST = 2.1, 0.5  # share of its own duration that a stretch may last
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variation:
+    """Change of targets against those at the start of a search."""
+
+    tempo: Array
+    """Logarithm of the factor on the duration of each stretch, (STRETCHES,)."""
+    offset: Array
+    """Offset of each pair of joints at the knots [rad], (STRETCHES, pairs). The knots divide the
+    motion evenly; at its first and last target there is no offset."""
+
+    @staticmethod
+    def size(robot: Robot) -> int:
+        """Return the count of numbers in a variation."""
+        return STRETCHES * (1 + len(pair_directions(robot)))
+
+    @staticmethod
+    def of(genes: Array) -> Variation:
+        """Read a variation from its numbers (size,); 1 is a large change, 0 is none."""
+        offset = UNIT_OFFSET * genes[STRETCHES:]
+        return Variation(tempo=UNIT_TEMPO * genes[:STRETCHES], offset=offset.reshape(STRETCHES, -1))
+
+    def apply(self, target: Array, start: Array, robot: Robot) -> Array:
+        """Change targets [rad], (T, n), that are sent from joint angles (n,) on.
+
+        The result keeps the joints' limits and the servos' speed.
+        """
+        last = len(target) - 1
+        ends = np.linspace(0.0, last, STRETCHES + 1)
+        stretch = np.clip(np.exp(self.tempo), SHORTEST, LONGEST)
+        clock = np.concatenate([[0.0], np.cumsum(np.diff(ends) * stretch)])
+        at = np.interp(np.arange(int(np.ceil(clock[-1])) + 1), clock, ends)
+        knots = np.linspace(0.0, last, STRETCHES + 2)
+        offset = np.pad(self.offset, ((1, 1), (0, 0)))
+        played = _interpolate(at, np.arange(last + 1.0), target)
+        shift = _interpolate(at, knots, offset) @ pair_directions(robot)
+        return robot.limit_targets(played + shift, start)
+
+
+def pair_directions(robot: Robot) -> Array:
+    """Return what each mirrored pair of joints that rises moves, (pairs, n)."""
+    chosen = (*robot.rising_joints, *robot.spreading_joints)
+    one = np.eye(robot.n)[[robot.joint_names.index(name) for name in chosen]]
+    return one + robot.mirror_joints(one)
+
+
+def _interpolate(at: Array, time: Array, rows: Array) -> Array:
+    return np.stack([np.interp(at, time, column) for column in rows.T], axis=1)

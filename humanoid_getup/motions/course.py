@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from humanoid_getup.motions.motion import Motion, Trajectory
 from humanoid_getup.motions.posture_metric import best_yaw
+from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
+from robots.kinematics import read_posture
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
 
@@ -169,3 +171,25 @@ def join(motion: Motion, frame: int, joint_pos: Array, period: float) -> Array:
     time = np.arange(motion.time[frame], motion.time[-1] + 0.5 * period, period)
     share = smooth_step((time - time[0]) / BLEND)[:, None]
     return motion.sample(time) - (1.0 - share) * (motion.joint_target[frame] - joint_pos)
+
+
+def record_motion(
+    world: World, start: Posture, target: Array, qpos: Array, **fields: Any
+) -> Motion:
+    """Make a motion from sent targets and recorded postures.
+
+    Args:
+        world: Robot and scene.
+        start: Where it was at the start.
+        target: Targets at each control period [rad], (T, n).
+        qpos: MuJoCo positions at the end of each control period, (T or more, nq).
+        fields: All else of the motion.
+    """
+    robot, went = world.robot, qpos[: len(target) - 1]
+    return Motion.through(
+        [start, *(read_posture(robot, world.model, q) for q in went)],
+        robot.control_period,
+        robot=robot.name,
+        joint_target=target,
+        **fields,
+    )

@@ -14,13 +14,13 @@ from humanoid_getup.experiments.disturbances.disturbance import USUAL, Disturban
 from humanoid_getup.experiments.judging.outcome import compute_share
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.rollouts.play import Experiment
-from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.motions.scoring import (
     SEARCH_HOLD,
     SWAY_TIME,
+    KeyframePopulation,
     score,
 )
 from humanoid_getup.motions.search_log import POPULATION, Generation, SearchLog

@@ -8,10 +8,12 @@ from humanoid_getup.experiments.judging.lying import LyingSide, measure_lying
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_progress
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import compute_uprightness
+from humanoid_getup.library_environment import keep_matplotlib_out_of_home
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.preference import Preference
 from humanoid_getup.simulation.world import World
+from robots import Robot
 from robots.quaternion import Array
 
 ANGLE_STEP, TIME_STEP = 0.12, 0.12  # first step sizes: rad, and share of a duration
@@ -69,3 +71,38 @@ def _miss_stand(outcome: Outcome, hold: float) -> tuple[Array, np.ndarray]:
     held = upright[:, -last:].mean(axis=1)
     missed = FAILURE + 4.0 * (1.0 - progress) + 2.0 * (1.0 - held)
     return np.where(outcome.stood, 0.0, missed), outcome.stood
+
+
+class KeyframePopulation:
+    """Samples candidates about keyframes, and moves towards those that cost least."""
+
+    def __init__(
+        self, keyframes: Keyframes, robot: Robot, *, size: int, seed: int, step: float = 1.0
+    ) -> None:
+        """Begin at keyframes, with a first standard deviation in steps of times and angles."""
+        self._keyframes, self._robot = keyframes, robot
+        self._scale = np.full(len(keyframes.genes), ANGLE_STEP)
+        self._scale[: len(keyframes.duration)] = TIME_STEP
+        keep_matplotlib_out_of_home()  # cma imports it
+        import cma
+
+        options = {"popsize": size, "seed": seed + 1, "verbose": -9}
+        self._evolution = cma.CMAEvolutionStrategy(keyframes.genes / self._scale, step, options)
+        self._genes: list[Array] = []
+
+    def ask(self) -> list[Keyframes]:
+        """Sample the candidates of the next generation."""
+        self._genes = self._evolution.ask()
+        return [self._decode(genes) for genes in self._genes]
+
+    def tell(self, cost: Array) -> None:
+        """Take the costs of the candidates that were sampled last, (size,)."""
+        self._evolution.tell(self._genes, cost.tolist())
+
+    @property
+    def mean(self) -> Keyframes:
+        """Return the mean keyframes of the population."""
+        return self._decode(self._evolution.mean)
+
+    def _decode(self, genes: Array) -> Keyframes:
+        return self._keyframes.with_genes(genes * self._scale, self._robot)

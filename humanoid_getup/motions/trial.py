@@ -25,11 +25,10 @@ from humanoid_getup.experiments.judging.standing import (
     compute_uprightness,
 )
 from humanoid_getup.experiments.rollouts.play import play
+from humanoid_getup.motions.course import record_motion
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import NO_END, STANDING, Motion
-from humanoid_getup.motions.motion_record import record_motion
-from humanoid_getup.simulation.touch import find_touching_bodies
-from humanoid_getup.simulation.world import World
+from humanoid_getup.simulation.world import World, find_touching_bodies
 from robots import FULL_TORQUE, TorqueLimit
 from robots.kinematics import read_posture
 from robots.quaternion import Array

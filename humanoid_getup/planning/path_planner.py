@@ -11,12 +11,10 @@ import numpy as np
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.position_space import PointProblem
-from humanoid_getup.planning.posture_space import PostureProblem
+from humanoid_getup.planning.posture_space import PointProblem, PostureProblem
 from humanoid_getup.planning.refinement import RefinementOptions, Report, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchResult, SearchStatus, search
-from humanoid_getup.planning.shortcut import shorten
-from humanoid_getup.planning.smoothing import SpeedLimits, smooth_free
+from humanoid_getup.planning.smoothing import SpeedLimits, shorten, smooth_free
 from robots import Posture
 from robots.quaternion import Array
 

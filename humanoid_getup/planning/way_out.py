@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.motions.motion import Trajectory
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
 from humanoid_getup.planning.goal_placement import SUNK
-from humanoid_getup.planning.position_space import PositionSpace
+from humanoid_getup.planning.posture_space import PositionSpace
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.standing_places import StandingPlaces

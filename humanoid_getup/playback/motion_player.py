@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
+from drivers.control_loop import Controller
 from drivers.state import Command, State
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.balance import Balance
 from robots import Robot
 from robots.quaternion import Array
+
+
+class TimedController(Controller, Protocol):
+    """A controller that ends by itself."""
+
+    @property
+    def longest(self) -> float:
+        """Return its longest duration [s], without the approach to its start."""
+        ...
+
 
 APPROACH_SPEED = 1.5  # rad/s, to the first target
 

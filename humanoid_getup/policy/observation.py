@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.style.curves import LOOKAHEAD
 from humanoid_getup.style.features import COUNT as FEATURE_COUNT
-from humanoid_getup.style.height_map import GRID
+from humanoid_getup.style.features import GRID
 from robots import Robot
 from robots.quaternion import Array
 from robots.storage.validation import whole

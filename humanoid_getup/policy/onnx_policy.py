@@ -21,7 +21,7 @@ from humanoid_getup.policy.observation import (
 from humanoid_getup.policy.onnx_file import NetworkError
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.style_follower import StyleFollower
-from humanoid_getup.style.height_map import UNKNOWN
+from humanoid_getup.style.features import UNKNOWN
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_errors import FollowedStyle
 from humanoid_getup.style.style_file import load_any_style

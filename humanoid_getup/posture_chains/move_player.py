@@ -35,7 +35,7 @@ from humanoid_getup.posture_chains.resting_state import (
     are_near,
     sample_moves,
 )
-from humanoid_getup.simulation.coarse_step import find_coarse_step
+from humanoid_getup.simulation.physics_engine import find_coarse_step
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.body.lengths import leg_length

@@ -12,9 +12,8 @@ from scipy.spatial.distance import cdist
 
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.posture_chains.archive import Archive
-from humanoid_getup.posture_chains.balanced_postures import BalancedPostures
 from humanoid_getup.posture_chains.move_player import MovePlayer
-from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
+from humanoid_getup.posture_chains.moves import DURATIONS, BalancedPostures, RandomMoves
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots.kinematics import place
 from robots.quaternion import Array

@@ -8,7 +8,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from humanoid_getup.scenes.surface import Surface
+from humanoid_getup.scenes.ground import Surface
 from robots import quaternion
 from robots.ground import add_world_geom
 from robots.quaternion import Array

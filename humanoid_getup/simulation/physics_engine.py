@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Literal
 
 import mujoco
+import numpy as np
 from mujoco.batch import Batch
+
+from humanoid_getup.simulation.world import World
+from robots.kinematics import place
 
 PhysicsName = Literal["mujoco", "warp"]
 
@@ -48,3 +53,23 @@ class PhysicsEngine:
 
 
 MUJOCO = PhysicsEngine()
+
+
+MOST_PHASE = 1.5  # rad, of a servo's oscillation within a physics step; it grows from 2 rad
+
+
+def find_coarse_step(world: World) -> float:
+    """Find the longest stable physics step that divides a robot's control period [s].
+
+    A servo of stiffness k and the inertia I that it feels oscillate with sqrt(k / I). That of its
+    joint in the standing posture is taken.
+    """
+    robot, model = world.robot, world.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = place(robot, model, robot.standing)
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    felt = 1.0 / np.diag(np.linalg.inv(inertia))[robot.layout(model).dof]
+    fastest = float(np.sqrt(robot.position_gain / felt).max())
+    return robot.control_period / math.ceil(robot.control_period * fastest / MOST_PHASE)

@@ -18,8 +18,7 @@ from humanoid_getup.playback.preflight import Verdict, preflight
 from humanoid_getup.playback.supervisor import Supervisor, supervise_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import KeyRecord
-from humanoid_getup.strategies.plan_figures import PlanFigures, RolloutFigures
-from humanoid_getup.strategies.search_record import SearchRecord
+from humanoid_getup.strategies.plan_figures import PlanFigures, RolloutFigures, SearchRecord
 from robots import Posture, TorqueLimit
 
 MOTION = "motion.npz"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.motions.preference import PreferenceName
 from humanoid_getup.strategies.key_record import KeyFigures
 from humanoid_getup.style.style_errors import StyleFigures
@@ -43,3 +44,18 @@ class PlanFigures(StyleFigures):
     searched_s: float | None
     rollout: RolloutFigures | None
     rollout_before_improvement: RolloutFigures | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchRecord:
+    """Record of the search for a rise."""
+
+    prefer: PreferenceName
+    budget: float
+    """Simulated time that was permitted [s]."""
+    simulated: float = 0.0
+    """Simulated time of searches and improvement [s]."""
+    outcome: Outcome | None = None
+    """Outcome of the rise to play, in its own rollout; None if none stood."""
+    before: Outcome | None = None
+    """Outcome of the rise before its improvement; None if it was not improved."""

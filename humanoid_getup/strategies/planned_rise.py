@@ -5,28 +5,40 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from humanoid_getup.experiments.starts.falls import CLASSES, classify
+from humanoid_getup.experiments.starts.falls import CLASSES, classify, find_side
+from humanoid_getup.filtering.candidate import CandidateRollout
 from humanoid_getup.filtering.dynamics_filter import DynamicsFilter
+from humanoid_getup.motions.course import Course, record_motion
 from humanoid_getup.motions.key_posture import KeyPosture, name_keys
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database, suggest_motions
+from humanoid_getup.motions.motion import NO_END, Motion, Trajectory
+from humanoid_getup.motions.motion_database import (
+    Connection,
+    MotionDatabase,
+    load_database,
+    suggest_motions,
+)
 from humanoid_getup.motions.preference import PreferenceName
+from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.key_postures.keyed_rise import KeyedRise
+from humanoid_getup.strategies.keyed_rise import KeyedRise
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.rise_motion import chain, make_crawl, make_motion
+from humanoid_getup.strategies.plan_figures import SearchRecord
 from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.found_motions import MotionFinder
 from humanoid_getup.strategies.search.free_rise import FreeRise
 from humanoid_getup.strategies.search.rise_search import FoundRise, SearchTools
-from humanoid_getup.strategies.search_record import SearchRecord
 from robots import FULL_TORQUE, Posture, TorqueLimit
 from robots.arguments import expect
 from robots.torque_limit import check_torque_limit
+
+if TYPE_CHECKING:
+    from humanoid_getup.posture_chains.crawl_search import Crawl
 
 SEARCH_BUDGET = 600.0  # s of simulated time in which a search varies a rollout's targets
 MOST_BUDGET, MOST_ASSISTANCE = 1e6, 10.0
@@ -242,4 +254,55 @@ def _add_effort(found: FoundRise, through: FoundRise) -> FoundRise:
         keys=through.keys,
         rounds=found.rounds + through.rounds,
         plan_s=found.plan_s + through.plan_s,
+    )
+
+
+def make_motion(world: World, start: Posture, rollout: CandidateRollout) -> Motion:
+    """Make a motion of the postures and the targets of a rollout."""
+    joined = rollout.candidate.connection.motion
+    return record_motion(
+        world,
+        start,
+        rollout.target[: rollout.moving],
+        rollout.qpos,
+        name=f"rise_by_{joined.name}",
+        start_class=classify(start.orientation) or joined.start_class,
+        strategy=joined.strategy,
+        provenance={"program": "getup rise", "connection": joined.name} | name_body(world.robot),
+    )
+
+
+def make_crawl(world: World, start: Posture, crawl: Crawl) -> Motion:
+    """Make a motion of a crawl, which does not end standing."""
+    return record_motion(
+        world,
+        start,
+        crawl.target,
+        crawl.qpos,
+        name="crawl",
+        start_class=find_side(start),
+        end_class=NO_END,
+        strategy="crawl",
+        provenance={"program": "getup rise"} | name_body(world.robot),
+    )
+
+
+def chain(world: World, path: Trajectory, connection: Connection) -> Motion:
+    """Chain a path's angles and the motion's own targets, unchanged.
+
+    The motion is turned and moved to the end of the path.
+    """
+    joined, frame, count = connection.motion, connection.frame, len(path.time)
+    aligned = Course.aligned(joined, frame, path.posture(-1), keep_height=False)
+    return (
+        Course.of(path)
+        .then(aligned[frame:])
+        .to_motion(
+            joined,
+            world.robot.control_period,
+            name=f"path_to_{joined.name}",
+            start_class=classify(path.orientation[0]) or joined.start_class,
+            provenance={"program": "getup rise", "connection": joined.name, "path_frames": count}
+            | name_body(world.robot),
+        )
     )

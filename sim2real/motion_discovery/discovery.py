@@ -9,9 +9,9 @@ import numpy as np
 
 from humanoid_getup.experiments.judging.lying import LyingSide
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
+from humanoid_getup.motions.course import record_motion
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import FOUND_SIDES
-from humanoid_getup.motions.motion_record import record_motion
 from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.simulation.world import World

@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.judging.record import Record, combine_records, join_records
-from humanoid_getup.experiments.judging.recorder import RECORDED, Recorder
+from humanoid_getup.experiments.judging.record import (
+    RECORDED,
+    Record,
+    Recorder,
+    combine_records,
+    join_records,
+)
 from humanoid_getup.experiments.rollouts.early_stop import CHUNK, EarlyStop
 from humanoid_getup.simulation.vectorized_simulation import Ids, VecSim
 from humanoid_getup.simulation.world import World, count_substeps

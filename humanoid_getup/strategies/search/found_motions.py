@@ -18,7 +18,7 @@ from robots import Posture, TorqueLimit
 
 if TYPE_CHECKING:  # a rise that joins a stored motion does not wait for their imports
     from humanoid_getup.posture_chains.crawl_search import CrawlSearch
-    from humanoid_getup.posture_chains.start_motions import StartMotions
+    from humanoid_getup.posture_chains.motion_maker import StartMotions
 
 
 class MotionFinder:
@@ -78,7 +78,7 @@ class MotionFinder:
 
     @cached_property
     def _search(self) -> StartMotions:
-        from humanoid_getup.posture_chains.start_motions import StartMotions
+        from humanoid_getup.posture_chains.motion_maker import StartMotions
 
         search = StartMotions(
             self._world, self._limit, self._known, threads=self._threads, monitor=self._monitor

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
-from humanoid_getup.style.height_map import UNKNOWN
+from humanoid_getup.style.features import UNKNOWN
 from humanoid_getup.style.saved_arrays import SavedArrays, SavedState
 from robots import Robot
 from robots.quaternion import Array

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,7 +19,8 @@ from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session, SessionOptions
-from humanoid_getup.execution.stand_keeper import StandKeeper
+from humanoid_getup.execution.stand_keeper import LONGEST_WAIT, StandKeeper, StandWatch
+from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import classify, settle_posture
 from humanoid_getup.playback.monitors import AbortKind
 from humanoid_getup.simulation.world import World
@@ -323,9 +326,9 @@ def test_a_robot_that_stood_lies_down_whenever_it_is_released(world: World, op3:
 
 def test_a_robot_that_sways_on_lies_down_all_the_same(world: World, op3: Robot, monkeypatch):
     monkeypatch.setattr(
-        "humanoid_getup.execution.stand_watch.StandWatch.stood", False, raising=False
+        "humanoid_getup.execution.stand_keeper.StandWatch.stood", False, raising=False
     )
-    monkeypatch.setattr("humanoid_getup.execution.stand_watch.LONGEST_WAIT", 1.0)
+    monkeypatch.setattr("humanoid_getup.execution.stand_keeper.LONGEST_WAIT", 1.0)
 
     class Swaying(Twin):
         def read(self) -> State:
@@ -549,3 +552,72 @@ def test_a_pause_in_mid_rise_ends_limp_and_the_next_attempt_begins_where_it_lies
     assert result.attempts[0].reason.startswith("the control loop paused under torque: 2.01 s")
     assert not twin.simulation.has_torque
     assert np.abs(np.diff([c.joint_pos for c in sent if not c.is_limp], axis=0)).max() < 0.3
+
+
+PERIOD = 0.1
+
+
+class Verdicts:
+    """Makes judges that each give the next verdict, and counts what they were shown."""
+
+    def __init__(self, *verdicts: bool) -> None:
+        self._verdicts, self.made, self.seen = list(verdicts), 0, 0
+
+    def __call__(self) -> Any:
+        self.made += 1
+        verdict = self._verdicts.pop(0) if self._verdicts else False
+        return cast("Any", Judge(self, verdict))
+
+
+class Judge:
+    def __init__(self, owner: Verdicts, verdict: bool) -> None:
+        self._owner, self._verdict = owner, verdict
+
+    def __call__(self, _cycle: Any) -> None:
+        self._owner.seen += 1
+
+    def end(self) -> bool:
+        return self._verdict
+
+
+def watch_for(watch: StandWatch, seconds: float, start: float = 0.0) -> float:
+    """Show cycles; return the time of the last one."""
+    for k in range(round(seconds / PERIOD)):
+        watch(cast("Any", SimpleNamespace(state=SimpleNamespace(time=start + k * PERIOD))))
+    return start + seconds
+
+
+def test_a_stand_is_seen_once_and_then_nothing_is_kept():
+    judges = Verdicts(True)
+    watch = StandWatch(judges, lambda: True)
+    watch_for(watch, HOLD - PERIOD)
+    assert not watch.stood
+    assert not watch.may_end()
+    watch_for(watch, 3600.0, HOLD - PERIOD)
+    assert watch.stood
+    assert watch.may_end()
+    assert (judges.made, judges.seen) == (1, round(HOLD / PERIOD) + 1)
+
+
+def test_a_robot_that_sways_is_watched_until_it_stands():
+    judges = Verdicts(False, False, True)
+    watch = StandWatch(judges, lambda: True)
+    watch_for(watch, 2.5 * HOLD)
+    assert not watch.stood
+    watch_for(watch, HOLD, 2.5 * HOLD)
+    assert watch.stood
+    assert judges.made == 3
+
+
+def test_a_released_robot_that_never_stands_still_is_not_held_for_ever():
+    released = [False]
+    watch = StandWatch(Verdicts(), lambda: released[0])
+    now = watch_for(watch, 4.0 * LONGEST_WAIT)
+    assert not watch.may_end()
+    released[0] = True
+    assert not watch.may_end()
+    now = watch_for(watch, LONGEST_WAIT, now)
+    assert not watch.may_end()
+    watch_for(watch, 1.0, now)
+    assert watch.may_end()
+    assert not watch.stood

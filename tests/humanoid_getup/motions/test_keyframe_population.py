@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from authored import load_robot_keyframes
 
-from humanoid_getup.motions.keyframe_population import KeyframePopulation
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.motions.scoring import ANGLE_STEP, TIME_STEP
+from humanoid_getup.motions.scoring import ANGLE_STEP, TIME_STEP, KeyframePopulation
 from robots import Robot
 
 SIZE = 12

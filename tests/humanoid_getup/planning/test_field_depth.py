@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.planning.field_depth import FieldDepth
+from humanoid_getup.planning.collision import FieldDepth
 from humanoid_getup.scenes.ground import HeightField
 
 MODEL = """

@@ -20,7 +20,7 @@ from humanoid_getup.planning.path_planner import (
 from humanoid_getup.planning.posture_space import PostureProblem
 from humanoid_getup.planning.refinement import MARGIN, SPACING, refine, repair
 from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
-from humanoid_getup.planning.shortcut import length, shorten
+from humanoid_getup.planning.smoothing import length, shorten
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.world import World

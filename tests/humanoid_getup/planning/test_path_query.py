@@ -1,12 +1,18 @@
 """Answers to path queries: how long a path is, and the motion that it makes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
+from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.filtering.reference import straight_path
+from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import NO_END
 from humanoid_getup.motions.motion_database import Connection, load_database
 from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.planning.collision import CollisionChecker, to_configuration
+from humanoid_getup.planning.path_planner import PathOptions
 from humanoid_getup.planning.path_query import (
     CONNECTIONS,
     Goal,
@@ -16,8 +22,9 @@ from humanoid_getup.planning.path_query import (
     to_motion,
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import ViaResult
+from humanoid_getup.planning.via import REST, ViaResult, place_stops, plan_via
 from humanoid_getup.simulation.world import World
+from robots import Posture, Robot
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +86,88 @@ def test_a_path_is_a_motion_without_an_end_that_says_where_it_leads(
     assert made.provenance["goal"] == "there"
     assert (made.provenance["complete"], made.provenance["seed"]) == (int(solved), 7)
     assert made.provenance["frame_time_s"] == pytest.approx(float(motion.time[40]))
+
+
+NAMES = ("supine_sit_up_gentle@1.2", "supine_roll_over@1", "squat_to_stand@0")
+
+
+@pytest.fixture(scope="module")
+def fall(world: World) -> Posture:
+    return sample_fall(world, "supine", seed=3).posture
+
+
+@pytest.fixture(scope="module")
+def stops(world: World, op3: Robot, fall: Posture) -> list[Posture]:
+    keys = [load_key(f"motions:{name}", op3).posture for name in NAMES]
+    placed = place_stops(world, keys, fall)
+    assert all(stop is not None for stop in placed)
+    return [stop for stop in placed if stop is not None]
+
+
+def plan(
+    world: World, fall: Posture, stops: Sequence[Posture], options: PathOptions | None = None
+) -> ViaResult:
+    checker = CollisionChecker(world.robot, world.scene)
+    return plan_via(fall, stops, checker, np.random.default_rng(0), options)
+
+
+@pytest.fixture(scope="module")
+def found(world: World, fall: Posture, stops: list[Posture]) -> ViaResult:
+    return plan(world, fall, stops)
+
+
+def test_the_path_passes_through_every_key_in_order(found: ViaResult, stops: list[Posture]):
+    path = found.trajectory
+    assert found.status is SearchStatus.SOLVED
+    assert path is not None
+    assert len(found.arrivals) == 2
+    assert list(found.arrivals) == sorted(found.arrivals)
+    for arrival, stop in zip((*found.arrivals, -1), stops, strict=True):
+        np.testing.assert_allclose(path.joint_pos[arrival], stop.joint_pos, atol=1e-9)
+        assert abs(path.orientation[arrival] @ stop.orientation) == pytest.approx(1.0)
+
+
+def test_the_path_rests_at_each_key_and_is_sampled_evenly(found: ViaResult, op3: Robot):
+    path = found.trajectory
+    assert path is not None
+    np.testing.assert_allclose(np.diff(path.time), op3.control_period)
+    for arrival in found.arrivals:
+        still = path.joint_pos[arrival - round(REST / op3.control_period) : arrival + 1]
+        assert len(still) > 30
+        np.testing.assert_array_equal(still, still[:1].repeat(len(still), axis=0))
+
+
+def test_the_same_seed_gives_the_same_path(world, fall, stops, found):
+    again = plan(world, fall, stops)
+    np.testing.assert_array_equal(again.trajectory.joint_pos, found.trajectory.joint_pos)
+    assert (again.checks, again.nodes) == (found.checks, found.nodes)
+
+
+def test_what_was_planned_before_a_leg_without_a_path_is_kept(
+    world: World, op3: Robot, fall: Posture, stops: list[Posture]
+):
+    joint_pos = op3.standing.joint_pos.copy()
+    joint_pos[op3.joint_names.index("l_hip_roll")] = 0.5  # one leg in the other
+    crossed = Posture(
+        position=op3.standing.position, orientation=op3.standing.orientation, joint_pos=joint_pos
+    )
+    found = plan(world, fall, [stops[0], crossed, stops[-1]])
+    assert (found.status, found.leg) == (SearchStatus.GOAL_INVALID, 2)
+    assert "mm inside" in found.reason
+    assert found.trajectory is None
+    assert found.beginning is not None
+    np.testing.assert_allclose(found.beginning.joint_pos[-1], stops[0].joint_pos, atol=1e-9)
+
+
+def test_a_key_that_floats_is_put_on_the_ground(world: World, op3: Robot, fall: Posture):
+    standing = op3.standing
+    high = Posture(
+        position=standing.position + np.array([1.0, 2.0, 0.5]),
+        orientation=standing.orientation,
+        joint_pos=standing.joint_pos,
+    )
+    (placed,) = place_stops(world, [high], fall)
+    assert placed is not None
+    assert placed.position[2] == pytest.approx(standing.position[2], abs=0.005)
+    np.testing.assert_allclose(placed.position[:2], fall.position[:2])
+    assert CollisionChecker(op3, world.scene).is_free(to_configuration(placed))

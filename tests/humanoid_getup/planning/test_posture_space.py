@@ -4,13 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.posture_space import (
     RESOLUTION,
+    SPAN,
+    PointProblem,
     PostureProblem,
+    blossom,
 )
+from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from robots import Posture, load_robot, quaternion
 from robots.kinematics import lowest_point, place_postures
@@ -242,3 +248,75 @@ def test_an_edge_fails_wherever_on_it_the_robot_collides(problem):
         passed += all(free)
     assert hidden
     assert passed
+
+
+VECTORS = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
+
+
+@settings(max_examples=50)
+@given(origin=VECTORS, way=VECTORS, step=st.floats(0.1, 5.0), seed=st.integers(0, 9))
+def test_the_first_step_is_straight_and_none_leads_beyond_its_length(origin, way, step, seed):
+    steps = blossom(origin, way, step, 5, np.random.default_rng(seed)) - origin
+    length = np.linalg.norm(way)
+    reach = min(step, length)
+    np.testing.assert_allclose(np.linalg.norm(steps, axis=1), reach, atol=1e-9)
+    if length > 1e-6:
+        np.testing.assert_allclose(steps[0], way / length * reach, atol=1e-9)
+
+
+def test_around_the_way_each_direction_is_within_the_span():
+    way = np.array([2.0, 0.0])
+    steps = blossom(np.zeros(2), way, 1.0, 500, np.random.default_rng(0))
+    angle = np.arctan2(steps[:, 1], steps[:, 0])
+    largest = np.arctan2(np.tan(SPAN), 1.0 - np.tan(SPAN))
+    assert angle[0] == 0.0
+    assert 0.5 * SPAN < np.abs(angle).max() <= largest
+
+
+BALL = make_capsule("ball", np.array([1.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.5]), 0.2)
+
+# Each component of the direction, the one ahead included, changes by up to tan 15 deg.
+MOST_SIDEWAYS = np.tan(np.radians(15.0)) / (1.0 - np.tan(np.radians(15.0)))
+
+
+@pytest.fixture(scope="module")
+def positions() -> PointProblem:
+    scene = replace(FLAT_SCENE, obstacles=(BALL,))
+    return PointProblem(scene, np.array([0.0, 0.0, 0.3]), np.array([0.3, 0.4, 0.3]))
+
+
+def test_positions_are_sampled_around_start_and_goal(positions):
+    """They are 0.5 m apart: 0.55 m around both."""
+    rng = np.random.default_rng(0)
+    samples = np.array([positions.sample(rng) for _ in range(2000)])
+    np.testing.assert_allclose(samples.min(axis=0), [-0.55, -0.55, -0.25], atol=0.01)
+    np.testing.assert_allclose(samples.max(axis=0), [0.85, 0.95, 0.85], atol=0.01)
+
+
+def test_a_position_steps_five_centimeters_straight_and_around(positions):
+    rng, near, target = np.random.default_rng(0), np.zeros(3), np.array([0.0, 0.0, 1.0])
+    for _ in range(100):
+        steps = positions.steer(near, target, target, 4, rng)
+        np.testing.assert_allclose(steps[0], [0.0, 0.0, 0.05])
+        np.testing.assert_allclose(np.linalg.norm(steps, axis=1), 0.05)
+        sideways = np.abs(steps[1:, :2] / steps[1:, 2:])
+        assert np.all(sideways <= MOST_SIDEWAYS + 1e-9)
+    assert sideways.max() > 0.0
+    np.testing.assert_allclose(
+        positions.steer(near, np.array([0.02, 0.0, 0.0]), target, 1, rng)[0], [0.02, 0.0, 0.0]
+    )
+    np.testing.assert_array_equal(positions.steer(near, near, target, 3, rng), np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize(
+    ("position", "fails"),
+    [
+        ([0.0, 0.0, 0.001], False),
+        ([0.0, 0.0, 0.0], False),
+        ([0.0, 0.0, -0.001], True),
+        ([0.81, 0.0, 0.5], True),
+        ([0.79, 0.0, 0.5], False),
+    ],
+)
+def test_the_root_stays_above_the_ground_and_outside_obstacles(positions, position, fails):
+    assert positions.fails(np.zeros(3), np.array(position)) == fails

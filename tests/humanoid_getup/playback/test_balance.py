@@ -18,8 +18,7 @@ from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.balance import GAINS, Balance, find_ankles
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.playback.play import play
-from humanoid_getup.playback.stand_holder import make_stand
-from humanoid_getup.playback.supervisor import Supervisor, supervise_hold
+from humanoid_getup.playback.supervisor import Supervisor, make_stand, supervise_hold
 from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot, quaternion
 from robots.kinematics import place

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.playback.steady_stand import STEADY_SPEED, STEADY_TIME, SteadyStand
+from humanoid_getup.playback.play import STEADY_SPEED, STEADY_TIME, SteadyStand
 
 PERIOD = 0.01
 

@@ -12,7 +12,7 @@ from humanoid_getup.posture_chains.crawl_search import MOST_SATURATION, Crawl, C
 from humanoid_getup.posture_chains.move_player import SETTLING
 from humanoid_getup.simulation.placement import Placement
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.rise_motion import make_crawl
+from humanoid_getup.strategies.planned_rise import make_crawl
 from robots import FULL_TORQUE, Posture, Robot
 from robots.kinematics import read_posture
 from robots.quaternion import Array

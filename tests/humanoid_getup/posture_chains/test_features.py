@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from humanoid_getup.motions.build import lay_down
-from humanoid_getup.posture_chains.balanced_postures import BalancedPostures
 from humanoid_getup.posture_chains.features import StandMeter
+from humanoid_getup.posture_chains.moves import BalancedPostures
 from humanoid_getup.simulation.world import World
 from robots import quaternion
 from robots.body.limbs import Limbs

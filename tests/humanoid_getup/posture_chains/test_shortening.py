@@ -9,13 +9,13 @@ from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
 from humanoid_getup.posture_chains import shortening
-from humanoid_getup.posture_chains.chain_keyframes import make_keyframes
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.posture_chains.shortening import (
     WORLDS,
     Shortener,
     find_rests,
+    make_keyframes,
     thin,
     without_keys,
 )

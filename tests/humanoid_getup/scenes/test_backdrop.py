@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from humanoid_getup.scenes.backdrop import PICTURE, add_backdrop
+from humanoid_getup.scenes.scene import PICTURE, add_backdrop
 from robots.ground import GROUND
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from paths import REPOSITORY
 
-from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.scenes.scene_file import BoxTable, read_scene
+from humanoid_getup.scenes.named_scenes import BoxTable, load_scene, read_scene
 from robots import Robot, quaternion
 from robots.body.lengths import leg_length
 

@@ -9,13 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import Twin
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
+from humanoid_getup.experiments.rollouts.play import play
 from humanoid_getup.experiments.starts.falls import sample_falls
+from humanoid_getup.motions.build import lay_down
 from humanoid_getup.playback.estimation import SINKING, estimate_posture
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.start_region import lying
+from humanoid_getup.simulation.physics_engine import find_coarse_step
 from humanoid_getup.simulation.placement import Placement, measure_heading
 from humanoid_getup.simulation.world import World
-from robots import Robot, quaternion
+from robots import Robot, load_robot, quaternion
 
 yaw = st.floats(-3.1, 3.1)
 side = st.sampled_from(["supine", "prone", "left", "right"])
@@ -45,3 +49,18 @@ def test_a_robot_that_knows_its_place_knows_its_posture_in_the_scene(op3: Robot)
     np.testing.assert_allclose(estimate.position, fall.position, atol=0.006 + SINKING)
     assert math.degrees(quaternion.angle_between(estimate.orientation, fall.orientation)) < 2.0
     np.testing.assert_allclose(estimate.joint_pos, fall.joint_pos, atol=0.002)
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"), [("op3", 1), ("wolfgang", 1), ("toddlerbot", 1), ("human", 2)]
+)
+def test_no_rollout_diverges_in_coarse_steps(name: str, steps: int):
+    """In twice as long steps two of eight of the human do, which lies disturbed on its back."""
+    world = World(load_robot(name))
+    robot, step = world.robot, find_coarse_step(world)
+    assert step == pytest.approx(robot.control_period / steps)
+    lying = lay_down(world, "supine", robot.standing.joint_pos)
+    scenarios = USUAL.sample(world, lying, 8, np.random.default_rng(0))
+    held = np.tile(robot.standing.joint_pos, (8, round(1.5 / robot.control_period), 1))
+    record = play(world.vary(timestep=step), scenarios, held)
+    assert not record.diverged.any()

@@ -1,1 +1,0 @@
-"""Rises through key postures of a user."""

@@ -36,8 +36,7 @@ from rich.table import Table
 from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
-from humanoid_getup.benchmarks.bench_result import MeasuredRise
-from humanoid_getup.benchmarks.rise import BENCH_CLASSES, list_pieces, measure_rise
+from humanoid_getup.benchmarks.rise import BENCH_CLASSES, MeasuredRise, list_pieces, measure_rise
 from humanoid_getup.cli.shared.console import counting
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.judging.summary import RiseSummary

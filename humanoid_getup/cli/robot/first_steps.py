@@ -75,8 +75,7 @@ PREFLIGHT = Step("preflight", "Check in simulation that {motion} works with litt
                  "preflight {motion} --robot {robot} --torque-limit {limit}",
                  "Where it does not stand, leave, and begin again with more --torque-limit.")
 RISE = Step("rise", "Get up once, gently; then {then}.",
-            "rise --backend dynamixel {on} --torque-limit {limit} --attempts 1 "
-            "--then {end} --out {out}/rise",
+            "{way} --backend dynamixel {on} --torque-limit {limit} --then {end} --out {out}/rise",
             "Lay the robot on its back, a meter free on all sides; any key stops it.")
 # fmt: on
 
@@ -138,7 +137,8 @@ def list_steps(command: FirstSteps, robot: Robot | None, folder: Path) -> list[S
     rising = load_database(robot).motions if list_motions(robot) else ()
     motion = next((m.name for m in rising if m.start_class == "supine" and m.rises), "")
     has_zero = bool(((robot.lower <= 0.0) & (robot.upper >= 0.0)).all())
-    sits = bool(motion and list_lying_down(robot))
+    has_imu = robot.imu_kind is not None
+    sits = bool(motion and has_imu and list_lying_down(robot))
     known |= {
         "robot": name,
         "on": f"--robot {name} --port {shlex.quote(','.join(command.port))}",
@@ -147,6 +147,7 @@ def list_steps(command: FirstSteps, robot: Robot | None, folder: Path) -> list[S
         "little": f"{LITTLE * most:.2g}",
         "limit": f"{command.torque_limit or float(f'{GENTLE * most:.2g}'):g}",
         "motion": motion,
+        "way": "rise --attempts 1" if has_imu else f"play {motion} --without-imu",
         "end": "hold" if sits else "limp",
         "then": "a key lets it sit and lie down" if sits else "torque goes off: hold it then",
     }

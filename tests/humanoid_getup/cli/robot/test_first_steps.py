@@ -12,7 +12,7 @@ from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.first_steps import FirstSteps
 from humanoid_getup.cli.robot import first_steps
-from robots import load_robot
+from robots import Robot, load_robot
 
 PORT = ("/dev/ttyUSB0",)
 
@@ -52,6 +52,13 @@ def test_a_robot_without_a_motion_to_lie_down_goes_limp_in_the_hands_of_a_person
     assert "--then limp" in rise.command
     assert "hold it" in rise.aim
     assert "--then hold" in list_steps("op3")["rise"].command
+
+
+def test_a_robot_without_an_imu_plays_a_motion(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Robot, "imu_kind", None)
+    step = list_steps("op3")["rise"]
+    assert parse(shlex.split(step.command)).options.without_imu
+    assert "--then limp" in step.command
 
 
 def test_no_step_says_that_torque_is_off():

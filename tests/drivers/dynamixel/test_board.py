@@ -72,3 +72,8 @@ def test_a_board_that_cannot_be_used_is_refused(bench: Bench, spoil, text: str):
     spoil(bench.virtual)
     with pytest.raises(ImuError, match=f"board 'OpenCR' [(]id 200[)]: {text}"):
         bench.board.open()
+
+
+def test_a_silent_board_has_no_sample(bench: Bench):
+    bench.virtual.alive = False
+    assert bench.board.measure() is None

@@ -290,3 +290,8 @@ def test_a_packet_whose_length_changes_while_it_is_read_is_damaged():
     chip.exchange = exchange  # type: ignore[method-assign]
     assert source.poll() is None
     assert source.damaged > 0
+
+
+def test_counts_stay_within_their_two_bytes():
+    counts = np.frombuffer(to_counts(np.array([40_000.0, -40_000.0, 0.6]), 1.0), "<i2")
+    assert counts.tolist() == [32767, -32768, 1]

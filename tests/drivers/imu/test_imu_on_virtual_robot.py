@@ -87,7 +87,7 @@ def run(driver: DynamixelBackend | SafetyGuard, cycles: int) -> State:
 
 
 @pytest.mark.parametrize(
-    "kind", ["serial line", "BNO055 on a UART", "BNO08x on I2C", "board by its addresses"]
+    "kind", [*(kind for kind in KINDS if kind != "described line"), "board by its addresses"]
 )
 def test_the_orientation_follows_a_robot_that_topples(tiny: Robot, kind: str):
     robot = with_imu(tiny, kind)

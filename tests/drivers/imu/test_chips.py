@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drivers.virtual_bus.imu.reading import to_counts
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drivers.virtual_bus.imu.reading import to_counts
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +13,7 @@ from drivers.imu.sample import ImuSample
 from drivers.imu.source import ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
-from drivers.virtual_bus.imu.virtual_imu import ImuReading
+from drivers.virtual_bus.imu.virtual_imu import ImuReading, to_counts
 from robots import ImuSettings
 
 READING = ImuReading(

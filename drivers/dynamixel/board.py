@@ -8,8 +8,7 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import Finding, find_baud_rate
 from drivers.dynamixel.protocol2 import Span, read_identity
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuError, ImuSource
+from drivers.imu.source import ImuError, ImuSample, ImuSource
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes

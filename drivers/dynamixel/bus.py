@@ -11,7 +11,6 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.control_table import Item
-from drivers.dynamixel.identity import FIRST, PING_DATA, decode_identity
 from drivers.dynamixel.protocol2 import (
     Damaged,
     FrameParser,
@@ -23,7 +22,7 @@ from drivers.dynamixel.protocol2 import (
     is_confirmed,
 )
 from drivers.dynamixel.requests import Replies, Request
-from drivers.dynamixel.wire import PROTOCOL_2, Wire
+from drivers.dynamixel.wire import FIRST, PING_DATA, PROTOCOL_2, Wire, decode_identity
 from drivers.serial_port import CHUNK, SerialPort
 
 BITS_PER_BYTE = 10  # 8 data bits between a start and a stop bit

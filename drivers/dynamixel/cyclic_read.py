@@ -12,9 +12,8 @@ import numpy as np
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT, Instruction, Span
-from drivers.dynamixel.requests import Replies, Request
+from drivers.dynamixel.requests import GroupLayout, Replies, Request
 
 MISSES = 3  # missing replies in a row after which a servo is left out
 POLL_EVERY = 10  # cycles between two pings of a servo that is left out

@@ -189,7 +189,7 @@ DIAGNOSED = (
 def diagnose(bus: DynamixelBus, joints: Iterable[Joint]) -> Diagnostics:
     """Read the servos of some joints, and list all problems; nothing is written.
 
-    Where the joints are follows from the servos of all ports: `joint_places.locate`.
+    Where the joints are follows from the servos of all ports: `startup.locate`.
     """
     joints = list(joints)
     servos: list[ServoFacts] = []

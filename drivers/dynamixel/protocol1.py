@@ -204,7 +204,7 @@ class ChecksumParser(FrameParser):
 
 @dataclass(frozen=True)
 class Frame1:
-    """The frame of Protocol 1.0 on one kind of bus; see `wire.Wire`."""
+    """The frame of Protocol 1.0 on one kind of bus; see `wire.Frame2`."""
 
     name: str
     errors: ErrorBits

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
-from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.robot_bus import find_bus
-from drivers.errors import SetupError
+from drivers.dynamixel.control_table import table_named, table_names
+from drivers.dynamixel.wire import PROTOCOL_2
+from drivers.errors import NoBusError, SetupError
 from drivers.imu.build import build_imu_source
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, PortRefusedError, SerialPort
-from robots import Joint, Robot
+from robots import BusSettings, Joint, Robot
 from robots.imu import IMU_PORT
 
 
@@ -107,3 +107,41 @@ def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]
     finally:
         for bus, own in before:
             bus.answer_margin = own
+
+
+def find_bus(robot: Robot) -> BusSettings:
+    """Return the bus of a robot.
+
+    Raises:
+        NoBusError: if it has none.
+        SetupError: if servos have no control table, or devices on one port speak different
+            protocols.
+    """
+    if robot.bus is None:
+        raise NoBusError(robot.name)
+    types = dict.fromkeys(joint.servo.model.name for joint in robot.joints)
+    if undriven := [name for name in types if name not in table_names()]:
+        raise SetupError(
+            f"robot '{robot.name}' has servos {', '.join(undriven)}, expected those with registers "
+            "in drivers/dynamixel/*_tables.toml: it can be simulated alone, by --backend twin"
+        )
+    for port, names in robot.bus.ports.items():
+        _check_protocol(robot, port, names)
+    return robot.bus
+
+
+def _check_protocol(robot: Robot, port: str, names: Sequence[str]) -> None:
+    """Check that all devices on a port speak one protocol."""
+    models = {j.servo.model.name for j in robot.joints if j.name in names}
+    wires = {table_named(model).wire.name for model in models}
+    if len(wires) > 1:
+        raise SetupError(
+            f"servos {', '.join(sorted(models))} speak different protocols "
+            f"({', '.join(sorted(wires))}): give each a port"
+        )
+    board = robot.bus and robot.bus.board
+    if board and board.port == port and wires != {PROTOCOL_2.name}:
+        raise SetupError(
+            f"the board on port '{port}' speaks Protocol 2.0 and its servos "
+            f"{', '.join(sorted(models))} do not: give the servos a port of their own"
+        )

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import ServoFacts
-from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import ALERT
-from drivers.dynamixel.requests import Replies
+from drivers.dynamixel.requests import GroupLayout, Replies
 from drivers.dynamixel.whole_turns import WholeTurns
 from drivers.state import Integers
 from robots import Robot

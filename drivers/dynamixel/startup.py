@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -16,25 +17,27 @@ from drivers.dynamixel.diagnostics import (
     Diagnostics,
     DiagnosticsError,
     Finding,
+    ServoFacts,
+    Severity,
     SingleReads,
     check_cycle_time,
     diagnose,
     find_duplicate_ids,
     name_all,
+    name_of,
 )
-from drivers.dynamixel.joint_places import locate
-from drivers.dynamixel.robot_bus import find_bus
-from drivers.dynamixel.robot_ports import using_margin
+from drivers.dynamixel.robot_ports import find_bus, using_margin
 from drivers.dynamixel.servo_chain import ServoChain
 from drivers.dynamixel.servo_states import ServoStates
+from drivers.dynamixel.whole_turns import OUTSIDE_RANGE, WholeTurns
 from drivers.errors import SetupError
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuError, ImuSource
+from drivers.imu.source import ImuError, ImuSample, ImuSource
 from drivers.serial_port import read_latency
 from robots import BusSettings, Joint, Robot
 from robots.arguments import expect
 from robots.bench import choose_period
 from robots.imu import IMU_PORT
+from robots.quaternion import Array
 from robots.servo import LimitMode
 from robots.torque_limit import check_mode
 
@@ -140,6 +143,36 @@ def diagnose_robot(
         servos += diagnostics.servos
         findings += diagnostics.findings
     return locate(robot, Diagnostics(tuple(servos), tuple(findings)))
+
+
+def locate(robot: Robot, diagnosed: Diagnostics) -> Diagnostics:
+    """Add the angles of a robot's joints to a diagnosis, and joints that may be elsewhere."""
+    register, known = np.zeros(robot.n, dtype=int), np.zeros(robot.n, dtype=bool)
+    rows = [robot.joint_names.index(servo.joint.name) for servo in diagnosed.servos]
+    register[rows] = [servo.registers["present_position"] for servo in diagnosed.servos]
+    known[rows] = True
+    angles = WholeTurns(robot).find_angles(register, known)
+    servos, findings = list[ServoFacts](), list(diagnosed.findings)
+    for servo, row in zip(diagnosed.servos, rows, strict=True):
+        here = float(angles[row][0]) if row in angles else None
+        servos.append(replace(servo, angle=here))
+        findings += _check_place(robot.joints[row], angles[row]) if row in angles else []
+    return Diagnostics(tuple(servos), tuple(findings))
+
+
+def _check_place(joint: Joint, angles: Array) -> list[Finding]:
+    """List what is wrong with the possible angles of a joint [rad], likeliest first, (k,)."""
+    here = angles[0]
+    if not joint.lower - OUTSIDE_RANGE <= here <= joint.upper + OUTSIDE_RANGE:
+        text = f"is at {here:+.2f} rad, outside [{joint.lower:+.2f}, {joint.upper:+.2f}] rad"
+        remedy = "move it back by hand, or calibrate it"
+        return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
+    elsewhere = sorted({f"{a:+.2f}" for a in angles[1:] if abs(a - here) > OUTSIDE_RANGE})
+    if not elsewhere:
+        return []
+    text = f"is taken to be at {here:+.2f} rad, may be at {' or '.join(elsewhere)}: turns apart"
+    remedy = "if it is not there, turn it to its middle by hand and connect again"
+    return [Finding(Severity.WARNING, name_of(joint), text, remedy)]
 
 
 def check_period(bus: DynamixelBus, joints: Sequence[Joint], period: float) -> list[Finding]:

@@ -2,60 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import struct
 
 from drivers.dynamixel import protocol2
-from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
-from drivers.dynamixel.protocol2 import Damaged, FrameParser, Instruction, Packet, Status
+from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1, Frame1
+from drivers.dynamixel.protocol2 import Damaged, FrameParser, Instruction, Packet, Span, Status
 
-
-class Wire(Protocol):
-    """A protocol on a bus. Packets are the same in all of them: see `protocol2.Packet`."""
-
-    @property
-    def name(self) -> str:
-        """Return its name, as in a control table."""
-        ...
-
-    @property
-    def header(self) -> bytes:
-        """Return the bytes with which a frame begins."""
-        ...
-
-    @property
-    def overhead(self) -> int:
-        """Return the bytes of a reply around its data."""
-        ...
-
-    @property
-    def max_id(self) -> int:
-        """Return the highest id of a device."""
-        ...
-
-    @property
-    def instructions(self) -> frozenset[int]:
-        """Return the instructions that all its devices know."""
-        ...
-
-    def encode(self, packet: Packet) -> bytes:
-        """Build the frame of an instruction."""
-        ...
-
-    def encode_status(self, status: Status) -> bytes:
-        """Build the frame of a reply."""
-        ...
-
-    def decode_status(self, packet: Packet) -> Status:
-        """Decode a reply that a parser found."""
-        ...
-
-    def parse_replies(self) -> FrameParser:
-        """Return a parser of replies."""
-        ...
-
-    def parse_instructions(self) -> FrameParser:
-        """Return a parser of instructions."""
-        ...
+PING_DATA = 3  # bytes: model number, firmware
+FIRST = Span(0, 6)
+"""Registers that name a device where a ping does not: AX and MX have model, firmware and id at 0,
+2 and 3, Feetech's have firmware, model and id at 0, 3 and 5."""
+AT_ID = {"1.0": 3, "feetech": 5}
+"""Place of the id in those registers, by protocol."""
 
 
 class Frame2:
@@ -88,6 +46,8 @@ class Frame2:
         return FrameParser()
 
 
+Wire = Frame2 | Frame1
+"""A protocol on a bus. Packets are the same in all of them: see `protocol2.Packet`."""
 PROTOCOL_2 = Frame2()
 WIRES: dict[str, Wire] = {wire.name: wire for wire in (PROTOCOL_2, PROTOCOL_1, FEETECH)}
 """All protocols by name."""
@@ -96,3 +56,14 @@ WIRES: dict[str, Wire] = {wire.name: wire for wire in (PROTOCOL_2, PROTOCOL_1, F
 def encode_item(wire: Wire, item: Packet | Damaged) -> bytes:
     """Return an instruction as on the wire, a damaged one as it was received."""
     return item.frame if isinstance(item, Damaged) else wire.encode(item)
+
+
+def decode_identity(wire: Wire, status: Status) -> Status:
+    """Return a reply as that to a ping of Protocol 2.0: model number and firmware."""
+    data = status.data
+    if wire is PROTOCOL_2 or len(data) < FIRST.length:
+        return status
+    number, firmware = data[0] | data[1] << 8, data[2]
+    if wire is FEETECH:
+        number, firmware = data[3] | data[4] << 8, data[0]
+    return Status(status.id, status.error, struct.pack("<HB", number, firmware), status.alarms)

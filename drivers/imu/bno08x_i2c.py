@@ -9,8 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drivers.imu.i2c import REMEDY, I2cChip
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSource
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSample, ImuSource
 from robots.imu import ImuSettings, SensorAxes
 
 # Packets of the sensor hub (SHTP): length with these four bytes, channel, sequence number. The

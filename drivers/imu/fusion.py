@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuSample
 from drivers.orientation_filter import GRAVITY, OrientationFilter
 from robots.quaternion import Array
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.errors import SetupError
-from drivers.imu.sample import ImuSample
+from robots.quaternion import Array
 
 FIRST_SAMPLE = 1.0  # s to wait for the first sample; a BNO055 boots in 0.65 s (data sheet)
 POLL_STEP = 0.002  # s between two looks meanwhile
@@ -18,6 +19,22 @@ class ImuError(SetupError):
     def __init__(self, name: str, text: str, remedy: str) -> None:
         super().__init__(f"{name}: {text}; {remedy}")
         self.name, self.text, self.remedy = name, text, remedy
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSample:
+    """One sample of an IMU, in the axes of the robot's IMU site."""
+
+    gyro: Array
+    """[rad/s], shape (3,)"""
+    accelerometer: Array
+    """[m/s²], shape (3,)"""
+    counts: bytes
+    """Raw counts; a frozen sensor repeats them."""
+    age: float = 0.0
+    """Time since it was measured, when it is delivered [s]."""
+    duration: float | None = None
+    """Time that the gyro's value stands for, on the sensor's own clock [s]; None: as arrived."""
 
 
 class ImuSource(Protocol):

@@ -12,6 +12,7 @@ import numpy as np
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
+from drivers.dynamixel.clock import VirtualClock
 from drivers.dynamixel.configuration import list_eeprom_settings
 from drivers.dynamixel.cyclic_read import CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import (
@@ -23,12 +24,9 @@ from drivers.dynamixel.diagnostics import (
     merge_findings,
     name_all,
 )
-from drivers.dynamixel.group_layout import GroupLayout
-from drivers.dynamixel.requests import Request
+from drivers.dynamixel.requests import GroupLayout, Request
 from drivers.dynamixel.robot_ports import RobotPort
-from drivers.dynamixel.virtual_clock import VirtualClock
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import POLL_STEP, ImuSource
+from drivers.imu.source import POLL_STEP, ImuSample, ImuSource
 from drivers.orientation_filter import GRAVITY
 from drivers.real_time_class import in_real_time_class
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN

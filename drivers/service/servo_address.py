@@ -9,7 +9,7 @@ from drivers.dynamixel.control_table import ControlTable, table_named, types_of
 from drivers.dynamixel.diagnostics import GARBLED, name_of, read_items
 from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import SetupError
 from drivers.serial_port import PortRefusedError
 from drivers.service.loose_servo import NOT_LOCKED, LooseServo, ServoError, find_servos

@@ -17,9 +17,8 @@ from drivers.dynamixel.diagnostics import (
     find_duplicate_ids,
     name_of,
 )
-from drivers.dynamixel.joint_places import locate
 from drivers.dynamixel.robot_ports import RobotPort, build_ports, find_imu, open_ports
-from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, open_imu
+from drivers.dynamixel.startup import SETUP_MARGIN, await_servos, locate, open_imu
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, SerialPort
 from robots import Joint, Robot

@@ -8,12 +8,11 @@ from dataclasses import replace
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import ANSWER_MARGIN, TRIES, DynamixelBus
 from drivers.dynamixel.control_table import UnknownModelError, table_for
-from drivers.dynamixel.identity import AT_ID, FIRST, decode_identity
 from drivers.dynamixel.protocol1 import FEETECH, PROTOCOL_1
 from drivers.dynamixel.protocol2 import Damaged, Status, read_identity
 from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import using_margin
-from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
+from drivers.dynamixel.wire import AT_ID, FIRST, PROTOCOL_2, WIRES, Wire, decode_identity
 from drivers.errors import SetupError
 from drivers.serial_port import read_latency_timer
 

@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 
 from drivers.errors import ModelError, NoImuError
-from drivers.twin.grip import Grip
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
@@ -26,6 +25,8 @@ from robots.robot import LONGEST_TIMESTEP
 # MuJoCo's dry friction is soft: loaded joints without torque creep at up to 0.03 rad/s. Once they
 # have been that slow for a while, its noslip solver holds them, as the friction of gears does.
 REST_SPEED, REST_TIME, NOSLIP_ITERATIONS = 0.05, 1.0, 5  # rad/s and m/s; s
+# kg, kg·m², N·s/m and N·m·s: neither gravity nor a servo moves what is held, and it does not creep.
+HELD_INERTIA = HELD_DAMPING = 1e8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,6 +274,31 @@ class Simulation:
 
     def _add_noise(self, value: Array, deviation: float) -> Array:
         return value + self._rng.normal(0.0, deviation, len(value)) if deviation else value
+
+
+class Grip:
+    """Holds the torso of a robot and each of its joints whose servo has no torque."""
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+        """Grip a robot in its compiled world; the model's inertia and damping are changed."""
+        self._model, self._joint_dofs = model, robot.layout(model).dof
+        torso = model.body(robot.torso).id
+        self._own = model.dof_treeid == model.body_treeid[torso]
+        self._armature, self._damping = model.dof_armature.copy(), model.dof_damping.copy()
+
+    def hold(self, data: mujoco.MjData, torque: Array) -> None:
+        """Hold all but the joints with torque [N·m], (n,), and bring what is held to rest."""
+        held = self._own.copy()
+        held[self._joint_dofs] = torque <= 0.0
+        self._model.dof_armature[:] = np.where(held, HELD_INERTIA, self._armature)
+        self._model.dof_damping[:] = np.where(held, HELD_DAMPING, self._damping)
+        data.qvel[held] = 0.0
+        mujoco.mj_step1(self._model, data)  # which takes the inertia up
+
+    def let_go(self) -> None:
+        """Let everything go; the model is as before."""
+        self._model.dof_armature[:] = self._armature
+        self._model.dof_damping[:] = self._damping
 
 
 def build_flat_world(robot: Robot) -> mujoco.MjModel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain

@@ -10,8 +10,7 @@ import numpy as np
 
 from drivers import Backend, Twin
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
-from drivers.dynamixel.virtual_clock import LAG, LEAST_LAG, VirtualClock
+from drivers.dynamixel.clock import LAG, LEAST_LAG, CycleClock, VirtualClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode

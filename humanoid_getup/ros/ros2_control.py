@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.dynamixel.configuration import OPERATING_MODES
 from drivers.dynamixel.control_table import table_named
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import SetupError
 from drivers.servo_units import fits_one_turn, tick_range
 from drivers.state import Integers

@@ -14,7 +14,7 @@ from operator import methodcaller
 from time import monotonic
 from typing import Any
 
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import DriverError
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation

@@ -10,9 +10,7 @@ import socket
 import tempfile
 from pathlib import Path
 
-from drivers.imu.i2c import I2cChip
-from drivers.imu.i2c_socket import GREETING, LONGEST_PACKET, TRANSFER
-from drivers.socket_path import reaching
+from drivers.imu.i2c import GREETING, LONGEST_PACKET, TRANSFER, I2cChip, reaching
 from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
 

@@ -17,8 +17,8 @@ from drivers.dynamixel.diagnostics import (
     diagnose,
     find_duplicate_ids,
 )
-from drivers.dynamixel.joint_places import locate
 from drivers.dynamixel.protocol2 import Instruction
+from drivers.dynamixel.startup import locate
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo

@@ -7,9 +7,8 @@ from desk import make_desk
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import virtual_clock
+from drivers.dynamixel.clock import LEAST_LAG, VirtualClock
 from drivers.dynamixel.control_table import Item
-from drivers.dynamixel.virtual_clock import LEAST_LAG, VirtualClock
 from drivers.serial_port import PortRefusedError
 
 
@@ -30,8 +29,8 @@ class Bus:
 
     def lag_after(self, seconds: float, model: str = "XM430-W350", is_virtual: bool = True) -> str:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(virtual_clock.time, "monotonic", lambda: self.time)
-            patch.setattr(virtual_clock, "is_pseudo_terminal", lambda _: is_virtual)
+            patch.setattr("drivers.dynamixel.clock.time.monotonic", lambda: self.time)
+            patch.setattr("drivers.dynamixel.clock.is_pseudo_terminal", lambda _: is_virtual)
             clock = VirtualClock(self, make_desk((1, model)).joints)
             self.time += seconds
             return clock.describe_lag()

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from waiting import wait_until
 
-from drivers.imu.background import BackgroundImu
-from drivers.imu.build import build_imu_source
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuError
+from drivers.imu.build import BackgroundImu, build_imu_source
+from drivers.imu.source import ImuError, ImuSample
 from robots import ImuSettings
 
 
@@ -39,7 +37,7 @@ class SlowSensor:
 
 def test_a_sample_is_as_old_as_its_transfer_and_the_time_since(monkeypatch):
     sensor = SlowSensor()
-    monkeypatch.setattr("drivers.imu.background.time", sensor)
+    monkeypatch.setattr("drivers.imu.build.time", sensor)
     source = BackgroundImu(sensor)
     assert (source.name, source.note, source.damaged) == ("slow", "", 7)
     source.open()

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.imu.build import build_i2c_source
 from drivers.imu.i2c import I2cChip
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuSource
+from drivers.imu.source import ImuSample, ImuSource
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import PACKET, VirtualBno08xI2c
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, to_counts

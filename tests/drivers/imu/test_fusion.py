@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.imu.fusion import FROZEN_CYCLES, SINKING_CYCLES, ImuFusion
-from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuSample
 from drivers.orientation_filter import GRAVITY
 
 UP = np.array([0.0, 0.0, GRAVITY])

@@ -13,13 +13,10 @@ from hypothesis import strategies as st
 from served_queue import Serving, serving_line
 from waiting import wait_until
 
-from drivers.imu import i2c_socket
+from drivers.imu import i2c
 from drivers.imu.build import build_i2c_source, choose_chip
-from drivers.imu.i2c import I2cChip, LinuxI2cChip
-from drivers.imu.i2c_socket import SocketI2cChip
-from drivers.imu.sample import ImuSample
-from drivers.imu.source import ImuError, ImuSource
-from drivers.socket_path import LONGEST_PATH
+from drivers.imu.i2c import LONGEST_PATH, I2cChip, LinuxI2cChip, SocketI2cChip
+from drivers.imu.source import ImuError, ImuSample, ImuSource
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualI2cChip
 from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
 from drivers.virtual_bus.serving.server import CallQueue
@@ -36,8 +33,8 @@ SWITCH_ON = bytes.fromhex("15 00 02 00 FD 02 00 0000 88130000 00000000 00000000"
 @pytest.fixture(autouse=True)
 def _wait_for_replies_and_not_for_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A busy machine delays every reply, and brings a bus back at once."""
-    monkeypatch.setattr(i2c_socket, "TIMEOUT", 60.0)
-    monkeypatch.setattr(i2c_socket, "REOPEN_EVERY", 0.0)
+    monkeypatch.setattr(i2c, "TIMEOUT", 60.0)
+    monkeypatch.setattr(i2c, "REOPEN_EVERY", 0.0)
 
 
 def make_chip(kind: str) -> VirtualI2cChip:
@@ -178,7 +175,7 @@ def test_what_is_no_bus_is_named_in_one_line(kind: str, tmp_path: Path):
 def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(i2c_socket, "TIMEOUT", 0.5)
+    monkeypatch.setattr(i2c, "TIMEOUT", 0.5)
     line = I2cLine(make_chip("bno055"), 0x28, link=tmp_path / "bus")
     stuck, chip = CallQueue(), SocketI2cChip(line.path, 0x28)
     stuck.lines.append(line)
@@ -187,7 +184,7 @@ def test_a_late_reply_is_not_taken_for_that_to_the_next_transfer(
     serving.end()
     with pytest.raises(OSError, match="the virtual bus has ended"):
         chip.transfer(b"\x3b", 1)
-    monkeypatch.setattr(i2c_socket, "TIMEOUT", 60.0)
+    monkeypatch.setattr(i2c, "TIMEOUT", 60.0)
     with serving_line(line):
         assert chip.transfer(b"\0", 4) == bytes.fromhex("A0FB320F")
         chip.close()

@@ -54,7 +54,7 @@ def set_patience(monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
 def _wait_for_replies_and_not_for_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A busy machine delays every reply: no test gives up one that is still to come."""
     set_patience(monkeypatch, LONGEST_WAIT)
-    monkeypatch.setattr("drivers.imu.register_link.REPLY_TIME", LONGEST_WAIT)
+    monkeypatch.setattr("drivers.imu.bno055.REPLY_TIME", LONGEST_WAIT)
     monkeypatch.setattr("drivers.service.session.SETUP_MARGIN", LONGEST_WAIT)
     monkeypatch.setattr("drivers.service.doctor.READ_SHARE", LONGEST_WAIT)
 

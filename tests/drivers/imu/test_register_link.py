@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.imu.register_link import REPLY_TIME, UartRegisters
+from drivers.imu.bno055 import REPLY_TIME, UartRegisters
 
 
 class Wire:

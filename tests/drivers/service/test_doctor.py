@@ -7,7 +7,7 @@ import pytest
 from service_bench import ServiceBench
 
 from drivers.dynamixel.diagnostics import Severity
-from drivers.imu.sample import ImuSample
+from drivers.imu.source import ImuSample
 from drivers.service.doctor import HealthCheck, examine, measure_rate
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot

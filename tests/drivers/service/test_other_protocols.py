@@ -13,7 +13,7 @@ from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Reset, Status
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import SetupError
 from drivers.serial_port import SerialPort
 from drivers.service import sweep as sweep_module

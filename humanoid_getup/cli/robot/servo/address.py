@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from drivers.dynamixel.diagnostics import name_of
 from drivers.dynamixel.protocol2 import Reset
-from drivers.dynamixel.robot_bus import find_bus
+from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import DriverError
 from drivers.service.calibrate import Prompt
 from drivers.service.loose_servo import LooseServo, open_bus, open_servo

@@ -9,7 +9,7 @@ from rich.markup import escape
 from drivers.control_loop import Ending, engaged, run_engaged
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import name_of
-from drivers.dynamixel.group_layout import GroupLayout
+from drivers.dynamixel.requests import GroupLayout
 from drivers.safety_guard import SafetyGuard
 from drivers.service.moved_servo import (
     Move,

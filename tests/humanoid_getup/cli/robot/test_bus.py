@@ -13,7 +13,7 @@ from waiting import wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.bus import DynamixelBus
-from drivers.dynamixel.virtual_clock import VirtualClock
+from drivers.dynamixel.clock import VirtualClock
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot

@@ -4,9 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.dynamixel.control_table import known_models, table_named
-from drivers.dynamixel.group_layout import GroupLayout
 from drivers.dynamixel.protocol2 import Status
-from drivers.dynamixel.requests import Replies
+from drivers.dynamixel.requests import GroupLayout, Replies
 
 LAYOUTS = {
     name: GroupLayout.of(table_named(name)) for name in known_models() if table_named(name).is_servo

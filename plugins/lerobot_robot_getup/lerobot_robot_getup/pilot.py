@@ -26,6 +26,8 @@ class WatchedGuard(SafetyGuard):
     """A safety guard that keeps what it measured and sent, and ends the work on request."""
 
     measured: State
+    answer: Array
+    """Targets with which the last action was sent [rad], (n,)."""
 
     def __init__(self, backend: Backend, limits: GuardLimits, check: Callable[[], None]) -> None:
         """Guard a backend; ``check`` raises an error if the work is to end."""
@@ -52,7 +54,7 @@ class WatchedGuard(SafetyGuard):
         """Send a command within the limits; return what was sent."""
         self._last = super().write(command)
         if self.action is self.taken:
-            self.action = None
+            self.answer, self.action = self.targets, None
         return self._last
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import sys
 import time
 from collections.abc import Callable
 
@@ -231,6 +232,12 @@ def note_and(calls: list[int], function):
         return function(*arguments, **options)
 
     return call
+
+
+def test_a_busy_thread_of_lerobot_leaves_the_loop_its_turn(connect):
+    """At Python's own interval a loop over a wire, which waits often, gets a fifth of its turns."""
+    connect()
+    assert sys.getswitchinterval() <= 0.001
 
 
 def test_a_fault_is_raised_by_the_next_call_and_torque_stays_off(connect):

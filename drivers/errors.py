@@ -44,14 +44,6 @@ class CommandError(DriverError):
         self.problems = problems
 
 
-class NoBusError(SetupError):
-    """A robot's description has no servo bus."""
-
-    def __init__(self, robot: str) -> None:
-        super().__init__(f"robot '{robot}' has no servo bus: add a [bus] table to its robot.toml")
-        self.robot = robot
-
-
 class NoImuError(SetupError):
     """A robot's description has no IMU."""
 
@@ -61,7 +53,3 @@ class NoImuError(SetupError):
             "robot.toml, or play a motion with --without-imu"
         )
         self.robot = robot
-
-
-class ModelError(SetupError):
-    """A simulation model does not fit the robot or its control period."""

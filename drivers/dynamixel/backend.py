@@ -37,7 +37,7 @@ from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN, GuardLimits
 from drivers.serial_port import MakePort, PortError, SerialPort, is_pseudo_terminal
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State
-from robots import Joint, Robot
+from robots import Robot
 from robots.servo import LimitMode
 
 # s in which a silent servo is told again to switch its torque off: beside a watchdog, and without
@@ -48,14 +48,6 @@ WATCHDOG_STEP = 0.02  # s a count (e-manual, Bus Watchdog)
 # Of the watchdog's time: after such a pause between two commands the servos may have stopped.
 PAUSE_SHARE = 0.8
 STILL = 0.1  # s in which the clock of a servo, which counts milliseconds, must have moved on
-
-
-class RebootError(SetupError):
-    """A servo was not rebooted, or did not come back."""
-
-    def __init__(self, joint: Joint, text: str) -> None:
-        super().__init__(f"{name_of(joint)}: {text}")
-        self.joint = joint.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -392,39 +384,42 @@ class DynamixelBackend(Backend):
         half a second, in which all other joints should have no torque either.
 
         Raises:
-            RebootError: if the joint has torque, or the servo does not come back.
+            SetupError: if the joint has torque, or the servo does not come back.
         """
         self._check_connected()
         row = self.robot.joint_names.index(joint)
         states, device = self._states, self.robot.joints[row]
         chain = next(chain for chain in self.chains if row in chain.rows)
         if states.is_on[row] and not states.alert[row]:
-            raise RebootError(device, "has torque; release it before it is rebooted")
-        states.note_restart(row)
-        try:
-            with using_margin((c.bus for c in self.chains), BOOT_MARGIN):
-                self._restart(chain, row)
-        except PortError as error:
-            raise RebootError(device, str(error)) from error
+            failure = "has torque; release it before it is rebooted"
+        else:
+            states.note_restart(row)
+            try:
+                with using_margin((c.bus for c in self.chains), BOOT_MARGIN):
+                    failure = self._restart(chain, row)
+            except PortError as error:
+                raise SetupError(f"{name_of(device)}: {error}") from error
+        if failure:
+            raise SetupError(f"{name_of(device)}: {failure}")
 
-    def _restart(self, chain: ServoChain, row: int) -> None:
-        device, states = self.robot.joints[row], self._states
+    def _restart(self, chain: ServoChain, row: int) -> str:
+        """Restart a servo and configure it; return what went wrong, empty for nothing."""
+        device = self.robot.joints[row].servo.id
         if Instruction.REBOOT not in chain.bus.wire.instructions:
-            raise RebootError(device, "knows no restart over its bus: switch its power off and on")
-        if chain.bus.reboot(device.servo.id, TRIES) is None:
-            raise RebootError(device, "does not confirm that it reboots")
+            return "knows no restart over its bus: switch its power off and on"
+        if chain.bus.reboot(device, TRIES) is None:
+            return "does not confirm that it reboots"
         until = time.monotonic() + BOOT_TIME
-        pong = None
         # Pings also feed the other servos' watchdogs.
-        while pong is None:
+        while (pong := chain.bus.ping(device)) is None:
             if time.monotonic() > until:
-                raise RebootError(device, f"silent {BOOT_TIME:g} s after its reboot")
-            pong = chain.bus.ping(device.servo.id)
+                return f"silent {BOOT_TIME:g} s after its reboot"
         if failure := chain.configure(row):
-            raise RebootError(device, failure)
+            return failure
         if not chain.reset_goal(row):
-            raise RebootError(device, "its position cannot be read")
-        states.note_rebooted(row, has_alert=pong.alert)
+            return "its position cannot be read"
+        self._states.note_rebooted(row, has_alert=pong.alert)
+        return ""
 
     # Helpers ----------------------------------------------------------------------------------
 

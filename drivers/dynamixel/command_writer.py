@@ -167,14 +167,7 @@ class CommandWriter:
         watchdog: int,
         limit_by: LimitMode,
     ) -> None:
-        """Prepare to write to joints at some places in the robot's joint order.
-
-        ``watchdog`` is the register value of the bus watchdog under torque, and ``limit_by`` what
-        torque limits act on.
-
-        Raises:
-            SetupError: if the servos cannot be written to together.
-        """
+        """Prepare to write to joints, at places in the joint order; see `ServoChain`."""
         self._bus, self._rows, self._watchdog = bus, rows, watchdog
         self._ids = [joint.servo.id for joint in joints]
         tables = [table_named(joint.servo.model.name) for joint in joints]

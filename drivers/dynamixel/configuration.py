@@ -97,10 +97,7 @@ class ServoSetup:
     """
 
     def __init__(self, servo: ServoFacts, limit_by: LimitMode, *, recheck: bool = False) -> None:
-        """Prepare to set up a servo that limits its torque in a certain way.
-
-        ``recheck`` first whether it still is the same one.
-        """
+        """Prepare to set up a servo; ``recheck`` first whether it still is the same one."""
         self._servo = servo
         self._limit_by: LimitMode = limit_by
         self._must_check = recheck

@@ -374,33 +374,11 @@ def find_baud_rate(bus: DynamixelBus, devices: Sequence[int]) -> int | None:
     return None
 
 
-@dataclass(frozen=True)
-class SingleReads:
-    """Reads of a cycle where each servo is read alone, and the adapter holds back each reply."""
+def check_cycle_time(path: str, baud: int, duration: float, period: float) -> list[Finding]:
+    """Check that a cycle's bytes, some time [s] on the wire, pass within the control period [s].
 
-    waiting: float
-    """Time for which the adapter holds back replies in a cycle [s]."""
-    enough: float
-    """Control period that leaves time for it [s]."""
-
-
-def check_cycle_time(
-    path: str, baud: int, duration: float, period: float, singles: SingleReads | None = None
-) -> list[Finding]:
-    """Check that a cycle's bytes pass within the control period.
-
-    On a slower bus every value would be late, without any other finding. ``duration`` is the
-    time of a cycle's bytes on the wire [s]; ``singles`` are the reads where each waits alone.
+    On a slower bus every value would be late, without any other finding.
     """
-    limit = READ_SHARE * period
-    if singles is not None and duration + singles.waiting > limit:
-        text = (
-            f"a cycle takes {duration * 1e3:.1f} ms on the wire and waits "
-            f"{singles.waiting * 1e3:.1f} ms for the adapter, for its servos are read one by one: "
-            f"expected at most {limit * 1e3:.1f} ms of a period of {period * 1e3:.1f} ms"
-        )
-        remedy = f"set control_period in robot.toml to {singles.enough:g}"
-        return [Finding.error(f"port {path}", text, remedy)]
     if duration <= period:
         return []
     text = (

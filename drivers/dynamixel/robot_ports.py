@@ -10,7 +10,7 @@ from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import FACTORY_RETURN_DELAY, DynamixelBus
 from drivers.dynamixel.control_table import table_named, table_names
 from drivers.dynamixel.wire import PROTOCOL_2
-from drivers.errors import NoBusError, SetupError
+from drivers.errors import SetupError
 from drivers.imu.build import build_imu_source
 from drivers.imu.source import ImuSource
 from drivers.serial_port import MakePort, PortRefusedError, SerialPort
@@ -113,12 +113,13 @@ def find_bus(robot: Robot) -> BusSettings:
     """Return the bus of a robot.
 
     Raises:
-        NoBusError: if it has none.
-        SetupError: if servos have no control table, or devices on one port speak different
-            protocols.
+        SetupError: if it has none, servos have no control table, or devices on one port speak
+            different protocols.
     """
     if robot.bus is None:
-        raise NoBusError(robot.name)
+        raise SetupError(
+            f"robot '{robot.name}' has no servo bus: add a [bus] table to its robot.toml"
+        )
     types = dict.fromkeys(joint.servo.model.name for joint in robot.joints)
     if undriven := [name for name in types if name not in table_names()]:
         raise SetupError(

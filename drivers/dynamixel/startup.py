@@ -14,12 +14,12 @@ from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import count_reads
 from drivers.dynamixel.diagnostics import (
+    READ_SHARE,
     Diagnostics,
     DiagnosticsError,
     Finding,
     ServoFacts,
     Severity,
-    SingleReads,
     check_cycle_time,
     diagnose,
     find_duplicate_ids,
@@ -180,11 +180,17 @@ def check_period(bus: DynamixelBus, joints: Sequence[Joint], period: float) -> l
     port, count = bus.port, len(joints)
     reads = count_reads([table_named(joint.servo.model.name) for joint in joints])
     duration = (CYCLE_BYTES + count * SERVO_BYTES) * bus.byte_time
-    singles = None
-    if reads > GROUP_CYCLE:
-        latency = read_latency(port.path)
-        singles = SingleReads(reads * latency, choose_period(count, port.baud, latency, reads))
-    return check_cycle_time(port.path, port.baud, duration, period, singles)
+    latency = read_latency(port.path) if reads > GROUP_CYCLE else 0.0
+    if not latency or duration + reads * latency <= READ_SHARE * period:
+        return check_cycle_time(port.path, port.baud, duration, period)
+    text = (
+        f"a cycle takes {duration * 1e3:.1f} ms on the wire and waits {reads * latency * 1e3:.1f} "
+        "ms for the adapter, for its servos are read one by one: expected at most "
+        f"{READ_SHARE * period * 1e3:.1f} ms of a period of {period * 1e3:.1f} ms"
+    )
+    enough = choose_period(count, port.baud, latency, reads)
+    remedy = f"set control_period in robot.toml to {enough:g}"
+    return [Finding.error(f"port {port.path}", text, remedy)]
 
 
 def open_imu(imu: ImuSource) -> list[Finding]:

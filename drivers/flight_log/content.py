@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
-import lz4.frame
 import numpy as np
 import orjson
 import zstandard
@@ -32,10 +31,10 @@ PACKED, PACKED_AT = b"\x04\0\0\0zstd", RECORD_HEAD.size + CHUNK_HEAD.size + CRC.
 KINDS = set(Opcode)
 """All kinds of records."""
 DAMAGE = (
-    *(McapError, zstandard.ZstdError, struct.error, RuntimeError, EOFError, MemoryError),
+    *(McapError, zstandard.ZstdError, struct.error, EOFError, MemoryError),
     *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError),
 )
-"""Errors that reading a damaged log may raise; a RuntimeError is one of lz4."""
+"""Errors that reading a damaged log may raise."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Track:
     cycle: Integers
     """Cycles that have the part, shape (T,)."""
     log_time: Integers
-    """Wall times [ns since 1970], shape (T,); in old logs the backend's clock [ns]."""
+    """Wall times [ns since 1970], shape (T,)."""
     columns: Mapping[str, np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -178,10 +177,8 @@ def _unpack(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     if chunk.compression == "zstd":
         data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
     elif chunk.compression:
-        raise ValueError(f"a chunk is packed by '{chunk.compression}', expected zstd or lz4")
+        raise ValueError(f"a chunk is packed by '{chunk.compression}', expected zstd")
     else:
         data = chunk.data
     if len(data) != size:

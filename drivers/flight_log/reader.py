@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import orjson
 from mcap.writer import MCAP0_MAGIC
 
 from drivers.flight_log.content import DAMAGE, Content, Event, Track, explain
-from drivers.flight_log.foxglove import SECOND
 from drivers.flight_log.writer import FORMAT, TOPICS
 from drivers.state import Command, Integers, State
 from robots import Posture, Robot
@@ -67,11 +65,7 @@ class FlightRecord:
     @property
     def wall_time(self) -> Integers:
         """Return the wall time of each cycle [ns since 1970], shape (T,)."""
-        if not self.tracks:
-            return np.zeros(0, dtype=int)
-        times, start = self.state.log_time, _count_nanoseconds(self.started)
-        # Older logs counted their times from 0.
-        return times if not len(times) or times[0] >= start else times + start
+        return self.state.log_time if self.tracks else np.zeros(0, dtype=int)
 
     @property
     def state(self) -> Track:
@@ -89,9 +83,7 @@ class FlightRecord:
 
     def command(self, cycle: int) -> Command:
         """Return the command that reached the servos in a cycle."""
-        # Logs older than this limit do not hold it: it was not limited.
-        unlimited = {"pwm_limit": np.ones(len(self.joint_names))}
-        return Command(**unlimited | _row(self.sent, Command, cycle))
+        return Command(**_row(self.sent, Command, cycle))
 
     def describe(self) -> str:
         """Summarize the record in one line."""
@@ -147,14 +139,6 @@ class FlightRecord:
 def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[str, Any]:
     row = {one.name: track[one.name][cycle] for one in fields(kind) if one.name in track}
     return {name: value.item() if np.ndim(value) == 0 else value for name, value in row.items()}
-
-
-def _count_nanoseconds(text: str) -> int:
-    """Count the time since 1970 of an ISO date [ns]; 0 for what is none."""
-    try:
-        return int(datetime.fromisoformat(text).timestamp()) * SECOND
-    except ValueError:
-        return 0
 
 
 def _read_file(path: Path) -> bytes:

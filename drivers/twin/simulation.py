@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
-from drivers.errors import ModelError, NoImuError
+from drivers.errors import NoImuError, SetupError
 from drivers.twin.ground_truth import GroundTruth
 from drivers.twin.imu_model import TwinImu
 from drivers.twin.servo_model import SensorNoise, Windings
@@ -311,11 +311,11 @@ def build_flat_world(robot: Robot) -> mujoco.MjModel:
 def _count_steps(period: float, timestep: float) -> int:
     steps = round(period / timestep)
     if steps < 1 or abs(steps * timestep - period) > 1e-9:
-        raise ModelError(
+        raise SetupError(
             f"period {period:g} s is not a multiple of the physics step {timestep:g} s"
         )
     if timestep > LONGEST_TIMESTEP + 1e-12:
-        raise ModelError(f"physics step is {timestep:g} s, expected at most {LONGEST_TIMESTEP:g} s")
+        raise SetupError(f"physics step is {timestep:g} s, expected at most {LONGEST_TIMESTEP:g} s")
     return steps
 
 
@@ -324,5 +324,5 @@ def _find_actuators(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
     ids = np.array([mujoco.mj_name2id(model, kind, name) for name in names])
     if np.any(ids < 0):
         missing = ", ".join(name for name, i in zip(names, ids, strict=True) if i < 0)
-        raise ModelError(f"the model has no servo for: {missing}")
+        raise SetupError(f"the model has no servo for: {missing}")
     return ids

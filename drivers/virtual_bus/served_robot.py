@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
+from drivers.virtual_bus.servo_physics import HandledRobot
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from robots import Posture
 
 
 def serve_robot(
@@ -33,7 +35,7 @@ def serve_robot(
     return LockStepRobot(VirtualRobot(simulation, powered=powered), options)
 
 
-class LockStepRobot(VirtualPorts):
+class LockStepRobot(VirtualPorts, HandledRobot):
     """A virtual robot that waits for its client."""
 
     def __init__(self, robot: VirtualRobot, options: PortOptions | None = None) -> None:
@@ -46,21 +48,9 @@ class LockStepRobot(VirtualPorts):
         """Return 0: the clock waits for physics."""
         return 0.0
 
-    def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off."""
-        self.main.call(lambda: self._virtual.place(posture))
-
-    def hold(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off, held by a person."""
-        self.main.call(lambda: self._virtual.hold(posture))
-
-    def turn(self, joint: int, by: float) -> None:
-        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
-        self.main.call(lambda: self._virtual.physics.turn(joint, by))
-
-    def let_go(self) -> None:
-        """Let a robot go that is held."""
-        self.main.call(self._virtual.physics.let_go)
+    def rearrange(self, change: Callable[[Simulation], None], *, releases: bool = False) -> None:
+        """Change the simulation by hand, between two instructions."""
+        self.main.call(lambda: self._virtual.rearrange(change, releases=releases))
 
 
 ServedRobot = RealTimeRobot | LockStepRobot

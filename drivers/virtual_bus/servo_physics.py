@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from operator import is_
 from typing import Protocol
 
 import numpy as np
 
-from drivers.dynamixel.control_table import OperatingMode
 from drivers.servo_units import ServoUnits
-from drivers.twin.servo_model import VELOCITY_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.motor_servo import MotorCommand
-from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured
+from drivers.virtual_bus.devices.sensors import Measured
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array
-from robots.servo import PWM_FULL_SCALE
 
-BY_CURRENT = OperatingMode.CURRENT_BASED_POSITION
 REST_SPEED = 0.01  # m/s and rad/s, of a robot that lies still
 REST_TIME = 0.5  # s without torque and motion after which it is simulated no further
-CONTROL_RATE = 1000.0  # Hz, of a servo's integrators; not published
 
 
 class Motor(Protocol):
@@ -68,14 +64,37 @@ class BoardSensors(Protocol):
         ...
 
 
+class HandledRobot(ABC):
+    """A simulated robot that a person places, holds and turns."""
+
+    @abstractmethod
+    def rearrange(self, change: Callable[[Simulation], None], *, releases: bool = False) -> None:
+        """Change the simulation by hand; switch torque off before where that ``releases`` it."""
+
+    def place(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off."""
+        self.rearrange(lambda body: body.place(posture), releases=True)
+
+    def hold(self, posture: Posture) -> None:
+        """Place the robot at rest, cool, torque off, held by a person."""
+        self.rearrange(lambda body: body.hold(posture), releases=True)
+
+    def turn(self, joint: int, by: float) -> None:
+        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
+        self.rearrange(lambda body: body.turn(joint, by))
+
+    def let_go(self) -> None:
+        """Let a robot go that is held."""
+        self.rearrange(Simulation.let_go)
+
+
 class ServoPhysics:
     """Advances a simulation whose joints are driven by servos' registers.
 
     Before each run of physics steps the servos' motor commands are applied; after it their
     sensors are updated. The position loops are the simulation's own, so a robot behind the bus
-    moves as its twin does, bit for bit. In the other modes, a target that makes the position loop
-    produce the commanded torque is computed in each physics step. Of the position loop's gains,
-    only P has an effect, and D in current-based position mode. Thread-safe.
+    moves as its twin does, bit for bit. Of their gains, only P has an effect, and D in
+    current-based position mode. Thread-safe.
     """
 
     is_light = False
@@ -104,7 +123,6 @@ class ServoPhysics:
         self._units = ServoUnits(robot)
         self._sign = np.array([float(joint.servo.sign) for joint in joints])
         self._models = [joint.servo.model for joint in joints]
-        self._integral = np.zeros(robot.n)
         self._lock = threading.RLock()
         self._rests, self._still_for = rests, 0.0
         self._steps_since_sensing = 0
@@ -119,35 +137,13 @@ class ServoPhysics:
         """Return whether the robot lies still without torque, and is simulated no further."""
         return self._rests and self._still_for >= REST_TIME
 
-    def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool; the bus time is kept."""
+    def rearrange(self, change: Callable[[Simulation], None]) -> None:
+        """Move a robot by other means than its servos; the bus time is kept."""
         with self._lock:
-            self.simulation.place(posture)
-            self._begin_again()
-
-    def hold(self, posture: Posture) -> None:
-        """Place the robot as `place` does, held by a person; see `Simulation.hold`."""
-        with self._lock:
-            self.simulation.hold(posture)
-            self._begin_again()
-
-    def turn(self, joint: int, by: float) -> None:
-        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
-        with self._lock:
-            self.simulation.turn(joint, by)
-            self._begin_again()
-
-    def let_go(self) -> None:
-        """Let a robot go that is held."""
-        with self._lock:
-            self.simulation.let_go()
+            change(self.simulation)
+            self._steps_since_sensing = 0
             self._still_for = 0.0
-
-    def _begin_again(self) -> None:
-        """Sense a robot that was moved by other means than its servos."""
-        self._steps_since_sensing = 0
-        self._still_for = 0.0
-        self._sense()
+            self._sense()
 
     def pass_period(self) -> None:
         """Advance by one control period."""
@@ -178,14 +174,13 @@ class ServoPhysics:
         """Run as many steps as need no new motor commands or sensor update; return how many."""
         simulation = self.simulation
         commands = [servo.motor_command() for servo in self.motors]
-        plain = all(not d.torque_on or d.mode in POSITION_MODES for d in commands)
-        moving = not plain or any(servo.has_profile for servo in self.motors)
+        moving = any(servo.has_profile for servo in self.motors)
         until_sensing = simulation.steps_per_period - self._steps_since_sensing
         steps = 1 if moving else min(left, until_sensing)
         # A servo keeps its command until something changes.
         is_same = all(map(is_, commands, self._last_commands))
         if moving or self._driven is None or not is_same:
-            self._driven, self._last_commands = self._convert(commands, step), commands
+            self._driven, self._last_commands = self._convert(commands), commands
         simulation.drive(*self._driven)
         self._note_rest(commands, steps * step)
         if not self.is_at_rest:
@@ -212,21 +207,16 @@ class ServoPhysics:
         else:
             self._still_for += duration
 
-    def _convert(self, commands: list[MotorCommand], step: float) -> tuple[Array, Drive]:
+    def _convert(self, commands: list[MotorCommand]) -> tuple[Array, Drive]:
         """Return the joint targets [rad], (n,), and the gains and limits of the position loops."""
         robot = self.simulation.robot
         on = np.array([d.torque_on for d in commands])
         target = self._units.to_actuator(np.array([d.target_ticks for d in commands]))
         gain = np.array([d.p_gain for d in commands]) / robot.p_gain
-        by_current = np.array([d.mode == BY_CURRENT for d in commands])
+        by_current = np.array([d.by_current for d in commands])
         current = np.array([d.current_limit for d in commands])
         torque = np.where(by_current, current * robot.torque_per_ampere, robot.max_torque)
         damping = [m.damping_gain(d.d_gain) for m, d in zip(self._models, commands, strict=True)]
-        for i, command in enumerate(commands):
-            if command.torque_on and command.mode not in POSITION_MODES:
-                # The position loop only transmits the torque here: at its default gain.
-                gain[i] = 1.0
-                target[i] = self._find_target(i, command, step)
         return robot.transmission.to_joint(target), Drive(
             torque=np.where(on, np.minimum(torque, robot.max_torque), 0.0),
             pwm=np.array([d.pwm_limit for d in commands]),
@@ -234,35 +224,6 @@ class ServoPhysics:
             by_current=by_current,
             damping=robot.transmission.gain_at_actuator(np.array(damping)),
         )
-
-    def _find_target(self, i: int, command: MotorCommand, step: float) -> float:
-        """Compute the target of an actuator [rad] that makes another mode's torque."""
-        simulation, robot = self.simulation, self.simulation.robot
-        position = robot.transmission.to_actuator(simulation.joint_pos)[i]
-        velocity = robot.transmission.to_actuator(simulation.joint_vel)[i]
-        nominal = robot.nominal_voltage[i]
-        stiffness = robot.position_gain[i] * simulation.voltage / nominal
-        back_emf = robot.torque_speed_slope[i] * velocity  # N·m that the loop loses to it
-        if command.mode == OperatingMode.PWM:
-            torque = command.goal_pwm * self._sign[i] * robot.max_torque[i]
-        elif command.mode == OperatingMode.VELOCITY:
-            torque = self._run_velocity_loop(i, command, velocity, step) * robot.max_torque[i]
-        else:
-            limit = command.current_limit
-            current = float(np.clip(command.goal_current * self._sign[i], -limit, limit))
-            torque = current * robot.torque_per_ampere[i] + back_emf
-        return position + torque / stiffness
-
-    def _run_velocity_loop(
-        self, i: int, command: MotorCommand, velocity: float, step: float
-    ) -> float:
-        """Compute the share of the supply that the velocity loop applies."""
-        at_servo = velocity * self.simulation.robot.joints[i].servo.gear
-        error = (command.goal_velocity * self._sign[i] - at_servo) / VELOCITY_STEP  # counts
-        self._integral[i] += command.velocity_i_gain / 65536 * error * step * CONTROL_RATE
-        self._integral[i] = float(np.clip(self._integral[i], -PWM_FULL_SCALE, PWM_FULL_SCALE))
-        counts = command.velocity_p_gain / 128 * error + self._integral[i]
-        return float(np.clip(counts / PWM_FULL_SCALE, -command.pwm_limit, command.pwm_limit))
 
     def _sense(self) -> None:
         """Update the sensors of the servos and the board."""

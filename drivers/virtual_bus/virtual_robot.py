@@ -18,8 +18,8 @@ from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
 from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.serving.physics import Physics
-from drivers.virtual_bus.servo_physics import ServoPhysics
-from robots import Joint, Posture, Robot
+from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
+from robots import Joint, Robot
 from robots.imu import ImuSettings, SensorAxes
 
 FIRMWARE = 46
@@ -108,7 +108,7 @@ class VirtualDevices:
         return Chain(devices, self.quirks)
 
 
-class VirtualRobot(VirtualDevices):
+class VirtualRobot(VirtualDevices, HandledRobot):
     """The servos, the board and the IMU of a robot, with a simulation behind them."""
 
     def __init__(
@@ -128,21 +128,14 @@ class VirtualRobot(VirtualDevices):
             simulation.on_sensor_update.append(self._sense_imu)
             self._sense_imu()
 
-    def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off."""
-        self._release()
-        self.physics.place(posture)
-        self._sense_imu()
-
-    def hold(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off, held by a person."""
-        self._release()
-        self.physics.hold(posture)
-        self._sense_imu()
-
-    def _release(self) -> None:
-        for servo in self.servos:
-            servo.poke("torque_enable", 0)
+    def rearrange(self, change: Callable[[Simulation], None], *, releases: bool = False) -> None:
+        """Change the simulation by hand."""
+        if releases:
+            for servo in self.servos:
+                servo.poke("torque_enable", 0)
+        self.physics.rearrange(change)
+        if releases:
+            self._sense_imu()
 
     def _sense_imu(self) -> None:
         if self.imu is not None:

@@ -11,7 +11,6 @@ from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.errors import SetupError
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.maintenance import reset_ram
 from drivers.virtual_bus.devices.quirks import Quirks
 from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes
@@ -78,7 +77,7 @@ class VirtualBoard(VirtualDevice):
         self._reset_ram()
 
     def _reset_ram(self) -> None:
-        reset_ram(self.registers)
+        self.registers.reset_ram()
         self._switch_power(0)
 
     def _switch_power(self, value: int) -> None:

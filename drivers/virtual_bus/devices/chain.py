@@ -22,7 +22,7 @@ from drivers.dynamixel.protocol2 import (
     crc16,
 )
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-from drivers.virtual_bus.devices.device import Addressing, VirtualDevice
+from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 
 # s for the reply of each id to a broadcast ping: the wait of the vendor's library per id
@@ -118,7 +118,6 @@ class Chain:
             Instruction.BULK_WRITE: lambda params: self._write(_bulk_rows(params)),
         }
         self._members: dict[int, list[VirtualDevice]] = {}
-        self._seconds: dict[int, list[VirtualDevice]] = {}
 
     def advance(self, now: float) -> None:
         """Advance all devices to a bus time [s]."""
@@ -148,34 +147,27 @@ class Chain:
         return self._address(item)
 
     def _find_listeners(self, baud: int | None) -> None:
-        """Group the devices that receive at a rate by id and by secondary id."""
+        """Group the devices that receive at a rate by id."""
         members: dict[int, list[VirtualDevice]] = {}
-        seconds: dict[int, list[VirtualDevice]] = {}
         for device in self.devices:
             if device.listens and (baud is None or device.baud == baud):
                 members.setdefault(device.id, []).append(device)
-                second = device.secondary_id
-                if second is not None and second != device.id:
-                    seconds.setdefault(second, []).append(device)
-        self._members, self._seconds = members, seconds
+        self._members = members
 
     # One instruction, one id or all ----------------------------------------------------------
 
     def _address(self, packet: Packet) -> list[Reply]:
         devices = self._members.get(packet.id, [])
-        replies = self._collect(
+        return self._collect(
             devices, lambda device: device.handle(packet.instruction, packet.params)
         )
-        for device in self._seconds.get(packet.id, []):
-            device.handle(packet.instruction, packet.params, addressing=Addressing.SECONDARY)
-        return replies
 
     def _broadcast(self, packet: Packet) -> list[Reply]:
         if packet.instruction == Instruction.PING:
             return self._ping_all()
         for devices in self._members.values():
             for device in devices:
-                device.handle(packet.instruction, packet.params, addressing=Addressing.BROADCAST)
+                device.handle(packet.instruction, packet.params, is_broadcast=True)
         return []
 
     def _ping_all(self) -> list[Reply]:
@@ -199,8 +191,6 @@ class Chain:
             done.add(device_id)
             for device in self._members.get(device_id, ()):
                 device.write(address, data)
-            for device in self._seconds.get(device_id, ()):
-                device.write(address, data, addressing=Addressing.SECONDARY)
         return []
 
     # Group reads -----------------------------------------------------------------------------

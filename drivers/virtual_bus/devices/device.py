@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from enum import Enum
 
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
@@ -14,15 +13,7 @@ from drivers.virtual_bus.devices.registers import Registers, WritePlan
 
 # Status return level from which reads are answered, and from which everything is.
 READ_LEVEL, ALL_LEVEL = 1, 2
-Handler = Callable[[bytes, "Addressing"], int]
-
-
-class Addressing(Enum):
-    """By which id an instruction reached a device."""
-
-    OWN = "its own id: it replies"
-    SECONDARY = "its secondary id: no reply, no change of EEPROM"
-    BROADCAST = "the broadcast id: no reply"
+Handler = Callable[[bytes], int]
 
 
 class VirtualDevice:
@@ -66,11 +57,6 @@ class VirtualDevice:
     def id(self) -> int:
         """Return its id on the bus."""
         return self.registers.memory[self._at_id]
-
-    @property
-    def secondary_id(self) -> int | None:
-        """Return its secondary id, None for none."""
-        return None
 
     @property
     def baud(self) -> int:
@@ -138,7 +124,7 @@ class VirtualDevice:
         self.now = now
 
     def handle(
-        self, instruction: int, params: bytes = b"", *, addressing: Addressing = Addressing.OWN
+        self, instruction: int, params: bytes = b"", *, is_broadcast: bool = False
     ) -> Status | None:
         """Execute an instruction; return the reply, None for none."""
         self.note_traffic()
@@ -147,15 +133,15 @@ class VirtualDevice:
         alarms = self.alarms
         if instruction == Instruction.PING:
             data = self._identity()
-            return Status(device_id, alert, data, alarms) if addressing is Addressing.OWN else None
+            return None if is_broadcast else Status(device_id, alert, data, alarms)
         if instruction == Instruction.READ:
-            if addressing is not Addressing.OWN or level < READ_LEVEL:
+            if is_broadcast or level < READ_LEVEL:
                 return None
             error, data = self._handle_read(params)
             return Status(device_id, error | alert, data, alarms)
         handler = self._handlers.get(instruction)
-        error = handler(params, addressing) if handler else ErrorNumber.INSTRUCTION
-        if addressing is not Addressing.OWN or level <= READ_LEVEL:
+        error = handler(params) if handler else ErrorNumber.INSTRUCTION
+        if is_broadcast or level <= READ_LEVEL:
             return None
         return Status(device_id, error | alert, alarms=alarms)
 
@@ -164,10 +150,10 @@ class VirtualDevice:
         self.note_traffic()
         return self.registers.read(address, length)
 
-    def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
+    def write(self, address: int, data: bytes) -> int:
         """Set registers, all of them or none; return an `ErrorNumber`."""
         self.note_traffic()
-        error, plan, values = self._check_write(address, data, addressing)
+        error, plan, values = self._check_write(address, data)
         if error:
             return error
         memory = self.registers.memory
@@ -180,15 +166,13 @@ class VirtualDevice:
             self.registers.clear_plans()
         return ErrorNumber.NONE
 
-    def _check_write(
-        self, address: int, data: bytes, addressing: Addressing
-    ) -> tuple[int, WritePlan, list[int]]:
+    def _check_write(self, address: int, data: bytes) -> tuple[int, WritePlan, list[int]]:
         """Check a write: return an `ErrorNumber`, or the items and their values."""
         plan = self.registers.plan_write(address, len(data))
         values: list[int] = []
         if plan.error:
             return plan.error, plan, values
-        if plan.eeprom and (self._is_locked() or addressing is Addressing.SECONDARY):
+        if plan.eeprom and self._is_locked():
             return ErrorNumber.ACCESS, plan, values
         for field in plan.fields:
             value = field.codec.unpack_from(data, field.offset)[0]
@@ -214,28 +198,28 @@ class VirtualDevice:
             return ErrorNumber.DATA_LENGTH, b""
         return self.read(params[0] | params[1] << 8, params[2] | params[3] << 8)
 
-    def _handle_write(self, params: bytes, addressing: Addressing) -> int:
+    def _handle_write(self, params: bytes) -> int:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
-        return self.write(params[0] | params[1] << 8, params[2:], addressing=addressing)
+        return self.write(params[0] | params[1] << 8, params[2:])
 
-    def _handle_reg_write(self, params: bytes, addressing: Addressing) -> int:
+    def _handle_reg_write(self, params: bytes) -> int:
         if len(params) < 3:
             return ErrorNumber.DATA_LENGTH
         address, data = params[0] | params[1] << 8, params[2:]
-        error, _, _ = self._check_write(address, data, addressing)
+        error, _, _ = self._check_write(address, data)
         if error:
             return error
         self._store_write((address, data))
         return ErrorNumber.NONE
 
-    def _handle_action(self, params: bytes, addressing: Addressing) -> int:
+    def _handle_action(self, params: bytes) -> int:
         del params
         if self._stored is None:
             return ErrorNumber.INSTRUCTION
         address, data = self._stored
         self._store_write(None)
-        return self.write(address, data, addressing=addressing)
+        return self.write(address, data)
 
     def _store_write(self, stored: tuple[int, bytes] | None) -> None:
         self._stored = stored

@@ -6,7 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from drivers.dynamixel.control_table import ControlTable, OperatingMode
+from drivers.dynamixel.control_table import ControlTable
+from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import VirtualDevice
 from drivers.virtual_bus.devices.quirks import Quirks
@@ -23,25 +24,17 @@ class MotorCommand:
     """Command to the motor, in the horn's own direction."""
 
     torque_on: bool = False
-    mode: OperatingMode = OperatingMode.POSITION
+    by_current: bool = False
+    """Whether the current limits the torque: in current-based position mode."""
     target_ticks: float = 0.0
     """Target of the position loop, turns included, without homing offset."""
     p_gain: int = 0
     """Register value of the position loop's gain, as is the next."""
     d_gain: int = 0
-    velocity_p_gain: int = 0
-    """Register value of the velocity loop's gain, as is the next."""
-    velocity_i_gain: int = 0
     pwm_limit: float = 0.0
     """Largest share of the supply, 0 to 1."""
     current_limit: float = 0.0
     """[A]; infinite for a model without current limit."""
-    goal_current: float = 0.0
-    """For current mode [A]."""
-    goal_velocity: float = 0.0
-    """For velocity mode, after its ramp [rad/s]."""
-    goal_pwm: float = 0.0
-    """For PWM mode, share of the supply, -1 to 1."""
 
 
 class MotorServo(VirtualDevice, ABC):
@@ -85,6 +78,15 @@ class MotorServo(VirtualDevice, ABC):
         self._run(duration)
         if self._protection.overload.advance(self._motor_current, duration):
             self.trip(HardwareError.OVERLOAD)
+
+    def reboot(self) -> None:
+        """Restart with RAM at its defaults."""
+        self._boot()
+
+    def _handle_reboot(self, params: bytes) -> int:
+        del params
+        self.reboot()
+        return ErrorNumber.NONE
 
     def _boot(self) -> None:
         super()._boot()

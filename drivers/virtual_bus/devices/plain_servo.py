@@ -8,8 +8,6 @@ from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.device import Addressing
-from drivers.virtual_bus.devices.maintenance import reset, reset_ram
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
@@ -36,11 +34,7 @@ class PlainServo(MotorServo):
         quirks: Quirks | None = None,
         stall_current: float | None = None,
     ) -> None:
-        """Build a servo at factory defaults, its horn in the middle of its positions.
-
-        ``model`` names a type of servo; ``baud`` is in bit/s. ``stall_current`` [A] is that of its
-        type where a robot does not say otherwise.
-        """
+        """Build a servo of a type at factory defaults, its horn in the middle of its positions."""
         table, figures, quirks = table_named(model), servo_models()[model], quirks or Quirks()
         super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
         self._last_tick, self._rad_per_tick = figures.last_tick, figures.rad_per_tick
@@ -100,9 +94,9 @@ class PlainServo(MotorServo):
             effect(value)
         self._keep()
 
-    def write(self, address: int, data: bytes, *, addressing: Addressing = Addressing.OWN) -> int:
+    def write(self, address: int, data: bytes) -> int:
         """Set registers; those of the EEPROM are kept without power unless they are locked."""
-        error = super().write(address, data, addressing=addressing)
+        error = super().write(address, data)
         if not error:
             self._keep()
         return error
@@ -123,10 +117,6 @@ class PlainServo(MotorServo):
                 self.registers["goal_pwm"] = 0
             self.registers["torque_enable"] = 0
             self._motor_command = None
-
-    def reboot(self) -> None:
-        """Restart with RAM at its defaults."""
-        self._boot()
 
     @property
     def _motor_current(self) -> float:
@@ -247,15 +237,10 @@ class PlainServo(MotorServo):
         if lock is None or not self.registers[lock]:
             self._kept = bytes(self.registers.memory)
 
-    def _handle_reset(self, params: bytes, addressing: Addressing) -> int:
-        del params, addressing
-        reset(self.registers, (i for i in self.table if i.eeprom and i.writable))
+    def _handle_reset(self, params: bytes) -> int:
+        del params
+        self.registers.reset(i for i in self.table if i.eeprom and i.writable)
         self._keep()
-        self.reboot()
-        return ErrorNumber.NONE
-
-    def _handle_reboot(self, params: bytes, addressing: Addressing) -> int:
-        del params, addressing
         self.reboot()
         return ErrorNumber.NONE
 
@@ -270,7 +255,7 @@ class PlainServo(MotorServo):
         for item in self.table:
             if item.eeprom:
                 registers.memory[item.address : item.end] = self._kept[item.address : item.end]
-        reset_ram(registers)
+        registers.reset_ram()
         if "goal_pwm" in registers:
             registers["goal_pwm"] = registers["pwm_limit"]
         self._alarms, self._is_shut_down = 0, False

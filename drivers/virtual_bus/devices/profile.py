@@ -1,4 +1,4 @@
-"""Profiles: how position or velocity goals of a servo are approached over time."""
+"""Profiles: how position goals of a servo are approached over time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from drivers.dynamixel.control_table import DriveMode
 from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import RAD_PER_TICK
 
@@ -103,35 +102,6 @@ def plan_by_velocity(
     )
 
 
-def plan_by_time(
-    start: float, position: float, velocity: float, goal: float, total: float, ramp: float
-) -> ProfileTrajectory:
-    """Plan a trajectory of a given duration; the first arguments are those of `plan_by_velocity`.
-
-    Args:
-        total: Duration of the trajectory [s]; 0 for no profile.
-        ramp: Duration of each ramp [s], at most half of the total.
-    """
-    if total <= 0.0:
-        return ProfileTrajectory(start, goal, 0.0, goal)
-    ramp = min(ramp, 0.5 * total)
-    way = goal - position
-    if ramp <= 0.0:
-        cruise = way / total
-        return ProfileTrajectory(
-            start, position, cruise, goal, cruise, hold=total, shape=ProfileShape.RECTANGLE
-        )
-    cruise = (way - 0.5 * velocity * ramp) / (total - ramp)
-    hold = total - 2.0 * ramp
-    shape = ProfileShape.TRAPEZOID if hold > 0.0 else ProfileShape.TRIANGLE
-    return ProfileTrajectory(start, position, velocity, goal, cruise, ramp, hold, ramp, shape)
-
-
-def approach(value: float, goal: float, step: float) -> float:
-    """Move a value toward a goal by at most one step."""
-    return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)
-
-
 class PositionControl:
     """Follows goals by the profile registers and updates the trajectory registers."""
 
@@ -142,79 +112,48 @@ class PositionControl:
         self._acceleration_scale = table["profile_acceleration"].scale  # rad/s²
         self.position = 0.0
         """Present position of the trajectory, as in the registers [ticks]."""
-        self.speed = 0.0
-        """Present velocity of the ramp in velocity mode [rad/s]."""
         self.running = False
         """True until the goal is reached."""
         self.shape = ProfileShape.STEP
         self._velocity = 0.0  # ticks/s
         self._trajectory: ProfileTrajectory | None = None
-        self._goal_speed, self._acceleration = 0.0, 0.0
 
     def halt(self, position: float) -> None:
         """Hold a position [ticks]."""
         self.position, self._velocity = position, 0.0
-        self.speed = self._goal_speed = 0.0
         self._trajectory, self.running, self.shape = None, False, ProfileShape.STEP
         self._write()
 
     def aim(self, now: float, goal: float) -> None:
         """Start toward a position [ticks] by the profile registers."""
-        velocity, acceleration = self._profile()
+        velocity = self._registers["profile_velocity"]
         if not velocity:  # the usual case: no profile
             self.halt(goal)
             return
-        if self._is_time_based():
-            self._trajectory = plan_by_time(
-                now, self.position, self._velocity, goal, velocity * 1e-3, acceleration * 1e-3
-            )
-        else:
-            self._trajectory = plan_by_velocity(
-                now,
-                self.position,
-                self._velocity,
-                goal,
-                velocity * self._speed_scale / RAD_PER_TICK,
-                acceleration * self._acceleration_scale / RAD_PER_TICK,
-            )
+        self._trajectory = plan_by_velocity(
+            now,
+            self.position,
+            self._velocity,
+            goal,
+            velocity * self._speed_scale / RAD_PER_TICK,
+            self._registers["profile_acceleration"] * self._acceleration_scale / RAD_PER_TICK,
+        )
         self.shape = self._trajectory.shape
         self.running = self._trajectory.end > now
         if not self.running:
             self.halt(goal)
         self._write()
 
-    def aim_speed(self, goal: float) -> None:
-        """Start toward a velocity [rad/s]; only the acceleration of the profile applies."""
-        _, acceleration = self._profile()
-        self._goal_speed = goal
-        if not acceleration:
-            self.speed = goal
-        elif self._is_time_based():
-            self._acceleration = abs(goal - self.speed) / (acceleration * 1e-3)
-        else:
-            self._acceleration = acceleration * self._acceleration_scale
-        self.running = self.speed != goal
-        self._write()
-
-    def advance(self, now: float, duration: float) -> None:
+    def advance(self, now: float) -> None:
         """Advance along the trajectory while ``running``."""
         if self._trajectory is not None:
             self.position, self._velocity = self._trajectory.at(now)
             self.running = now < self._trajectory.end
-        else:
-            self.speed = approach(self.speed, self._goal_speed, self._acceleration * duration)
-            self.running = self.speed != self._goal_speed
         self._write()
-
-    def _profile(self) -> tuple[int, int]:
-        return self._registers["profile_velocity"], self._registers["profile_acceleration"]
-
-    def _is_time_based(self) -> bool:
-        return bool(self._registers["drive_mode"] & DriveMode.TIME_BASED)
 
     def _write(self) -> None:
         """Write the trajectory registers."""
-        speed = self._velocity * RAD_PER_TICK or self.speed
-        speed_counts, position = round(speed / self._speed_scale), round(self.position)
+        speed_counts = round(self._velocity * RAD_PER_TICK / self._speed_scale)
+        position = round(self.position)
         self._registers["velocity_trajectory"] = clamp(speed_counts, MAX_COUNTS)
         self._registers["position_trajectory"] = clamp(position, MAX_COUNTS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -76,6 +77,16 @@ class Registers:
 
     def __contains__(self, name: str) -> bool:
         return name in self._addresses
+
+    def reset(self, items: Iterable[Item]) -> None:
+        """Reset items to their defaults; measured ones stay."""
+        for item in items:
+            if item.default is not None:
+                self[item.name] = item.default
+
+    def reset_ram(self) -> None:
+        """Reset RAM to its power-up values."""
+        self.reset(item for item in self.table if not item.eeprom)
 
     def value_or_zero(self, name: str) -> int:
         """Return an item's value, 0 if the table lacks it."""

@@ -16,11 +16,6 @@ from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN
 
-POSITION_MODES = (
-    OperatingMode.POSITION,
-    OperatingMode.EXTENDED_POSITION,
-    OperatingMode.CURRENT_BASED_POSITION,
-)
 MAX_HOMING_IN_ONE_TURN = 1024  # ticks; larger offsets are ignored in mode 3 (e-manual)
 # ticks, at which Moving Status reports arrival and a following error; no figures published
 IN_POSITION, FOLLOWING_ERROR = 20, 100
@@ -128,10 +123,9 @@ class Sensors:
         control, position = self._control, self._position_counts
         running = control.running
         status = running << 1 | control.shape << 4
-        if self._mode in POSITION_MODES:
-            has_arrived = abs(self._registers["goal_position"] - position) <= IN_POSITION
-            is_off_path = abs(control.position - position) > FOLLOWING_ERROR
-            status |= has_arrived | (is_off_path and self._registers["torque_enable"]) << 3
+        has_arrived = abs(self._registers["goal_position"] - position) <= IN_POSITION
+        is_off_path = abs(control.position - position) > FOLLOWING_ERROR
+        status |= has_arrived | (is_off_path and self._registers["torque_enable"]) << 3
         memory, at = self._registers.memory, self._at_flags
         memory[at] = running or abs(self._speed_counts) > self._threshold
         memory[at + 1] = status

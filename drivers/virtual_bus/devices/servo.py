@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
-from drivers.dynamixel.protocol2 import ALERT, MAX_ID
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Reset, Status
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.maintenance import (
-    GAINS,
-    PROFILE,
-    Maintenance,
-    reset,
-    reset_ram,
-)
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
-from drivers.virtual_bus.devices.sensors import POSITION_MODES, Measured, Sensors
+from drivers.virtual_bus.devices.sensors import Measured, Sensors
 from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
 
+GAINS = (
+    "velocity_i_gain",
+    "velocity_p_gain",
+    "position_d_gain",
+    "position_i_gain",
+    "position_p_gain",
+    "feedforward_2nd_gain",
+    "feedforward_1st_gain",
+)
+PROFILE = ("profile_acceleration", "profile_velocity")
+KEPT = {
+    Reset.ALL: (),
+    Reset.ALL_BUT_ID: ("id",),
+    Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate"),
+}
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 TORQUE_AT_BOOT = 1  # bit of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
 
@@ -41,23 +50,22 @@ class VirtualServo(MotorServo):
         quirks: Quirks | None = None,
         stall_current: float | None = None,
     ) -> None:
-        """Build a servo at factory defaults, its horn in the middle of the turn.
-
-        ``model`` names its control table; ``baud`` is in bit/s. ``stall_current`` [A] is that of
-        its type where a robot does not say otherwise.
-        """
+        """Build a servo of a type at factory defaults, its horn in the middle of the turn."""
         quirks, table = quirks or Quirks(), table_named(model, firmware)
         figures = servo_models()[model]
         super().__init__(table, servo_id, firmware, baud, quirks, figures, stall_current)
         self._control = PositionControl(self.registers)
         self._sensors = Sensors(self.registers, self._control)
         self._farthest_goal = table["goal_position"].upper or 0
-        self._at_secondary = table["secondary_id"].address
         self._connect_rules()
         self._restart()
 
     def _connect_rules(self) -> None:
-        self._handlers |= Maintenance(self).handlers
+        self._handlers |= {
+            Instruction.REBOOT: self._handle_reboot,
+            Instruction.CLEAR: self._handle_clear,
+            Instruction.FACTORY_RESET: self._handle_reset,
+        }
         self._checks |= make_checks(self.registers)
         configuration = ("homing_offset", "moving_threshold", *GAINS)
         limits = ("temperature_limit", "min_voltage_limit", "max_voltage_limit")
@@ -70,18 +78,11 @@ class VirtualServo(MotorServo):
             "torque_enable": self._switch_torque,
             "bus_watchdog": self._set_watchdog,
             "goal_position": self._set_position_goal,
-            "goal_velocity": self._set_velocity_goal,
-            "goal_current": partial(self._take_goal, OperatingMode.CURRENT),
-            "goal_pwm": partial(self._take_goal, OperatingMode.PWM),
+            "goal_current": self._take_limit,
+            "goal_pwm": self._take_limit,
         }
 
     # For bus and physics ------------------------------------------------------------------------
-
-    @property
-    def secondary_id(self) -> int | None:
-        """Return its secondary id, None for none."""
-        second = self.registers.memory[self._at_secondary]
-        return second if second <= MAX_ID else None
 
     @property
     def alert(self) -> int:
@@ -97,6 +98,15 @@ class VirtualServo(MotorServo):
     def has_profile(self) -> bool:
         """Return whether a profile is being executed."""
         return self._control.running
+
+    def handle(
+        self, instruction: int, params: bytes = b"", *, is_broadcast: bool = False
+    ) -> Status | None:
+        """Execute an instruction; all refuse to be reset to the same id."""
+        resets = instruction == Instruction.FACTORY_RESET and params == bytes((Reset.ALL,))
+        if is_broadcast and resets and self.firmware >= CLEAR_FIRMWARE:
+            return None
+        return super().handle(instruction, params, is_broadcast=is_broadcast)
 
     def poke(self, name: str, value: int) -> None:
         """Set a register, regardless of access rights and range; `sense` sets measured ones."""
@@ -120,10 +130,6 @@ class VirtualServo(MotorServo):
             self._is_shut_down = True
             self._release()
 
-    def reboot(self) -> None:
-        """Restart with RAM at its defaults."""
-        self._boot()
-
     def clear_turns(self) -> None:
         """Bring the position back into one turn and hold it."""
         self._sensors.fold()
@@ -135,6 +141,7 @@ class VirtualServo(MotorServo):
 
     def _run(self, duration: float) -> None:
         """Finish a restart, watch the bus, follow a profile."""
+        del duration
         now = self.now
         if self._is_booting:
             self._finish_boot()
@@ -142,33 +149,24 @@ class VirtualServo(MotorServo):
             if self._watchdog > 0 and now - self._traffic_at > self._watchdog * WATCHDOG_UNIT:
                 self._trip_watchdog()
             if self._control.running:
-                self._control.advance(now, duration)
+                self._control.advance(now)
                 self._motor_command = None
                 self._sensors.write_flags()
 
     def _compute_motor_command(self) -> MotorCommand:
-        registers, sign = self.registers, self._sensors.sign
-        pwm = registers["goal_pwm"] / PWM_FULL_SCALE
-        goal_current, current_limit = 0.0, math.inf
+        registers, current_limit = self.registers, math.inf
+        by_current = self._mode == OperatingMode.CURRENT_BASED_POSITION
         if "goal_current" in registers:
-            scale = self.table["goal_current"].scale
-            goal_current = registers["goal_current"] * scale
-            current_limit = registers["current_limit"] * scale
-            if self._mode == OperatingMode.CURRENT_BASED_POSITION:
-                current_limit = abs(goal_current)
+            counts = registers["goal_current" if by_current else "current_limit"]
+            current_limit = abs(counts * self.table["goal_current"].scale)
         return MotorCommand(
             torque_on=self._torque_on,
-            mode=OperatingMode(self._mode),
+            by_current=by_current,
             target_ticks=self._sensors.to_horn(self._control.position),
             p_gain=registers["position_p_gain"],
             d_gain=registers["position_d_gain"],
-            velocity_p_gain=registers["velocity_p_gain"],
-            velocity_i_gain=registers["velocity_i_gain"],
-            pwm_limit=min(abs(pwm), 1.0),
+            pwm_limit=min(abs(registers["goal_pwm"] / PWM_FULL_SCALE), 1.0),
             current_limit=current_limit,
-            goal_current=sign * goal_current,
-            goal_velocity=sign * self._control.speed,
-            goal_pwm=sign * pwm,
         )
 
     # Protection --------------------------------------------------------------------------------
@@ -192,16 +190,7 @@ class VirtualServo(MotorServo):
         registers["bus_watchdog"] = self._watchdog = TRIPPED
         for name in PROFILE:
             registers[name] = 0
-        if self._mode in POSITION_MODES:
-            self._seed_goal()
-            return
-        goal = {
-            OperatingMode.CURRENT: "goal_current",
-            OperatingMode.VELOCITY: "goal_velocity",
-            OperatingMode.PWM: "goal_pwm",
-        }
-        registers[goal[OperatingMode(self._mode)]] = 0
-        self._halt()
+        self._seed_goal()
 
     # Torque and goals --------------------------------------------------------------------------
 
@@ -220,10 +209,8 @@ class VirtualServo(MotorServo):
             self._halt()
             if self.quirks.torque_on_seeds_goal:
                 self._seed_goal()
-            elif self._mode in POSITION_MODES:
+            else:
                 self._set_position_goal(self.registers["goal_position"])
-            if self._mode == OperatingMode.VELOCITY:
-                self._set_velocity_goal(self.registers["goal_velocity"])
 
     def _engage(self) -> None:
         self._torque_on, self._traffic_at = True, self.now
@@ -246,29 +233,19 @@ class VirtualServo(MotorServo):
         self._halt()
 
     def _set_position_goal(self, goal: int) -> None:
-        if self._mode in POSITION_MODES and self._takes_goals():
-            self._control.aim(self.now, goal)
-            self._sensors.write_flags()
-
-    def _set_velocity_goal(self, goal: int) -> None:
-        if self._mode == OperatingMode.VELOCITY and self._takes_goals():
-            self._control.aim_speed(goal * self.table["goal_velocity"].scale)
-            self._sensors.write_flags()
-
-    def _take_goal(self, mode: OperatingMode, goal: int) -> None:
-        del goal
-        self._motor_command = None
-        if self._mode == mode:
-            self._takes_goals()
-
-    def _takes_goals(self) -> bool:
-        """Return whether the motor follows goals; a goal may switch torque on."""
+        """Go to a goal, which may switch torque on."""
         self._motor_command = None
         if not self._torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
             self._halt()
             if not self._is_shut_down:
                 self._engage()
-        return self._torque_on
+        if self._torque_on:
+            self._control.aim(self.now, goal)
+            self._sensors.write_flags()
+
+    def _take_limit(self, value: int) -> None:
+        del value
+        self._motor_command = None
 
     # Configuration ---------------------------------------------------------------------
 
@@ -294,7 +271,7 @@ class VirtualServo(MotorServo):
         self._motor_command = None
 
     def _change_mode(self, mode: int) -> None:
-        reset(self.registers, (self.table[name] for name in (*GAINS, *PROFILE)))
+        self.registers.reset(self.table[name] for name in (*GAINS, *PROFILE))
         self._free_goals()
         self._reload()
         if mode == OperatingMode.POSITION:
@@ -312,6 +289,27 @@ class VirtualServo(MotorServo):
             if (name := f"goal_{quantity}") in self.registers:
                 self.registers[name] = self.registers[f"{quantity}_limit"]
 
+    def _handle_clear(self, params: bytes) -> int:
+        if self.firmware < CLEAR_FIRMWARE:
+            return ErrorNumber.INSTRUCTION
+        if params != CLEAR_TURNS:
+            return ErrorNumber.DATA_RANGE
+        if self.registers["moving"]:
+            return ErrorNumber.RESULT_FAIL
+        self.clear_turns()
+        return ErrorNumber.NONE
+
+    def _handle_reset(self, params: bytes) -> int:
+        if len(params) != 1:
+            return ErrorNumber.DATA_LENGTH
+        if params[0] not in set(Reset):
+            return ErrorNumber.DATA_RANGE
+        kept = KEPT[Reset(params[0])]
+        items = (item for item in self.table if item.eeprom and item.writable)
+        self.registers.reset(item for item in items if item.name not in kept)
+        self.reboot()
+        return ErrorNumber.NONE
+
     # Restart -----------------------------------------------------------------------------------
 
     def _lose_power(self) -> None:
@@ -321,7 +319,7 @@ class VirtualServo(MotorServo):
     def _restart(self) -> None:
         """Set RAM to its power-up values."""
         registers = self.registers
-        reset_ram(registers)
+        registers.reset_ram()
         self._is_booting = True
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._traffic_at = False, self.now

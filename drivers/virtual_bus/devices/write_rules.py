@@ -10,19 +10,17 @@ from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.virtual_bus.devices.registers import Registers
 
 TRIPPED = -1  # value of bus_watchdog after it stopped the servo
+UNKNOWN = (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM)  # not modelled
 PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
-LONGEST_PROFILE = 32737  # ms, of a time-based profile (e-manual)
 
 
 def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:
     """Make the check of each item's values; it returns an `ErrorNumber`."""
-    drive_bits = registers.table["drive_mode"].upper or 0  # the mask of the model's bits
+    # The mask of the model's bits, without that of profiles by time, which are not modelled.
+    drive_bits = (registers.table["drive_mode"].upper or 0) & ~DriveMode.TIME_BASED
 
     def check_range(accepts: Callable[[int], object], value: int) -> int:
         return ErrorNumber.NONE if accepts(value) else ErrorNumber.DATA_RANGE
-
-    def fits_profile(value: int) -> bool:
-        return value <= LONGEST_PROFILE or not registers["drive_mode"] & DriveMode.TIME_BASED
 
     def check_position(goal: int) -> int:
         if registers["bus_watchdog"] == TRIPPED:
@@ -37,13 +35,11 @@ def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:
         return ErrorNumber.DATA_LIMIT if abs(goal) > registers[limit] else ErrorNumber.NONE
 
     ranges: dict[str, Callable[[int], object]] = {
-        "operating_mode": lambda mode: mode in registers.table.modes,
+        "operating_mode": lambda mode: mode in registers.table.modes and mode not in UNKNOWN,
         "drive_mode": lambda bits: not bits & ~drive_bits,
         # A real one speaks Protocol 1.0 after it was set to 1; a virtual one cannot, and refuses.
         "protocol_type": lambda kind: kind == PROTOCOL_2_TYPE,
         "bus_watchdog": lambda value: not value or registers["bus_watchdog"] != TRIPPED,
-        "profile_velocity": fits_profile,
-        "profile_acceleration": fits_profile,
     }
     return {name: partial(check_range, accepts) for name, accepts in ranges.items()} | {
         "goal_position": check_position,

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from operator import methodcaller
 from time import monotonic
@@ -20,9 +21,8 @@ from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.own_process.remote_devices import RemoteDevices
-from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
-from drivers.virtual_bus.servo_physics import ServoPhysics
-from robots import Posture
+from drivers.virtual_bus.serving.server import PortOptions
+from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
 from robots.imu import SensorAxes
 
 LONGEST_START = 60.0  # s
@@ -32,7 +32,7 @@ REST_PAUSE = 0.008  # s between two advances of a robot at rest
 SERVER = "drivers.virtual_bus.own_process.wire_server"
 
 
-class RealTimeRobot:
+class RealTimeRobot(HandledRobot):
     """A virtual robot on serial ports that keep time, inside a ``with`` block.
 
     Its ports are served by a process of their own, its physics by a thread of this one: replies
@@ -52,11 +52,7 @@ class RealTimeRobot:
         powered: bool = False,
         options: PortOptions | None = None,
     ) -> None:
-        """Prepare to serve a simulated robot; the parameters are those of `VirtualPorts`.
-
-        Raises:
-            SetupError: if the robot has no bus, or servos that cannot be driven.
-        """
+        """Prepare to serve a simulated robot; the parameters are those of `VirtualPorts`."""
         robot, has_board = simulation.robot, find_bus(simulation.robot).board is not None
         self.simulation = simulation
         self._paths = dict[str, str]()
@@ -100,23 +96,12 @@ class RealTimeRobot:
         """Return a register of every servo, in the order of the joints."""
         return self._ask(methodcaller("peek", register))
 
-    def place(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off."""
-        self._release()
-        self.physics.place(posture)
-
-    def hold(self, posture: Posture) -> None:
-        """Place the robot at rest, cool, torque off, held by a person."""
-        self._release()
-        self.physics.hold(posture)
-
-    def turn(self, joint: int, by: float) -> None:
-        """Turn a joint by an angle [rad], as a person does; see `Simulation.turn`."""
-        self.physics.turn(joint, by)
-
-    def let_go(self) -> None:
-        """Let a robot go that is held."""
-        self.physics.let_go()
+    def rearrange(self, change: Callable[[Simulation], None], *, releases: bool = False) -> None:
+        """Change the simulation by hand."""
+        if releases:
+            self._ask(methodcaller("release"))
+            self._devices.receive()
+        self.physics.rearrange(change)
 
     def __enter__(self) -> RealTimeRobot:
         """Start the process; its ports are there when `paths` returns."""
@@ -142,11 +127,6 @@ class RealTimeRobot:
         self._thread.join()
         self._end_process()
 
-    def _release(self) -> None:
-        """Switch torque off."""
-        self._ask(methodcaller("release"))
-        self._devices.receive()
-
     def _end_process(self) -> None:
         self._connection.close()  # which ends it
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -167,7 +147,7 @@ class RealTimeRobot:
         try:
             reply = self._replies.get(timeout=longest)
         except queue.Empty:
-            raise VirtualBusError(f"the virtual bus does not answer within {longest:g} s") from None
+            raise DriverError(f"the virtual bus does not answer within {longest:g} s") from None
         if isinstance(reply, DriverError | OSError):
             raise reply
         return reply
@@ -179,7 +159,7 @@ class RealTimeRobot:
         try:
             self._keep_time()
         finally:
-            self._replies.put(VirtualBusError("the virtual bus stopped unexpectedly"))
+            self._replies.put(DriverError("the virtual bus stopped unexpectedly"))
 
     def _keep_time(self) -> None:
         start = monotonic() - self.physics.time

@@ -12,7 +12,6 @@ from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from drivers.dynamixel.control_table import OperatingMode
 from drivers.virtual_bus.devices.motor_servo import MotorCommand
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
@@ -84,10 +83,9 @@ def write_commands(commands: Sequence[MotorCommand], profiles: Sequence[bool]) -
 def read_commands(row: Array) -> list[tuple[MotorCommand, bool]]:
     """Read a row of commands."""
     found = []
-    for on, mode, target, *others, is_running in row.reshape(-1, COMMAND_FIELDS + 1).tolist():
-        gains, goals = map(int, others[:4]), others[4:]
-        command = MotorCommand(bool(on), OperatingMode(int(mode)), target, *gains, *goals)
-        found.append((command, bool(is_running)))
+    for on, by_current, target, p, d, *limits, runs in row.reshape(-1, COMMAND_FIELDS + 1).tolist():
+        command = MotorCommand(bool(on), bool(by_current), target, int(p), int(d), *limits)
+        found.append((command, bool(runs)))
     return found
 
 

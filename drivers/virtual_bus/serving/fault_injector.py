@@ -33,13 +33,9 @@ class Faulty(Protocol):
         """Unplug the port while clients may use it."""
 
 
-class FaultError(DriverError):
-    """A fault that cannot be injected on this bus."""
-
-    def __init__(self, fault: str, device: int | None, expected: str) -> None:
-        where = "" if device is None else f" of id {device}"
-        super().__init__(f"fault '{fault}'{where} cannot be injected: expected {expected}")
-        self.fault, self.device = fault, device
+def _refuse(fault: str, device: int | None, expected: str) -> DriverError:
+    where = "" if device is None else f" of id {device}"
+    return DriverError(f"fault '{fault}'{where} cannot be injected: expected {expected}")
 
 
 class FaultInjector:
@@ -134,7 +130,7 @@ class FaultInjector:
         found = [d for d in devices if d.id == device]  # all devices of one id
         if not found:
             ids = ", ".join(str(d.id) for d in devices)
-            raise FaultError(fault, device, f"one of the ids {ids}")
+            raise _refuse(fault, device, f"one of the ids {ids}")
         return found
 
     def _connect(self, fault: str, device: int, alive: bool) -> None:
@@ -145,7 +141,7 @@ class FaultInjector:
         """Call the method of a servo that a fault is named after."""
         for found in self._find(method, device):
             if not hasattr(found, method):
-                raise FaultError(method, device, "a servo")
+                raise _refuse(method, device, "a servo")
             getattr(found, method)(*arguments)
 
     def _heat(self, device: int, temperature: float) -> None:
@@ -153,11 +149,11 @@ class FaultInjector:
         try:
             self._bus.physics.heat(device, temperature)
         except ValueError as error:
-            raise FaultError("heat", device, "a servo") from error
+            raise _refuse("heat", device, "a servo") from error
 
     def _freeze(self, frozen: bool) -> None:
         boards: list[Any] = [d for d in self._bus.devices.devices if hasattr(d, "frozen")]
         if not boards:
-            raise FaultError("freeze_imu", None, "a bus with an IMU")
+            raise _refuse("freeze_imu", None, "a bus with an IMU")
         for board in boards:
             board.frozen = frozen

@@ -129,14 +129,6 @@ KINDS: Mapping[str, InjectableFault] = {fault.value: _line_kind(fault) for fault
 """Kinds of faults by their name in a file."""
 
 
-class FaultScheduleError(SetupError):
-    """A schedule file is invalid."""
-
-    def __init__(self, file: Path, problems: list[str]) -> None:
-        super().__init__(f"{file}: {'; '.join(problems)}")
-        self.file, self.problems = file, problems
-
-
 @dataclass(frozen=True)
 class FaultSchedule:
     """Faults in the order of their times."""
@@ -152,13 +144,13 @@ class FaultSchedule:
             devices: Ids on the bus that the file may name; empty for no check.
 
         Raises:
-            FaultScheduleError: listing all problems of the file.
+            SetupError: listing all problems of the file.
         """
         file = Path(file)
         try:
             table = load_toml(file)
         except ValueError as error:
-            raise FaultScheduleError(file, [str(error)]) from error
+            raise SetupError(f"{file}: {error}") from error
         unknown = table.keys() - {"fault"}
         problems = [f"unknown table {shown(key)}, expected fault" for key in unknown]
         entries = table.get("fault", [])
@@ -170,7 +162,7 @@ class FaultSchedule:
             for i, entry in enumerate(entries, start=1)
         ]
         if problems:
-            raise FaultScheduleError(file, problems)
+            raise SetupError(f"{file}: {'; '.join(problems)}")
         return cls(tuple(sorted((f for f in faults if f), key=lambda fault: fault.at)))
 
     def plan_actions(self) -> list[tuple[float, Action]]:

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 from drivers.dynamixel.bus import BITS_PER_BYTE
 from drivers.dynamixel.protocol2 import Damaged, Packet
-from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
+from drivers.dynamixel.wire import PROTOCOL_2, Wire
 
 LONGEST_GAP = 0.0015  # s between two bytes of an instruction (e-manual)
-
-_HEADER_RUN = b"\xff\xff\xfd"
 
 
 @dataclass
@@ -34,10 +32,6 @@ class WireStatistics:
     """Instructions dropped because of a gap between two of their bytes."""
     wrong_baud: int = 0
     """Instructions sent at a rate that no device is set to."""
-    unstuffed: int = 0
-    """Instructions that contain FF FF FD without the FD that byte stuffing puts after it."""
-    talked_over: int = 0
-    """Instructions sent while replies to the one before were still coming."""
     unanswered: int = 0
     """Instructions that expect a reply and got none."""
     overflow: int = 0
@@ -48,8 +42,6 @@ class WireStatistics:
     """Batches of bytes delivered in real time."""
     lateness_total: float = 0.0
     """Sum of their delays behind the wire's own timing [s]."""
-    lateness_max: float = 0.0
-    """Largest of these delays [s]."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +82,12 @@ class InstructionReader:
         found: list[ReceivedInstruction] = []
         # A piece from one header to the next ends where its instruction does.
         for piece in self._next_frame.split(data):
-            noise, begun = parser.noise, parser.pending + len(piece)
             items = parser.feed(piece)
             self._unclaimed += len(piece)
             for item in items:
-                size = begun - parser.pending - (parser.noise - noise)
-                self._count(item, size)
+                is_damaged = isinstance(item, Damaged)
+                statistics.damaged += is_damaged
+                statistics.packets += not is_damaged
                 whole = self._unclaimed - parser.pending
                 self._unclaimed = parser.pending
                 found.append(ReceivedInstruction(item, whole, at, baud))
@@ -106,15 +98,6 @@ class InstructionReader:
         if self._timed:
             return at - self._last_byte > LONGEST_GAP
         return data.startswith(self._wire.header)
-
-    def _count(self, item: Packet | Damaged, size: int) -> None:
-        statistics = self._statistics
-        if isinstance(item, Damaged):
-            statistics.damaged += 1
-            return
-        statistics.packets += 1
-        lacks_stuffing = _HEADER_RUN in item.params and size < len(encode_item(self._wire, item))
-        statistics.unstuffed += lacks_stuffing
 
 
 def byte_time(baud: int) -> float:

@@ -26,15 +26,9 @@ _TIOCGEXCL = 0x80045440
 _TERMIOS2_SIZE, _TERMIOS2_OUTPUT_SPEED = 44, 40
 
 
-class PortLinkError(SetupError):
-    """The link to a virtual port cannot be created."""
-
-    def __init__(self, link: Path, reason: str) -> None:
-        super().__init__(link, reason)  # what it is made of again in another process
-        self.link, self.reason = link, reason
-
-    def __str__(self) -> str:
-        return f"virtual port {self.link}: {self.reason}"
+def refuse_link(link: Path, reason: str) -> SetupError:
+    """Make the error of a link to a virtual port that cannot be created."""
+    return SetupError(f"virtual port {link}: {reason}")
 
 
 class PseudoTerminal:
@@ -47,7 +41,7 @@ class PseudoTerminal:
         """Plug the port in: under a path, or under one in a temporary folder.
 
         Raises:
-            PortLinkError: if the link cannot be created.
+            SetupError: if the link cannot be created.
         """
         self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
         self.link = self._folder / "port" if self._folder else Path(link or "")
@@ -87,9 +81,7 @@ class PseudoTerminal:
         try:
             self.link.symlink_to(self._device)
         except OSError as error:
-            raise PortLinkError(
-                self.link, f"{error.strerror}, name a path you may write"
-            ) from error
+            raise refuse_link(self.link, f"{error.strerror}, name a path you may write") from error
 
     def unplug(self) -> None:
         """Remove port and path; clients get errors."""
@@ -175,16 +167,14 @@ class PseudoTerminal:
     def _clear_link(self) -> None:
         """Make room for the link: only one that a dead virtual bus left behind is removed."""
         if not self.link.parent.is_dir():
-            raise PortLinkError(
-                self.link, f"there is no folder {self.link.parent}, create it first"
-            )
+            raise refuse_link(self.link, f"there is no folder {self.link.parent}, create it first")
         if not os.path.lexists(self.link):
             return
         if not self.link.is_symlink():
-            raise PortLinkError(self.link, "a file is there, name another path or remove it")
+            raise refuse_link(self.link, "a file is there, name another path or remove it")
         target = self.link.readlink()
         if target.parent != TERMINALS or target.exists():
-            raise PortLinkError(
+            raise refuse_link(
                 self.link, f"a link to {target} is there, name another path or remove it"
             )
         self.link.unlink()

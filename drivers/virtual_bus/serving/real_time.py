@@ -57,7 +57,6 @@ class RealTime:
         """Connect a port to its devices; time continues from the physics' own."""
         self._wire, self._exchange, self._wait = wire, exchange, wait
         self._adapter_latency = adapter_latency
-        self._statistics = exchange.statistics
         self._reader = InstructionReader(exchange.statistics, timed=True, wire=exchange.wire)
         self._requests: deque[ReceivedInstruction] = deque()
         self._complete_at = math.inf
@@ -113,8 +112,6 @@ class RealTime:
             return
         baud = wire.baud
         requests = self._reader.receive(wire.read(), now, baud)
-        if requests and now < self._free_at:
-            self._statistics.talked_over += 1
         self._requests += requests
         if requests and self._is_ping_window:
             self._end_ping_window(now)
@@ -171,11 +168,9 @@ class RealTime:
 
     def _send(self, batch: Batch) -> None:
         self._exchange.deliver(self._wire, batch.data, batch.baud)
-        late = self.now - batch.at
-        statistics = self._statistics
+        statistics = self._exchange.statistics
         statistics.deliveries += 1
-        statistics.lateness_total += late
-        statistics.lateness_max = max(statistics.lateness_max, late)
+        statistics.lateness_total += self.now - batch.at
 
 
 def _is_broadcast_ping(item: Packet | Damaged) -> bool:

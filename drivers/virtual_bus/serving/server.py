@@ -56,10 +56,6 @@ class PortOptions:
     """Random source of faults; None for one of a fixed seed."""
 
 
-class VirtualBusError(DriverError):
-    """A virtual bus cannot do this in its present state."""
-
-
 class CallQueue:
     """Queues actions of other threads; the serving thread runs them between instructions.
 
@@ -193,11 +189,11 @@ class VirtualBus:
         """Create the port and serve it.
 
         Raises:
-            PortLinkError: if the link cannot be created.
-            VirtualBusError: if the bus has run before.
+            SetupError: if the link cannot be created.
+            DriverError: if the bus has run before.
         """
         if self._wire is not None:
-            raise VirtualBusError("a virtual bus runs once: create another one")
+            raise DriverError("a virtual bus runs once: create another one")
         self._wire = PseudoTerminal(self._options.link)
         ready = threading.Event()
         self._thread = threading.Thread(
@@ -219,7 +215,7 @@ class VirtualBus:
         self._calls.ring()
         self._thread.join(LONGEST_STOP)
         if self._thread.is_alive():
-            raise VirtualBusError(f"the physics of the bus did not return within {LONGEST_STOP} s")
+            raise DriverError(f"the physics of the bus did not return within {LONGEST_STOP} s")
         self._thread = None
         if self._error is not None:
             error, self._error = self._error, None
@@ -242,7 +238,7 @@ class VirtualBus:
     def path(self) -> str:
         """Return the path of the port, which survives replugging."""
         if self._wire is None:
-            raise VirtualBusError("the virtual bus has no port yet: start it first")
+            raise DriverError("the virtual bus has no port yet: start it first")
         return self._wire.path
 
     @property
@@ -283,7 +279,7 @@ class VirtualBus:
 
     def _running_wire(self) -> PseudoTerminal:
         if self._wire is None or not self.running:
-            raise VirtualBusError("the virtual bus has no port: it is not running")
+            raise DriverError("the virtual bus has no port: it is not running")
         return self._wire
 
     # Its thread ----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from drivers.imu.i2c import GREETING, LONGEST_PACKET, TRANSFER, I2cChip, reaching
 from drivers.virtual_bus.imu.virtual_imu import VirtualUartImu
-from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal, refuse_link
 
 BACKLOG = 8  # clients that may wait to be accepted
 
@@ -74,7 +74,7 @@ class I2cLine:
         """Plug the bus in, with a chip at an address; at the path of its socket or a temporary one.
 
         Raises:
-            PortLinkError: if the socket cannot be created.
+            SetupError: if the socket cannot be created.
         """
         self._chip, self._address = chip, address
         self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
@@ -169,7 +169,7 @@ class I2cLine:
 def _listen(link: Path) -> socket.socket:
     """Create the socket; one that a dead virtual bus left behind is removed."""
     if os.path.lexists(link) and not _is_dead(link):
-        raise PortLinkError(link, "a file is there, name another path or remove it")
+        raise refuse_link(link, "a file is there, name another path or remove it")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.setblocking(False)
     try:
@@ -179,7 +179,7 @@ def _listen(link: Path) -> socket.socket:
         listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
-        raise PortLinkError(link, f"{error.strerror}, name a path you may write") from error
+        raise refuse_link(link, f"{error.strerror}, name a path you may write") from error
     return listener
 
 

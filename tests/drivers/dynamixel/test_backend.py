@@ -10,13 +10,13 @@ from memory_rig import Rig, split
 
 from drivers import Command
 from drivers.dynamixel import backend as driver_module
-from drivers.dynamixel.backend import DriverOptions, DynamixelBackend, RebootError
+from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.cyclic_read import GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
-from drivers.errors import CommandError, UnreleasedError
+from drivers.errors import CommandError, SetupError, UnreleasedError
 from drivers.serial_port import SDK, PortError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
@@ -173,7 +173,7 @@ def test_a_servo_that_restarts_is_set_up_again_before_its_torque_comes_on(rig):
 
 def test_a_reboot_needs_a_limp_joint_and_forgets_the_overload(rig):
     rig.turn(cycles=3)
-    with pytest.raises(RebootError, match=r"joint 'r_hip' \(id 2\): has torque; release it"):
+    with pytest.raises(SetupError, match=r"joint 'r_hip' \(id 2\): has torque; release it"):
         rig.backend.reboot("r_hip")
     rig.servo("r_hip").trip(HardwareError.OVERLOAD)
     rig.turn(Command.limp(2), 2)
@@ -469,5 +469,5 @@ def test_a_servo_that_never_comes_back_from_its_reboot_is_named(rig, monkeypatch
     monkeypatch.setattr("drivers.dynamixel.backend.BOOT_TIME", 0.0)
     rig.turn(Command.limp(2))
     rig.servo("r_hip").alive = False
-    with pytest.raises(RebootError, match="joint 'r_hip'"):
+    with pytest.raises(SetupError, match="joint 'r_hip'"):
         rig.backend.reboot("r_hip")

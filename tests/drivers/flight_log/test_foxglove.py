@@ -11,7 +11,6 @@ import orjson
 import pytest
 from flight_recording import make_cycle, write_flight
 from mcap.reader import make_reader
-from mcap.writer import Writer
 from nonempty import nonempty
 from paths import TINY
 from tiny_robots import leg, write_robot
@@ -95,29 +94,6 @@ def test_times_are_wall_times_and_the_flight_keeps_its_own(tmp_path, robot):
         assert [message.time for message in messages] == record.wall_time.tolist()
         stamps = [message.content["timestamp"] for message in messages]
         assert [t["sec"] * SECOND + t["nsec"] for t in stamps] == record.wall_time.tolist()
-
-
-def test_a_log_that_counted_from_zero_has_the_wall_time_of_its_start(tmp_path, robot):
-    write_flight(tmp_path / "new", robot, [make_cycle(robot, k) for k in range(3)])
-    with (tmp_path / "new").open("rb") as source, (tmp_path / "old").open("wb") as file:
-        reader, writer = make_reader(source), Writer(file)
-        writer.start()
-        (about,) = reader.iter_metadata()
-        started = {"started": "2026-01-02T03:04:05+00:00"}
-        writer.add_metadata(about.name, about.metadata | started)
-        channels = {}
-        for _, channel, message in reader.iter_messages():
-            if channel.topic in SCHEMAS:
-                continue
-            if channel.topic not in channels:
-                channels[channel.topic] = writer.register_channel(channel.topic, "json", 0)
-            at = message.sequence * 8_000_000
-            writer.add_message(channels[channel.topic], at, message.data, at, message.sequence)
-        writer.finish()
-    record = FlightRecord.load(tmp_path / "old", robot)
-    assert record.time.tolist() == FlightRecord.load(tmp_path / "new").time.tolist()
-    start = 1_767_323_045 * SECOND  # date -d 2026-01-02T03:04:05Z +%s
-    assert record.wall_time.tolist() == [start, start + 8_000_000, start + 16_000_000]
 
 
 def test_the_frame_of_the_torso_turns_as_the_torso_does_however_the_imu_is_mounted(tmp_path):

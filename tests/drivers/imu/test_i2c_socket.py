@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from served_queue import Serving, serving_line
 from waiting import wait_until
 
+from drivers.errors import SetupError
 from drivers.imu import i2c
 from drivers.imu.build import build_i2c_source, choose_chip
 from drivers.imu.i2c import LONGEST_PATH, I2cChip, LinuxI2cChip, SocketI2cChip
 from drivers.imu.source import ImuError, ImuSample, ImuSource
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualI2cChip
-from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError
 from drivers.virtual_bus.serving.server import CallQueue
 from drivers.virtual_bus.serving.side_lines import I2cLine
 from drivers.virtual_bus.virtual_robot import build_virtual_imu
@@ -224,13 +224,13 @@ def test_a_path_that_is_in_use_or_not_to_be_written_is_refused(tmp_path: Path):
     line, file = make_line(tmp_path / "bus"), tmp_path / "file"
     file.write_text("mine")
     for link in (tmp_path / "bus", file):
-        with pytest.raises(PortLinkError, match="a file is there, name another path"):
+        with pytest.raises(SetupError, match="a file is there, name another path"):
             make_line(link)
     line.close()
     assert file.read_text() == "mine"
-    with pytest.raises(PortLinkError, match="No such file or directory, name a path you may"):
+    with pytest.raises(SetupError, match="No such file or directory, name a path you may"):
         make_line(tmp_path / "none" / "bus")
-    with pytest.raises(PortLinkError, match="File name too long, name a path"):
+    with pytest.raises(SetupError, match="File name too long, name a path"):
         make_line(tmp_path / ("x" * LONGEST_PATH))
 
 

@@ -9,7 +9,7 @@ import pytest
 from nonempty import nonempty
 
 from drivers import Command, Ending, SafetyGuard, Twin, run
-from drivers.errors import ModelError
+from drivers.errors import SetupError
 from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import SimulationOptions, build_flat_world
 from humanoid_getup.simulation.world import World
@@ -138,20 +138,20 @@ def test_a_stalled_servo_heats_up_and_is_stopped_by_the_guard(tiny):
 
 @pytest.mark.parametrize(("period", "words"), [(0.005, "not a multiple"), (0.0, "not a multiple")])
 def test_a_period_must_fit_the_physics(tiny, period, words):
-    with pytest.raises(ModelError, match=words):
+    with pytest.raises(SetupError, match=words):
         Twin(tiny, options=SimulationOptions(period=period))
 
 
 def test_physics_must_be_fine_enough(tiny):
     model = build_flat_world(tiny)
     model.opt.timestep = 0.004
-    with pytest.raises(ModelError, match=r"0\.004 s, expected at most 0\.002 s"):
+    with pytest.raises(SetupError, match=r"0\.004 s, expected at most 0\.002 s"):
         Twin(World(tiny, model=model))
 
 
 def test_a_model_without_the_robots_servos_is_refused(tiny):
     bare = mujoco.MjModel.from_xml_path(str(tiny.model_file))
-    with pytest.raises(ModelError, match="no servo for: l_hip, r_hip"):
+    with pytest.raises(SetupError, match="no servo for: l_hip, r_hip"):
         Twin(World(tiny, model=bare))
 
 

@@ -13,7 +13,7 @@ from drivers import Backend, Command, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import OperatingMode
-from drivers.errors import NoBusError
+from drivers.errors import SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -120,55 +120,24 @@ def test_a_robot_without_torque_lies_still(op3: Robot):
     assert moved.max() < 1.0
 
 
-@pytest.fixture
-def floating(tiny: Robot) -> VirtualRobot:
-    return float_in_space(tiny)
-
-
-def float_in_space(robot: Robot) -> VirtualRobot:
-    simulation = Simulation(robot)
+def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Robot):
+    simulation = Simulation(coupled)
     simulation.model.opt.gravity[:] = 0.0
     virtual = VirtualRobot(simulation, powered=True)
     virtual.place(IN_THE_AIR)
-    return virtual
-
-
-def drive_in(
-    virtual: VirtualRobot, mode: OperatingMode, goal: str, value: int, time: float
-) -> None:
     for servo in virtual.servos:
-        assert servo.write(11, bytes([mode])) == 0
-        item = servo.table[goal]
+        assert servo.write(11, bytes([OperatingMode.EXTENDED_POSITION])) == 0
         assert servo.write(64, b"\x01") == 0
-        assert servo.write(item.address, item.encode(value)) == 0
-    virtual.physics.advance(virtual.physics.time + time)
-
-
-def test_coupled_servos_turn_at_their_goals_and_their_joints_by_both(coupled: Robot):
-    virtual = float_in_space(coupled)
-    drive_in(virtual, OperatingMode.VELOCITY, "goal_velocity", 40, 0.5)
+        for name, value in (("profile_velocity", 40), ("goal_position", 3000)):
+            item = servo.table[name]
+            assert servo.write(item.address, item.encode(value)) == 0
+    virtual.physics.advance(virtual.physics.time + 0.5)
     speed = [servo.peek("present_velocity") for servo in virtual.servos]
     assert speed == pytest.approx([40, 40], abs=3)
     # By hand, with 40 counts of 0.229 rev/min; the second servo sits the other way round.
     turning = np.array([[0.9, -0.5], [0.6, 0.7]]) @ virtual.simulation.joint_vel
     assert turning == pytest.approx([0.959, -0.959], abs=0.08)
     assert virtual.simulation.torque_vel == pytest.approx(turning, abs=0.02)
-
-
-def test_in_pwm_mode_a_share_of_the_supply_gives_a_share_of_the_top_speed(floating: VirtualRobot):
-    # 177 of 885 is a fifth; of 4.82 rad/s no-load speed, less dry friction's share.
-    drive_in(floating, OperatingMode.PWM, "goal_pwm", 177, 0.3)
-    speed = floating.simulation.joint_vel
-    assert 0.5 * 0.964 < speed[0] <= 0.964
-    assert -0.964 <= speed[1] < 0.5 * -0.964, "the second servo sits the other way round"
-
-
-def test_in_current_mode_a_blocked_servo_draws_its_goal(floating: VirtualRobot):
-    floating.simulation.model.jnt_range[1:] = [[0.0, 0.001]] * 2
-    drive_in(floating, OperatingMode.CURRENT, "goal_current", 200, 0.3)
-    currents = [servo.peek("present_current") for servo in floating.servos]
-    assert currents == pytest.approx([200, 200], abs=12)
-    assert floating.simulation.joint_current[0] > 0.0 > floating.simulation.joint_current[1]
 
 
 def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
@@ -194,5 +163,5 @@ def test_arms_and_legs_may_hang_on_ports_of_their_own(tiny: Robot):
 
 
 def test_a_robot_without_a_bus_is_named_with_what_it_lacks(tiny: Robot):
-    with pytest.raises(NoBusError, match=r"add a \[bus\] table to its robot.toml"):
+    with pytest.raises(SetupError, match=r"add a \[bus\] table to its robot.toml"):
         VirtualRobot(Simulation(replace(tiny, bus=None)))

@@ -10,7 +10,6 @@ from nonempty import nonempty
 from drivers.virtual_bus.devices.profile import (
     ProfileShape,
     ProfileTrajectory,
-    plan_by_time,
     plan_by_velocity,
 )
 
@@ -62,24 +61,10 @@ def test_the_ramp_lasts_64_ms_times_velocity_over_acceleration(goal: float, top:
         assert path.end == pytest.approx(2.0 * (goal / acceleration) ** 0.5)
 
 
-@given(position=ticks, goal=ticks, total=st.floats(0.01, 30.0), share=st.floats(0.0, 1.0))
-def test_a_trajectory_by_time_arrives_on_time(position, goal, total, share):
-    path = plan_by_time(START, position, 0.0, goal, total, share * total)
-    assert path.end == pytest.approx(START + total)
-    assert path.at(path.end - 1e-9)[0] == pytest.approx(goal, abs=0.01)
-    middle = path.at(START + 0.5 * total)[0]
-    assert middle == pytest.approx(0.5 * (position + goal), abs=0.01)  # symmetric from rest
-    expected = ProfileShape.RECTANGLE if share == 0 else None
-    assert expected is None or path.shape is expected
-
-
 def test_without_velocity_there_is_no_profile():
-    for path in (
-        plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
-        plan_by_time(1.0, 0.0, 0.0, 9.0, 0.0, 5.0),
-    ):
-        assert path.shape is ProfileShape.STEP
-        assert path.at(1.0) == (9.0, 0.0)
+    path = plan_by_velocity(1.0, 0.0, 0.0, 9.0, 0.0, 5.0)
+    assert path.shape is ProfileShape.STEP
+    assert path.at(1.0) == (9.0, 0.0)
 
 
 def test_without_acceleration_the_profile_is_a_rectangle():

@@ -3,7 +3,6 @@
 import pytest
 from wire_talk import read, sense, write
 
-from drivers.dynamixel.control_table import OperatingMode
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.servo import VirtualServo
@@ -114,26 +113,3 @@ def test_goals_are_refused_until_the_watchdog_is_cleared():
     assert write(servo, "bus_watchdog", 0) == 0
     assert write(servo, "goal_position", 2100) == 0
     assert servo.motor_command().target_ticks == 2100.0
-
-
-@pytest.mark.parametrize(
-    ("mode", "goal", "value"),
-    [
-        (OperatingMode.CURRENT, "goal_current", 100),
-        (OperatingMode.VELOCITY, "goal_velocity", 100),
-        (OperatingMode.PWM, "goal_pwm", 100),
-    ],
-)
-def test_in_the_other_modes_the_watchdog_stops_the_motor(mode: int, goal: str, value: int):
-    servo = powered(operating_mode=mode)
-    write(servo, goal, value)
-    write(servo, "bus_watchdog", 1)
-    servo.advance(1.0)
-    drive = servo.motor_command()
-    asked = {
-        "goal_current": drive.goal_current,
-        "goal_velocity": drive.goal_velocity,
-        "goal_pwm": drive.goal_pwm,
-    }
-    assert asked[goal] == read(servo, goal) == 0
-    assert drive.torque_on

@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 from nonempty import nonempty
 from wire_talk import read, sense, write
 
-from drivers.dynamixel.control_table import OperatingMode
+from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
-from drivers.virtual_bus.devices.maintenance import CLEAR_TURNS
 from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.devices.servo import CLEAR_TURNS, VirtualServo
 
 TURN = 4096
 SPEED = 0.229 * 2 * math.pi / 60  # rad/s a count
@@ -137,35 +136,6 @@ def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():
     assert servo.motor_command().target_ticks == 0x0900
 
 
-@pytest.mark.parametrize("reverse", [0, 1])
-def test_the_other_modes_hand_their_goals_to_the_motor(reverse: int):
-    sign = -1.0 if reverse else 1.0
-    servo = powered(OperatingMode.CURRENT, drive_mode=reverse)
-    write(servo, "goal_current", 100)
-    assert servo.motor_command().mode is OperatingMode.CURRENT
-    assert servo.motor_command().goal_current == pytest.approx(sign * 0.269)
-    servo = powered(OperatingMode.PWM, drive_mode=reverse)
-    write(servo, "goal_pwm", -885)
-    assert servo.motor_command().goal_pwm == -sign
-    servo = powered(OperatingMode.VELOCITY, drive_mode=reverse)
-    write(servo, "goal_velocity", 200)
-    assert servo.motor_command().goal_velocity == pytest.approx(sign * 200 * SPEED)
-
-
-def test_velocity_mode_ramps_with_the_profile_acceleration():
-    servo = powered(OperatingMode.VELOCITY, profile_acceleration=10)
-    write(servo, "goal_velocity", 200)
-    assert servo.has_profile and servo.motor_command().goal_velocity == 0.0
-    servo.advance(0.5)
-    # 10 counts of 214.577 rev/min² are 3.745 rad/s².
-    assert servo.motor_command().goal_velocity == pytest.approx(1.8725, abs=1e-3)
-    assert read(servo, "velocity_trajectory") == round(1.8725 / SPEED)
-    assert read(servo, "moving") == 1
-    servo.advance(2.0)
-    assert servo.motor_command().goal_velocity == pytest.approx(200 * SPEED)
-    assert not servo.has_profile
-
-
 def test_a_profile_takes_the_target_along_and_the_flags_tell():
     servo = powered(profile_velocity=100, profile_acceleration=20)
     write(servo, "goal_position", 3048)
@@ -196,7 +166,7 @@ def test_a_profile_takes_the_target_along_and_the_flags_tell():
         min_size=1,
         max_size=6,
     ),
-    drive_mode=st.sampled_from([0, 1, 4, 5]),
+    drive_mode=st.sampled_from([0, 1]),
 )
 def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
     servo = powered(OperatingMode.EXTENDED_POSITION, drive_mode=drive_mode)
@@ -208,6 +178,13 @@ def test_no_profile_is_too_wild_for_the_registers(goals, drive_mode):
         assert math.isfinite(servo.motor_command().target_ticks)
 
 
+def test_modes_and_profiles_that_are_not_modelled_are_refused():
+    servo = VirtualServo(1)
+    for mode in (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM):
+        assert write(servo, "operating_mode", mode) == ErrorNumber.DATA_RANGE
+    assert write(servo, "drive_mode", DriveMode.TIME_BASED) == ErrorNumber.DATA_RANGE
+
+
 def test_torque_by_goal_update_switches_torque_on_and_goes():
     servo = VirtualServo(1)
     write(servo, "drive_mode", 8)
@@ -215,14 +192,3 @@ def test_torque_by_goal_update_switches_torque_on_and_goes():
     write(servo, "goal_position", 2100)
     assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 2100.0
     assert read(servo, "torque_enable") == 1
-
-
-def test_a_time_based_profile_arrives_on_time():
-    servo = powered(drive_mode=4, profile_velocity=2000, profile_acceleration=500)
-    write(servo, "goal_position", 2248)
-    servo.advance(1.0)
-    assert servo.motor_command().target_ticks == pytest.approx(2148.0)
-    servo.advance(1.999)
-    assert servo.has_profile
-    servo.advance(2.0)
-    assert servo.motor_command().target_ticks == 2248.0 and not servo.has_profile

@@ -18,10 +18,11 @@ from waiting import LONGEST_WAIT, wait_until
 from drivers import Command
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
+from drivers.errors import DriverError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.own_process.real_time_robot import LONGEST_CATCH_UP, RealTimeRobot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.server import PortOptions, VirtualBusError
+from drivers.virtual_bus.serving.server import PortOptions
 from robots import ImuSettings, Robot
 from robots.imu import IMU_PORT
 
@@ -138,7 +139,7 @@ def test_a_folder_that_cannot_be_made_is_no_fault_of_the_bus(
 def test_a_wire_that_died_is_noticed(tiny: Robot, served: RealTimeRobot):
     os.kill(served.pid, signal.SIGKILL)
     wait_until(lambda: not served.running)
-    with pytest.raises(VirtualBusError, match="stopped unexpectedly"):
+    with pytest.raises(DriverError, match="stopped unexpectedly"):
         served.place(tiny.standing)
 
 

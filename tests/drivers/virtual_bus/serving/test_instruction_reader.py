@@ -57,15 +57,6 @@ def test_a_damaged_instruction_is_passed_on_as_one():
     assert (statistics.damaged, statistics.packets) == (1, 0)
 
 
-def test_an_instruction_without_byte_stuffing_is_noted():
-    body = bytes([STUFFED.instruction]) + STUFFED.params
-    plain = protocol2.HEADER + bytes([1, len(body) + 2, 0]) + body
-    reader, statistics = make_reader()
-    one, other = reader.receive(protocol2.seal(plain) + STUFFED.encode(), 0.0, BAUD)
-    assert one.item == other.item == STUFFED
-    assert statistics.unstuffed == 1
-
-
 def test_a_pause_within_an_instruction_breaks_it_off():
     reader, statistics = make_reader(timed=True)
     end = 1.0 + 6 * BYTE  # of the first six bytes on the wire

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.virtual_bus.serving.pseudo_terminal import PortLinkError, PseudoTerminal
+from drivers.errors import SetupError
+from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 TIOCGEXCL = 0x80045440
 HOLD_PORT = """
@@ -117,7 +118,7 @@ def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
 def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
     link = tmp_path / "robot"
     link.symlink_to(target)
-    with pytest.raises(PortLinkError, match=f"a link to {target} is there, name another path"):
+    with pytest.raises(SetupError, match=f"a link to {target} is there, name another path"):
         PseudoTerminal(link)
     assert link.readlink() == Path(target)
 
@@ -125,10 +126,10 @@ def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target:
 def test_a_file_or_a_missing_folder_is_refused(tmp_path):
     file = tmp_path / "notes"
     file.write_text("mine")
-    with pytest.raises(PortLinkError, match="a file is there, name another path"):
+    with pytest.raises(SetupError, match="a file is there, name another path"):
         PseudoTerminal(file)
     assert file.read_text() == "mine"
-    with pytest.raises(PortLinkError, match="no folder"):
+    with pytest.raises(SetupError, match="no folder"):
         PseudoTerminal(tmp_path / "missing" / "port")
 
 

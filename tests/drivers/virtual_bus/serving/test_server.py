@@ -12,8 +12,9 @@ from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Instruction, Packet, Span, Status
+from drivers.errors import DriverError
 from drivers.real_time_class import in_real_time_class
-from drivers.virtual_bus.serving.server import TimeMode, VirtualBus, VirtualBusError
+from drivers.virtual_bus.serving.server import TimeMode, VirtualBus
 
 IDS = (1, 2, 3)
 GOALS = protocol2.sync_write(116, dict.fromkeys(IDS, bytes(4))).encode()
@@ -139,7 +140,7 @@ def test_stop_takes_port_and_thread_away_and_may_be_repeated(
     assert not os.path.lexists(path)
     assert threading.active_count() == threads
     assert len(list(Path("/proc/self/fd").iterdir())) == ends
-    with pytest.raises(VirtualBusError, match="runs once"):
+    with pytest.raises(DriverError, match="runs once"):
         bus.start()
 
 
@@ -158,7 +159,7 @@ def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
 
 def test_a_bus_that_does_not_run_says_so(devices: FakeDevices):
     bus = VirtualBus(devices)
-    with pytest.raises(VirtualBusError, match="start it first"):
+    with pytest.raises(DriverError, match="start it first"):
         _ = bus.path
-    with pytest.raises(VirtualBusError, match="not running"):
+    with pytest.raises(DriverError, match="not running"):
         bus.unplug()

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from stored_plans import lie_at_start, plan_stored
 
+from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
@@ -15,6 +16,11 @@ def copied_op3(tmp_path: Path, op3: Robot) -> Path:
     """A folder of OP3 with motions and no policies, to be spoiled by the test."""
     ignore = shutil.ignore_patterns("policies")
     return Path(shutil.copytree(op3.folder, tmp_path / "op3", ignore=ignore))
+
+
+@pytest.fixture(scope="session")
+def database(op3: Robot) -> MotionDatabase:
+    return load_database(op3)
 
 
 @pytest.fixture(scope="session")

@@ -385,15 +385,6 @@ def test_a_reboot_is_allowed_again_when_the_window_has_passed():
     assert budget.spend(301.5)
 
 
-def test_a_robot_that_cannot_be_measured_still_gives_a_record(manage, motions, twin):
-    twin.spoil = lambda state: replace(state, voltage=9.1)
-    result = get_up_with(manage(Scripted(motions[RIGHT]), max_attempts=1))
-    assert result.status is AttemptStatus.NEEDS_HELP
-    figures = result.figures()
-    assert (figures.planned, figures.stood, figures.attempts) == (False, False, 0)
-    assert "the supply is too low: 9.1 V" in figures.reason
-
-
 def test_a_robot_placed_at_rest_is_played_from_there_without_settling(manage, motions, twin):
     limp_before = []
 

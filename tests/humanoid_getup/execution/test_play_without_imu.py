@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recording_backend import still_state
 
 from drivers import Ending, SafetyGuard, Twin, run
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
-from drivers.errors import SetupError
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -20,16 +18,13 @@ from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.judge import SensorJudge
 from humanoid_getup.experiments.starts.falls import settle_posture
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.playback.monitors import AbortKind, MotionMonitor
 from humanoid_getup.playback.motion_player import MotionPlayer
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.stored_motion import StoredMotion
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture
 
-SUPINE = "supine_sit_up_gentle"
 UNKNOWN = AttemptStatus.PLAYED.value
-NOTHING = {"gyro": np.zeros(0), "orientation": np.zeros(0)}
 
 
 @pytest.fixture(scope="module")
@@ -134,12 +129,6 @@ def test_the_virtual_bus_plays_it_without_board_and_imu(bare, squat):
         assert result.reason == UNKNOWN
 
 
-def test_a_robot_with_an_imu_is_not_driven_without_it(op3):
-    ports = dict.fromkeys(op3.bus.ports, "p")
-    with pytest.raises(SetupError, match="'op3' has an IMU"):
-        DynamixelBackend(op3, ports, without_imu=True)
-
-
 def test_the_judge_by_sensors_ends_a_run_without_an_orientation(world, squat):
     judge = SensorJudge(world, world.robot.control_period, None)
     guard = SafetyGuard(Twin(world, place_at_start(world, squat), without_imu=True))
@@ -147,20 +136,3 @@ def test_the_judge_by_sensors_ends_a_run_without_an_orientation(world, squat):
     assert report.ending is Ending.FAULT
     assert "has no IMU" in report.reason
     assert not judge.end()
-
-
-@pytest.mark.parametrize(("part", "aborts"), [("lying", True), ("standing", False)])
-def test_a_stuck_joint_ends_a_run_where_the_motion_lies(bare, part, aborts):
-    motion = find_motion(bare.robot, SUPINE)
-    player = MotionPlayer(bare.robot, motion, hold=10.0)
-    monitor = MotionMonitor(bare, motion, player)
-    begin = 0.0 if part == "lying" else -motion.duration - 1.0
-    far = motion.joint_pos[0] + 1.0
-    player.reset(still_state(bare.robot, joint_pos=motion.joint_target[0], time=begin, **NOTHING))
-    monitor.reset(still_state(bare.robot, joint_pos=far, time=begin, **NOTHING))
-    findings = [
-        monitor.check(still_state(bare.robot, joint_pos=far, time=time, **NOTHING), far - 1.0)
-        for time in np.arange(0.0, 1.3, 0.1)
-    ]
-    assert any(findings) is aborts
-    assert all(found[0] is AbortKind.STUCK for found in findings if found)

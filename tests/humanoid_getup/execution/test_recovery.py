@@ -89,17 +89,6 @@ def test_a_weak_supply_ends_the_rise_and_the_next_attempt_waits_for_it(op3: Robo
     assert any("waiting, torque off: all 20 servos: supply is 9.2" in p.detail for p in phases)
 
 
-def test_overheating_is_never_rebooted_away(op3: Robot, world: World):
-    rise, phases, virtual = rise_and_break(
-        op3, world, lambda faults, _: faults.trip(KNEE, HardwareError.OVERHEATING)
-    )
-    assert rise.status is AttemptStatus.NEEDS_HELP
-    assert rise.by_fault
-    assert "overheating" in rise.reason
-    assert not any("rebooting" in change.detail for change in phases)
-    assert virtual.servos[KNEE - 1].peek("hardware_error_status") == HardwareError.OVERHEATING
-
-
 def test_after_a_stop_nothing_moves_any_more(op3: Robot, world: World):
     rise, _, virtual = rise_and_break(op3, world, lambda _, guard: guard.stop("a key was pressed"))
     assert rise.status is AttemptStatus.STOPPED

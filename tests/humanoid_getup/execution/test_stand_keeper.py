@@ -16,7 +16,6 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
-from humanoid_getup.execution.attempt_manager import AttemptManager
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.execution.stand_keeper import LONGEST_WAIT, StandKeeper, StandWatch
@@ -197,25 +196,6 @@ def test_a_robot_on_servos_lies_down_or_holds_without_a_watchdog(
     truth = virtual.simulation.truth
     side = None if then == "hand-over" else "supine"  # it stands on, with no program
     assert classify(truth.posture.orientation) == side
-
-
-def test_the_default_drops_no_robot_on_servos(world: World, rise: hg.StoredMotion):
-    """A robot that never comes to rest shows the session that it was given, and nothing moves."""
-    asked: list[str | None] = []
-
-    class Recorded(AttemptManager):
-        def __init__(self, session: Session, *_strategy, **_options) -> None:
-            asked.append(session.then)
-            raise InterruptedError
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("humanoid_getup.execution.get_up.AttemptManager", Recorded)
-        virtual = VirtualRobot(Simulation(world))
-        with VirtualPorts(virtual, time_mode=TimeMode.LOCK_STEP) as ports:
-            for backend in (Twin(world), DynamixelBackend(world.robot, ports.paths)):
-                with pytest.raises(InterruptedError):
-                    hg.get_up(backend, rise)
-    assert asked == ["limp", "hold"]
 
 
 class Pushed(Twin):

@@ -12,8 +12,6 @@ from humanoid_getup.filtering.candidate import Candidate, Slowdown
 from humanoid_getup.filtering.dynamics_filter import LONGEST_STRETCH, DynamicsFilter
 from humanoid_getup.filtering.reference import compose, straight_path
 from humanoid_getup.filtering.search import TargetSearch
-from humanoid_getup.motions.course import join
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots import TorqueLimit
@@ -24,11 +22,6 @@ from robots.servo import LIMIT_MODES
 @pytest.fixture(scope="module")
 def fall(world):
     return sample_falls(world, {"prone": 1}, np.random.default_rng(2))[0].posture
-
-
-@pytest.fixture(scope="module")
-def database(op3):
-    return load_database(op3)
 
 
 @pytest.fixture(scope="module")
@@ -195,24 +188,6 @@ def test_a_prone_fall_has_a_rollout_that_stands_and_survives_disturbance(fall, r
     standing = [r for r in results if r.stood]
     assert standing
     assert dynamics_filter.check(fall, standing[0].target, np.random.default_rng(0)) >= 0.8
-
-
-def test_joining_a_motion_begins_at_the_angles_and_ends_on_its_targets(database):
-    motion = next(m for m in database.motions if m.start_class == "prone")
-    frame = int(motion.entry_frames[len(motion.entry_frames) // 3])
-    joined = join(motion, frame, motion.joint_pos[frame], 0.008)
-    np.testing.assert_allclose(joined[0], motion.joint_pos[frame], atol=1e-12)
-    np.testing.assert_allclose(joined[-1], motion.joint_target[-1], atol=1e-12)
-    np.testing.assert_allclose(joined[60], motion.sample(motion.time[frame] + 60 * 0.008))
-
-
-def test_a_straight_path_moves_its_fastest_joint_at_the_speed_asked_for(fall, database):
-    goal = align(database.select(fall)[0].posture, fall)
-    path = straight_path(fall, goal, 2.0, 0.008)
-    speed = np.abs(np.diff(path.joint_pos, axis=0)).max() / 0.008
-    assert speed == pytest.approx(2.0, rel=0.02)
-    np.testing.assert_allclose(path.joint_pos[-1], goal.joint_pos)
-    np.testing.assert_allclose(path.joint_pos[0], fall.joint_pos)
 
 
 WEAK = TorqueLimit(1.6, "pwm")

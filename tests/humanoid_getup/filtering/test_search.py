@@ -191,14 +191,6 @@ def test_variations_keep_limits_and_speed_and_end_in_the_same_posture(op3, targe
     np.testing.assert_allclose(sent[-1], target[-1], atol=0.05)
 
 
-def test_limited_targets_catch_up_at_the_servos_speed(op3):
-    far = np.tile(op3.standing.joint_pos, (200, 1))
-    start = np.clip(op3.standing.joint_pos + 0.5, op3.lower, op3.upper)
-    sent = op3.limit_targets(far, start)
-    assert np.abs(sent[0] - start).max() < 0.06  # at most 6.8 rad/s for 8 ms
-    np.testing.assert_allclose(sent[-1], far[-1])
-
-
 @pytest.fixture(scope="module")
 def human_world() -> World:
     return World(load_robot("human"))

@@ -53,11 +53,3 @@ def test_a_path_that_is_followed_leads_by_the_lag_and_by_the_load(op3: Robot, pa
     lead = followed.joint_target[1:] - path.joint_pos[1:]
     lag = op3.compute_lag(np.full(op3.n, 0.1 / 0.2))
     np.testing.assert_allclose(lead, np.tile(0.05 + lag, (25, 1)))
-
-
-def test_a_trajectory_of_a_course_has_its_rows_a_period_apart(op3: Robot, path: Trajectory):
-    there = Course.of(path).then(Course.of(path)[1:]).to_trajectory(op3.control_period)
-    assert len(there.time) == 51
-    np.testing.assert_allclose(np.diff(there.time), op3.control_period)
-    np.testing.assert_array_equal(there.joint_pos[25], path.joint_pos[-1])
-    np.testing.assert_array_equal(there.joint_pos[26], path.joint_pos[1])

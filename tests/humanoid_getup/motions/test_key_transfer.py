@@ -7,10 +7,8 @@ import pytest
 from authored import load_robot_keyframes
 from model_files import write_model
 
-from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
-from humanoid_getup.simulation.world import World
 from robots import Robot, load_robot
 from robots.body.limbs import Limbs
 from robots.model_import.importer import ImportOptions, import_model
@@ -56,13 +54,6 @@ def test_limbs_point_as_those_of_the_source(name, target, op3, renamed, keyframe
     ]
     assert max(errors) < MOST
     assert moved.keys[-1] == pytest.approx(transfer.target.robot.standing.joint_pos)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["squat_to_stand", "supine_sit_up_fast", "prone_push_up_fast"])
-def test_motions_of_op3_transferred_to_itself_stand(name: str, op3: Robot, keyframes):
-    moved = KeyTransfer.between(op3, op3).transfer(keyframes[name])
-    assert try_out(World(op3), moved).succeeded
 
 
 def test_a_symmetric_motion_stays_symmetric(op3: Robot, renamed: Robot, keyframes):

@@ -6,8 +6,8 @@ from authored import load_robot_keyframes
 
 from humanoid_getup.experiments.disturbances.disturbance import USUAL, Scenarios
 from humanoid_getup.experiments.rollouts.play import play
-from humanoid_getup.motions import build, optimization
-from humanoid_getup.motions.build import build_unimproved, settle
+from humanoid_getup.motions import optimization
+from humanoid_getup.motions.build import settle
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.optimization import TrajectoryOptimizer, make_scenarios
 from humanoid_getup.motions.preference import Preference
@@ -56,50 +56,6 @@ def test_no_scenario_has_more_torque_than_permitted(world, start):
     scenarios = make_scenarios(world, start, 2.7, 11, USUAL, rng, bounds=(0.0, 2.7))
     limits = scenarios.parameters.torque_limit
     np.testing.assert_allclose(limits, [2.7, 2.7, *[2.7, 2.7, 2.5] * 3], atol=0.01)
-
-
-def test_what_stands_at_full_torque_is_kept_with_its_true_share(op3, keyframes, monkeypatch):
-    """Whatever limit its keys wish for: at 0.3 N·m nothing stands."""
-    limits = []
-
-    def judge(_, judged, __):
-        limits.append(judged.torque_limit)
-        return 0.0, np.array([False, True, False, False])
-
-    monkeypatch.setattr(TrajectoryOptimizer, "judge", judge)
-    monkeypatch.setattr(build, "with_entries", lambda _, motion: motion)
-    built = build_unimproved(op3, replace(keyframes, torque_limit=0.3), 0)
-    assert (built.failure, built.motion.end_class) == ("", "standing")
-    assert built.motion.provenance["disturbed_success"] == 0.25
-    assert limits == [built.motion.provenance["torque_limit"]] == [4.1]
-
-
-@pytest.mark.parametrize(
-    ("falls", "least", "expected"),
-    [
-        (2, 0.9, [3]),  # at most 8 of 9
-        (2, 0.8, [3, 6]),
-        (0, 0.1, [3]),  # undisturbed
-        (0, 0.0, [3, 6]),
-        (9, 1.0, [3, 6]),
-    ],
-)
-def test_a_judgement_ends_where_too_many_of_the_first_rollouts_fall(
-    world, keyframes, start, monkeypatch, falls, least, expected
-):
-    monkeypatch.setattr(optimization, "FINAL_SCENARIOS", 9)
-    monkeypatch.setattr(optimization, "FIRST_FINAL", 3)
-    played = list[int]()
-
-    def roll_out(_, __, ___, scenarios, *____):
-        played.append(len(scenarios))
-        return np.array([float(len(played))]), np.array([np.arange(len(scenarios)) != falls])
-
-    monkeypatch.setattr(TrajectoryOptimizer, "_roll_out", roll_out)
-    cost, stood = TrajectoryOptimizer(world, start).judge(keyframes, 0, least=least)
-    assert played == expected
-    assert len(stood) == sum(played)
-    assert cost == pytest.approx(np.average([1.0, 2.0][: len(played)], weights=played))
 
 
 def test_keyframes_that_fail_are_changed_until_they_succeed_once(world, keyframes, start):

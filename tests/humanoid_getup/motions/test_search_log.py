@@ -1,7 +1,6 @@
 """A search that was interrupted continues as if it had not been."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,22 +100,6 @@ def test_what_the_log_has_is_not_simulated_again(world, keyframes, tiny, tmp_pat
     assert played.count(POPULATION * optimization.SCENARIOS) == 1
     assert len(log.generations) == GENERATIONS + 1
     assert all(len(each.cost) == POPULATION for each in log.generations)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda r, k: make_task(r, replace(k, torque_limit=3.0), 7, None), "another keyframes"),
-        (lambda r, k: make_task(r, k, 8, None), "another seed"),
-        (lambda r, k: make_task(r, k, 7, "torque"), "another prefer"),
-        (lambda r, k: make_task(replace(r, name="big"), k, 7, None), "another robot"),
-    ],
-)
-def test_the_log_of_another_search_is_refused(change, message, keyframes, tiny, tmp_path: Path):
-    path = tmp_path / "bow.json"
-    SearchLog.begin(path, make_task(tiny, keyframes, 7, None)).add(np.ones(POPULATION), 0.5)
-    with pytest.raises(ValueError, match=message):
-        SearchLog.resume(path, change(tiny, keyframes))
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"recipe": {}, "done": {"1": {"cost": "x"}}}'])

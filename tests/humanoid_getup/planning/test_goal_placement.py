@@ -7,7 +7,7 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase
 from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.planning.collision import CollisionChecker
 from humanoid_getup.planning.goal_placement import DISTANCES, GoalPlacement
@@ -23,25 +23,9 @@ from robots.kinematics import place
 SLOPE = np.radians(15.0)
 
 
-@pytest.fixture(scope="module")
-def database(op3: Robot) -> MotionDatabase:
-    return load_database(op3)
-
-
 def sample(world: World, start_class: str, count: int = 1) -> list[Posture]:
     falls = sample_falls(world, {start_class: count}, np.random.default_rng(0))
     return [fall.posture for fall in falls]
-
-
-def test_on_flat_ground_a_goal_is_only_turned_and_moved_to_the_start(
-    op3: Robot, database: MotionDatabase
-):
-    world = World(op3)
-    (start,) = sample(world, "prone")
-    goal = database.select(start)[0].posture
-    placed = GoalPlacement(world).place(goal, start)
-    assert placed is not None
-    np.testing.assert_array_equal(placed.position, align(goal, start).position)
 
 
 def test_on_a_slope_a_goal_tilts_with_the_ground_and_rests_on_it(

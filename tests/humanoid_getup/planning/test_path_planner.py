@@ -1,7 +1,6 @@
 """From where a robot fell to where a motion takes over, through nothing solid."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -18,9 +17,7 @@ from humanoid_getup.planning.path_planner import (
     plan_path,
 )
 from humanoid_getup.planning.posture_space import PostureProblem
-from humanoid_getup.planning.refinement import MARGIN, SPACING, refine, repair
-from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus, search
-from humanoid_getup.planning.smoothing import length, shorten
+from humanoid_getup.planning.rrt_blossom import SearchOptions, SearchStatus
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import FLAT_SCENE, Scene
 from humanoid_getup.simulation.world import World
@@ -150,122 +147,11 @@ def test_the_same_seed_gives_the_same_trajectory(
     np.testing.assert_array_equal(again.trajectory.position, first.position)
 
 
-def test_every_edge_of_a_path_is_short_and_free(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    edges = 0
-    for seed, start in enumerate(starts):
-        problem = pose(checker, start, _nearest(start, goals))
-        found = search(problem, problem.start, problem.goal, np.random.default_rng(seed))
-        assert found.status is SearchStatus.SOLVED
-        for a, b in pairwise(found.path):
-            assert problem.is_within_step(a, b)
-            for node in problem.interpolate(a, b):
-                assert problem.is_free(node)
-                assert np.all((node[4:] >= problem.lower) & (node[4:] <= problem.upper))
-                assert abs(np.linalg.norm(node[:4]) - 1.0) < 1e-9
-            edges += 1
-    assert edges > 40
-
-
 def pose(checker: CollisionChecker, start: Posture, goal: Posture) -> PostureProblem:
     goal = align(goal, start)
     checker.reset()
     assert checker.allow(start) == checker.allow(goal) == ""
     return PostureProblem(checker, METRIC, start, goal, np.stack([start.position, goal.position]))
-
-
-def test_steps_have_the_fixed_size_and_stop_at_their_target(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    problem = pose(checker, starts[0], goals[1])
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        target = problem.sample(rng)
-        steps = problem.steer(problem.start, target, problem.goal, 4, rng)
-        straight = problem.distance(steps[:1], problem.start) + problem.distance(steps[:1], target)
-        assert straight[0] == pytest.approx(problem.distance(target[None], problem.start)[0])
-        assert all(problem.is_within_step(problem.start, step) for step in steps)
-    near = problem.blend(problem.start, problem.goal, np.array([1e-3]))[0]
-    np.testing.assert_array_equal(problem.steer(problem.start, near, problem.goal, 1, rng)[0], near)
-
-
-def test_what_has_reached_its_goal_value_is_held(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    problem = pose(checker, starts[0], goals[1])
-    rng = np.random.default_rng(0)
-    turned = np.concatenate([problem.goal[:4], problem.start[4:]])
-    bent = np.concatenate([problem.start[:4], problem.goal[4:]])
-    for _ in range(20):
-        sample = problem.sample(rng)
-        for step in nonempty(problem.steer(turned, sample, problem.goal, 4, rng)):
-            np.testing.assert_array_equal(step[:4], problem.goal[:4])
-            assert not np.array_equal(step[4:], turned[4:])
-        for step in nonempty(problem.steer(bent, sample, problem.goal, 4, rng)):
-            np.testing.assert_array_equal(step[4:], problem.goal[4:])
-            assert not np.array_equal(step[:4], bent[:4])
-
-
-def test_loose_to_strict_finds_strict_paths(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    replanned = 0
-    for seed, start in enumerate(starts[:6]):
-        problem = pose(checker, start, _nearest(start, goals))
-        found = refine(problem, np.random.default_rng(seed), SearchOptions(max_edges=8000))
-        assert found.status is SearchStatus.SOLVED
-        assert checker.looseness == 0.0
-        np.testing.assert_array_equal(found.path[0], problem.start)
-        np.testing.assert_array_equal(found.path[-1], problem.goal)
-        assert not any(problem.fails(a, b) for a, b in pairwise(found.path))
-        replanned += found.edges > 0
-    assert replanned > 0
-
-
-def test_only_what_is_illegal_is_replanned(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    """One colliding posture in the middle of a legal path: the rest stays, node for node."""
-    repaired = 0
-    for seed, start in enumerate(starts):
-        problem, rng = pose(checker, start, _nearest(start, goals)), np.random.default_rng(seed)
-        found = search(problem, problem.start, problem.goal, rng).path
-        legal = [found[0]]
-        for a, b in pairwise(found):
-            legal += list(problem.interpolate(a, b, SPACING))
-        middle = len(legal) // 2
-        if middle <= MARGIN:
-            continue
-        bad = legal[middle].copy()
-        while not problem.fails(legal[middle], bad):
-            bad[4:] = rng.uniform(ROBOT.lower, ROBOT.upper)
-        broken = [*legal[: middle + 1], bad, *legal[middle + 1 :]]
-        result = repair(problem, broken, rng, SearchOptions())
-        assert result.status is SearchStatus.SOLVED
-        assert not any(problem.fails(a, b) for a, b in pairwise(result.path))
-        before, after = middle + 1 - MARGIN, len(legal) - middle - 1 - MARGIN
-        np.testing.assert_array_equal(result.path[:before], legal[:before])
-        if after > 0:
-            np.testing.assert_array_equal(result.path[-after:], legal[-after:])
-        repaired += 1
-    assert repaired > 2
-
-
-def test_a_shorter_path_is_still_free(
-    checker: CollisionChecker, starts: list[Posture], goals: list[Posture]
-):
-    gains = []
-    for seed, start in enumerate(starts):
-        problem = pose(checker, start, _nearest(start, goals))
-        rng = np.random.default_rng(seed)
-        path = search(problem, problem.start, problem.goal, rng).path
-        short = shorten(problem, path, rng, 40)
-        assert not any(problem.fails(a, b) for a, b in pairwise(short))
-        np.testing.assert_array_equal([short[0], short[-1]], [path[0], path[-1]])
-        gains.append(length(problem, path) - length(problem, short))
-    assert min(gains) > -1e-6
-    assert max(gains) > 0.5
 
 
 def test_a_start_in_the_ground_and_a_goal_in_the_ground_are_distinguished(

@@ -15,15 +15,12 @@ from drivers import SafetyGuard, Twin
 from drivers.twin.servo_model import Windings
 from humanoid_getup.cli.commands import load_options
 from humanoid_getup.cli.plan_and_check import preflight as command
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
-from humanoid_getup.playback import preflight as module
+from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import estimate_posture, settle
 from humanoid_getup.playback.preflight import (
-    MotionVerdict,
     ReasonKind,
     Verdict,
     preflight,
-    preflight_stored,
 )
 from humanoid_getup.playback.preflight_rollout import predict_heat
 from humanoid_getup.simulation.world import World
@@ -268,33 +265,3 @@ def test_the_command_passes_refuses_and_writes_its_figures(
     assert record["passed"] is False
     assert record["reasons"][0]["kind"] == "refused"
     assert "charge the battery" in error
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in MOTIONS if name not in OWN])
-def test_a_mirrored_motion_passes_like_its_image(world: World, name: str):
-    mirrored = preflight(world, MOTIONS[name], voltage=12.0)
-    image = preflight(world, MOTIONS[name.removesuffix(MIRRORED_SUFFIX)], voltage=12.0)
-    assert mirrored.passed and image.passed
-    assert mirrored.figures.stand_time == pytest.approx(image.figures.stand_time, abs=0.3)
-
-
-@pytest.mark.parametrize(("rises", "judged"), [(True, [True, False]), (False, [True])])
-def test_a_rise_to_be_stored_that_falls_with_feedback_is_judged_without(
-    world: World,
-    motion: Motion,
-    monkeypatch: pytest.MonkeyPatch,
-    rises: bool,
-    judged: list[bool],
-):
-    real, seen = preflight(world, motion, voltage=world.robot.supply_voltage), list[bool]()
-    falls = replace(real, figures=replace(real.figures, succeeded=False))
-
-    def judge(*_: object, balanced: bool = True, **__: object) -> MotionVerdict:
-        seen.append(balanced)
-        return falls if balanced else real
-
-    monkeypatch.setattr(module, "preflight", judge)
-    monkeypatch.setattr(Motion, "rises", property(lambda _: rises))
-    assert preflight_stored(world, motion) is (real if rises else falls)
-    assert seen == judged

@@ -12,12 +12,7 @@ from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.posture_chains.arrivals import Arrivals
 from humanoid_getup.posture_chains.chain_search import (
-    NEAR_STAND,
-    SLOW_PAIRS,
-    SLOW_TIMES,
-    TURNS,
     ChainSearch,
     ChainTools,
     SearchSettings,
@@ -25,9 +20,8 @@ from humanoid_getup.posture_chains.chain_search import (
 )
 from humanoid_getup.posture_chains.features import StandMeter
 from humanoid_getup.posture_chains.move_player import STANDS, Followed, MovePlayer
-from humanoid_getup.posture_chains.moves import DURATIONS, RandomMoves
-from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove, RestingState
-from humanoid_getup.posture_chains.ways_up import WaysUp
+from humanoid_getup.posture_chains.moves import RandomMoves
+from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.simulation.world import World
 from robots.body.limbs import Limbs
 from robots.body.squats import list_squats
@@ -124,70 +118,6 @@ def test_moves_are_checked_from_where_those_before_have_led(
         ends, (end,) = tools.player.repeat_last([replace(moved, before=moved, move=stay)], 3)
         assert ends.are_like([state]).tolist() == [are_like]
         assert np.array_equal(end.list_arrivals(2), ends.qpos[0, 1:])
-
-
-def test_moves_of_a_hard_search_are_checked_in_fewer_worlds(
-    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
-):
-    own, counts = tools.copy(np.random.default_rng(0)), list[int]()
-    own.settings = replace(SMALL, worlds=5)
-    search, check = ChainSearch(own, lying), MovePlayer.check
-
-    def count(
-        self: MovePlayer, states: list[RestingState], moves: list[PostureMove], worlds: int
-    ) -> Arrivals:
-        counts.append(worlds)
-        return check(self, states, moves, worlds)
-
-    monkeypatch.setattr(MovePlayer, "check", count)
-    for search.is_hard in (False, True, False):
-        search.turn = 0
-        search.advance()
-    assert counts == [5, 3, 5]
-    known = {len(state.list_arrivals(4)) for state in search.archive}
-    assert known == {4}
-
-
-def test_near_a_stand_a_turn_of_moves_is_slow(
-    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
-):
-    """A robot that balances is toppled by quick moves."""
-    squat = next(up for up in tools.ways_up if up.depth == 1 and up.progress > NEAR_STAND)
-    drawn = list[tuple[bool, float]]()
-
-    def draw(_: object, states: list[RestingState], scale: float, __: object) -> list[PostureMove]:
-        drawn.append((all(state is squat for state in states), scale / tools.player.scale))
-        return [PostureMove(knots=s.target[None], duration=scale, kind="test") for s in states]
-
-    monkeypatch.setattr(RandomMoves, "draw_all", draw)
-    for knows_squat in (False, True):
-        search = ChainSearch(tools, lying)
-        if knows_squat:
-            search.archive.add(squat)
-        search.turn = TURNS.index("slow")
-        search.advance()
-    assert drawn == [(False, 1.0), (True, 3.0)]
-
-
-def test_the_nearest_ways_up_that_quick_moves_do_not_reach_are_tried_slowly(
-    tools: ChainTools, lying: np.ndarray, monkeypatch: pytest.MonkeyPatch
-):
-    own = tools.copy(np.random.default_rng(0))
-    search, times = ChainSearch(own, lying), list[tuple[float, ...]]()
-    for squat in [up for up in own.ways_up if up.depth == 1]:
-        search.archive.add(squat)
-
-    def stay(_: WaysUp, state: RestingState, __: object, ___: object, each: tuple[float, ...]):
-        times.append(each)
-        return PostureMove(knots=state.target[None], duration=0.5, kind="connect")
-
-    monkeypatch.setattr(WaysUp, "aim", stay)
-    monkeypatch.setattr(RestingState, "is_near", lambda *_: False)
-    search.turn = TURNS.index("connect")
-    search.advance()
-    assert times.count(DURATIONS) == SMALL.batch
-    assert times.count(SLOW_TIMES) == SMALL.batch // SLOW_PAIRS
-    assert len(times) == SMALL.batch + SMALL.batch // SLOW_PAIRS
 
 
 def test_a_search_under_less_torque_has_it_in_every_other_disturbed_world(

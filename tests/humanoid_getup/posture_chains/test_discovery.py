@@ -80,18 +80,6 @@ def test_a_second_motion_takes_another_way(begin: Begin):
     ]
 
 
-def test_before_a_motion_is_made_it_is_announced(begin: Begin):
-    announced = list[tuple[LyingSide, int]]()
-    discovery = begin(
-        "supine_sit_up_fast",
-        "supine_roll_over",
-        most=2,
-        announce=lambda each: announced.append((each.side, len(each.kept))),
-    )
-    run(discovery, 2)
-    assert announced == [("supine", 0), ("supine", 1)]
-
-
 def test_what_is_not_accepted_is_not_kept(begin: Begin):
     discovery = begin("supine_sit_up_fast", "supine_sit_up_fast", accept=lambda _: "too hot")
     assert run(discovery, 2) == ["too hot"] * 2
@@ -108,60 +96,6 @@ def test_a_chain_that_waits_for_better_ones_is_tried_where_the_search_ends(begin
     assert [made.failure for _, made in discovery.conclude()] == [""]
     assert [motion.name for motion in side.kept] == ["supine_found_1"]
     assert [*discovery.conclude()] == []  # it has one
-
-
-@pytest.mark.parametrize(
-    ("spent", "ready"), [(1000.0, 1300.0), (10_000.0, 13_000.0), (100_000.0, 104_000.0)]
-)
-def test_a_chain_waits_for_better_ones_a_share_of_the_time_but_not_for_ever(
-    begin: Begin, spent: float, ready: float
-):
-    side = begin("supine_sit_up_fast").sides[0]
-    side.search.advance()
-    side.spent = spent
-    for first in (spent, ready):  # after the first chain, and after each motion
-        side.spent = first
-        assert side.take_chain() is None or first == ready
-    assert side.tried == 1
-    assert side.ready == ready + min(0.3 * ready, 4000.0)
-
-
-@pytest.mark.parametrize(
-    ("spent", "has_chain", "is_hard"),
-    [(9_000.0, False, False), (11_000.0, False, True), (11_000.0, True, False)],
-)
-def test_a_side_without_a_chain_for_long_is_hard(
-    begin: Begin, spent: float, has_chain: bool, is_hard: bool
-):
-    discovery = begin("supine_sit_up_fast")
-    side = discovery.sides[0]
-    chain = PostureChain(start=side.search.start.qpos, held=side.search.start.target, moves=())
-    side.spent, side.search.chains = spent, [chain] * has_chain
-    run(discovery, 1)
-    assert side.search.is_hard == is_hard
-
-
-@pytest.mark.parametrize(
-    ("searched", "made", "improves"),
-    [(5_000.0, 0.0, False), (25_000.0, 24_000.0, True), (25_000.0, 26_000.0, False)],
-)
-def test_motions_are_improved_late_in_a_search_that_has_time_for_it(
-    begin: Begin, monkeypatch: pytest.MonkeyPatch, searched: float, made: float, improves: bool
-):
-    discovery, improved = begin("supine_sit_up_fast", "supine_sit_up_fast"), list[bool]()
-    make = discovery.maker.make
-
-    def record(*args: object, improves: bool, **fields: object) -> MadeMotion:
-        improved.append(improves)
-        return make(*args, **fields)
-
-    monkeypatch.setattr(discovery.maker, "make", record)
-    monkeypatch.setattr(f"{DISCOVERY}.LATE", np.inf)
-    discovery.tools.player.simulated, discovery.maker.simulated = searched, made
-    assert run(discovery, 1) == [""]
-    discovery.sides[0].kept.clear()
-    assert [made.failure for _, made in discovery.conclude()] == [""]
-    assert improved == [improves, False]
 
 
 def test_a_side_on_which_a_robot_does_not_stay_is_skipped(

@@ -8,7 +8,6 @@ import pytest
 from humanoid_getup.motions.build import lay_down
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.optimization import MARGIN, TrajectoryOptimizer
-from humanoid_getup.posture_chains import shortening
 from humanoid_getup.posture_chains.motion_maker import MadeMotion, MotionMaker, choose_version
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
 from humanoid_getup.posture_chains.shortening import (
@@ -53,23 +52,6 @@ def test_keyframes_of_a_chain_send_its_targets(world: World, chain: PostureChain
     assert find_rests(keyframes).tolist() == [False, True] * 3
 
 
-def test_keyframes_of_a_rise_through_squats_begin_as_slowly_as_the_rise(
-    world: World, chain: PostureChain
-):
-    robot = world.robot
-    squats = np.array([squat.joint_pos for squat in list_squats(Limbs(robot), Statics(robot))])
-    knots = np.vstack([squats[:4][::-1], robot.standing.joint_pos])
-    rise = PostureMove(knots=knots, duration=3.0, kind="test")
-    moves = replace(chain, held=squats[4], moves=(rise,))
-    keyframes = make_keyframes(moves, robot, name="up", start_class="squat", rest=REST)
-    sent = keyframes.targets(robot, 0.0)[1:]
-    expected = moves.sample(robot.control_period, REST)
-    count = min(len(sent), len(expected))
-    assert keyframes.duration.sum() == pytest.approx(3.0 + REST)
-    assert np.abs(sent[:count] - expected[:count]).max() < 0.05
-    assert keyframes.duration[0] > 1.5 * keyframes.duration[2]
-
-
 def test_keys_are_cut_with_the_way_to_them_and_never_the_last(world: World, chain: PostureChain):
     keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
     cut = without_keys(keyframes, np.array([1, 2, 6]))
@@ -93,31 +75,6 @@ def test_keys_that_the_curve_passes_anyway_are_left_out(world: World, chain: Pos
         assert np.abs(sent - expected).max() < 1.3 * tolerance
     assert len(dense.keys) > 3 * sizes[0] > 3 * sizes[1]
     assert len(thin(keyframes, 0.0).keys) == len(keyframes.keys)
-
-
-@pytest.mark.parametrize("stands", [True, False])
-def test_thinner_keyframes_are_taken_if_no_more_robots_fall(
-    world: World, chain: PostureChain, monkeypatch: pytest.MonkeyPatch, stands: bool
-):
-    robot, period = world.robot, world.robot.control_period
-    keyframes = make_keyframes(chain, robot, name="up", start_class="squat", rest=REST)
-    sampled = keyframes.targets(robot, 0.0)[::5]
-    dense = replace(keyframes, keys=sampled, duration=np.full(len(sampled) - 1, 5 * period))
-    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
-    shortener, judge = Shortener(world, scenarios, threads=1), Shortener._judge  # pyright: ignore
-    monkeypatch.setattr(shortening, "MOST_SIMULATED", 0.0)
-    monkeypatch.setattr(shortening, "REST_SHARES", (0.6,))
-    monkeypatch.setattr(shortening, "PACES", (1.0,))
-
-    def topple(self: Shortener, candidates: list[Keyframes]) -> np.ndarray:
-        cost = judge(self, candidates)
-        for row, each in enumerate(candidates):
-            if not stands and len(each.keys) < len(dense.keys):
-                cost[row, 3] = 40.0
-        return cost
-
-    monkeypatch.setattr(Shortener, "_judge", topple)
-    assert (len(shortener.shorten(dense)[-1].keys) < 0.5 * len(dense.keys)) == stands
 
 
 def test_shorter_versions_stand_and_lose_what_is_superfluous(world: World, chain: PostureChain):
@@ -195,17 +152,3 @@ def test_the_shortest_version_that_stands_often_enough_is_chosen(
     chosen = choose_version(versions, judge)
     assert chosen.keyframes.name == str(shortest_sound or 0)
     assert len(judged) <= 6
-
-
-def test_shortening_ends_with_its_time(
-    world: World, chain: PostureChain, monkeypatch: pytest.MonkeyPatch
-):
-    keyframes = make_keyframes(chain, world.robot, name="up", start_class="squat", rest=REST)
-    scenarios = MARGIN.sample(world, chain.start, WORLDS, np.random.default_rng(0))
-    whole = Shortener(world, scenarios, threads=1)
-    versions = whole.shorten(keyframes)
-    monkeypatch.setattr(shortening, "MOST_SIMULATED", 100.0)
-    short = Shortener(world, scenarios, threads=1)
-    first = short.shorten(keyframes)
-    assert short.simulated < 0.6 * whole.simulated
-    assert all(np.array_equal(a.keys, b.keys) for a, b in zip(first, versions, strict=False))

@@ -2,10 +2,7 @@
 
 import mujoco
 import numpy as np
-import pytest
-from nonempty import nonempty
 
-from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
@@ -52,16 +49,3 @@ def test_no_limb_passes_through_a_thin_wall_unnoticed(op3: Robot):
                 assert local.max(axis=1).min() < spacing
     assert deep > 100
     assert silent > 10, "MuJoCo's own contacts suffice"
-
-
-@pytest.mark.slow  # half a minute
-def test_no_fall_beside_a_wall_has_a_limb_in_it(op3: Robot):
-    world = World(op3, "wall")
-    falls = sample_falls(world, {"supine": 6, "left": 4}, np.random.default_rng(7))
-    crossings, data = Crossings(world.model), mujoco.MjData(world.model)
-    for fall in nonempty(falls):
-        data.qpos[:] = place(op3, world.model, fall.posture)
-        mujoco.mj_kinematics(world.model, data)
-        mujoco.mj_comPos(world.model, data)
-        mujoco.mj_collision(world.model, data)
-        assert len(crossings.find(data)) == 0

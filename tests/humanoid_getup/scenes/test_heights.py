@@ -131,24 +131,6 @@ def test_the_ground_decides_the_friction_under_every_sole(op3: Robot):
     np.testing.assert_allclose(data.contact.friction[:, 0], 0.1)
 
 
-def test_a_ball_comes_to_rest_where_rolling_friction_is_high():
-    speeds = []
-    for rolling in (0.0, 0.02):
-        spec = mujoco.MjSpec()
-        Slope().pave(spec, Surface(rolling_friction=rolling))
-        body = spec.worldbody.add_body(pos=[0.0, 0.0, 0.1])
-        body.add_freejoint()
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0.0, 0.0])
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        data.qvel[0], data.qvel[4] = 0.5, 5.0
-        while data.time < 2.0:
-            mujoco.mj_step(model, data)
-        speeds.append(float(data.qvel[0]))
-    assert speeds[0] > 0.3
-    assert abs(speeds[1]) < 0.01
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [

@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.scenes.obstacle import make_capsule
 from humanoid_getup.scenes.scene import Scene
@@ -47,15 +46,6 @@ def test_a_robot_under_a_roof_is_put_under_it_and_not_on_it(op3: Robot):
     world = World(op3, Scene(name="roof", obstacles=(roof,)))
     resting = Clearance(world).rest(place(op3, world.model, op3.standing))
     assert abs(lowest_point(world.model, resting)) < 2.0 * FINE
-
-
-def test_disturbed_starts_lie_on_what_is_under_them(scene: World, op3: Robot):
-    clearance = Clearance(scene)
-    start = clearance.rest(place(op3, scene.model, op3.standing), -0.0005)
-    starts = USUAL.sample(scene, start, 6, np.random.default_rng(0)).starts
-    assert not np.array_equal(starts[1], starts[2])
-    for qpos in starts:
-        assert clearance.measure_overlap(qpos) == pytest.approx(0.0005, abs=2.5 * FINE)
 
 
 def test_a_steady_robot_stays_where_it_was_put(op3: Robot):

@@ -16,7 +16,7 @@ from humanoid_getup.simulation.vectorized_simulation import VecSim
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.kinematics import place
-from robots.servo import PWM, LimitMode
+from robots.servo import LimitMode
 
 
 def load_motion(robot: Robot, name: str) -> Motion:
@@ -57,18 +57,6 @@ def test_twin_and_vectorized_simulation_agree_to_the_bit(
         went = play_on_twin(twin, start, targets, limit)
         assert len(went) > 150
         assert np.array_equal(trace.qpos[0], went)
-
-
-def test_limits_are_distinguished(world: World, op3: Robot):
-    """A current limit, a PWM limit and none: three different ways."""
-    motion = load_motion(op3, "prone_push_up_fast")
-    targets = np.tile(sample_targets(op3, motion), (3, 1, 1))
-    starts = np.tile(place(op3, world.model, motion.posture(0)), (3, 1))
-    parameters = DomainParameters.nominal(world, 3, torque_limit=np.array([4.1, 2.0, 2.0]))
-    parameters.limit_by[2] = PWM
-    qpos = play(world, Scenarios(starts=starts, parameters=parameters), targets).qpos
-    for one, other in ((0, 1), (1, 2), (2, 0)):
-        assert not np.array_equal(qpos[one], qpos[other])
 
 
 def test_limits_of_one_world_leave_the_others_as_they_are(world: World, op3: Robot):

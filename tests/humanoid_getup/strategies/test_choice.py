@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from humanoid_getup.experiments.starts.falls import sample_fall
-from humanoid_getup.motions.motion_database import MotionDatabase, load_database
-from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import (
     NEAREST,
     STRAIGHT,
@@ -21,11 +19,6 @@ from humanoid_getup.strategies.track_record import PLAN
 from robots import TorqueLimit
 
 LIMIT = TorqueLimit(2.5, "pwm")
-
-
-@pytest.fixture(scope="module")
-def database(world: World) -> MotionDatabase:
-    return load_database(world.robot)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from drivers import Twin
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
-from humanoid_getup.motions.motion_database import MotionDatabase, find_motion, load_database
+from humanoid_getup.motions.motion_database import MotionDatabase, find_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.key_record import CLOSE_JOINT, find_passes
 from humanoid_getup.strategies.keyed_rise import find_stretches
@@ -85,14 +85,6 @@ def test_the_twin_passes_through_the_key_and_stands(
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_rise(plan: RisePlan, planner: PlannedRise, fall: Posture):
-    assert isinstance(plan, MotionPlan)
-    again = planner.plan(fall, np.random.default_rng(0))
-    assert isinstance(again, MotionPlan)
-    np.testing.assert_array_equal(again.motion.joint_target, plan.motion.joint_target)
-
-
-@pytest.mark.slow
 def test_an_impossible_key_is_dropped_with_a_reason_and_the_robot_stands(
     world: World, fall: Posture, op3: Robot
 ):
@@ -134,11 +126,6 @@ def test_a_key_upside_down_is_not_passed_by_its_joints_alone(world: World, op3: 
     assert one.largest == pytest.approx(0.0)
     assert one.tilt == pytest.approx(np.pi)
     assert one.distance > 1.0
-
-
-@pytest.fixture(scope="module")
-def database(op3: Robot) -> MotionDatabase:
-    return load_database(op3)
 
 
 def test_the_stretch_that_leads_to_a_frame_of_a_motion_is_from_that_motion(database):

@@ -1,6 +1,5 @@
 """A plan is preflighted as it is played: with feedback or without."""
 
-import numpy as np
 import pytest
 
 from drivers import Twin
@@ -41,14 +40,3 @@ def test_player_preflight_and_report_agree_on_balance(
     assert made == [expected]
     assert plan.figures().balanced is expected
     assert (plan.open_loop() is None) is not expected
-
-
-def test_a_plan_without_feedback_has_none_in_the_stand_either(op3):
-    motion = load_database(op3).rising[0]
-    plan = MotionPlan(status=RiseStatus.STORED, motion=motion)
-    bare = plan.open_loop()
-    assert plan.balanced
-    assert bare is not None
-    assert not bare.balanced
-    assert bare.open_loop() is None
-    np.testing.assert_array_equal(bare.motion.joint_target, motion.joint_target)

@@ -22,11 +22,6 @@ from robots.kinematics import place
 
 
 @pytest.fixture(scope="module")
-def database(op3):
-    return load_database(op3)
-
-
-@pytest.fixture(scope="module")
 def fall(world):
     return sample_falls(world, {"supine": 1}, np.random.default_rng(3))[0].posture
 
@@ -128,21 +123,6 @@ def test_a_plan_that_falls_says_what_may_help(
     assert ("next: " in reason) == bool(advice)
 
 
-def test_the_simulated_time_of_a_plan_is_not_rounded_by_earlier_plans(
-    world, database, fall, monkeypatch: pytest.MonkeyPatch
-):
-    planner, spent = PlannedRise(world, database), [0.3, 0.1]
-    assert sum(spent) - spent[0] != spent[1]
-
-    def search(*_: object) -> FoundRise:
-        planner.filter.searched += spent[0]
-        return FoundRise(rolled_out=True, highest=0.1, joined="squat")
-
-    monkeypatch.setattr(FreeRise, "search", search)
-    for _ in range(2):
-        assert planner.plan(fall, np.random.default_rng(0)).search.simulated == spent.pop(0)
-
-
 @pytest.mark.parametrize("rolled_out", [True, False])
 def test_a_side_without_motion_is_named_where_planning_fails(
     world, database, monkeypatch: pytest.MonkeyPatch, *, rolled_out: bool
@@ -193,18 +173,6 @@ def test_servos_too_weak_to_rise_give_an_answer_not_a_motion(world, database, fa
     assert not isinstance(weak, MotionPlan)
     assert weak.title == ""
     assert "neck" in weak.reason
-
-
-@pytest.mark.slow
-def test_a_rise_that_only_knows_prone_motions_still_answers(world, op3, database, fall):
-    prone = [m for m in database.motions if m.start_class == "prone"]
-    only = MotionDatabase(
-        [replace(m, entry=np.arange(len(m.time)) == 0) for m in prone], PostureMetric.of(op3)
-    )
-    plan = PlannedRise(world, only, search_budget=60.0).plan(fall, np.random.default_rng(0))
-    assert plan.status in (RiseStatus.STOOD, RiseStatus.FELL)
-    assert plan.planned
-    assert plan.rounds >= 1
 
 
 @pytest.mark.slow

@@ -45,16 +45,6 @@ def test_named_styles_ask_for_no_impossible_torso(op3):
             assert np.max(side**2 + front**2) <= 1.0
 
 
-def test_a_robot_follows_the_curves_that_begin_as_it_lies(op3):
-    style = load_style("side-sit", op3)
-    supine, left, prone = style.curves
-    assert style.choose(np.array([0.3, 1.5, 0.3])) is supine
-    assert style.choose(np.array([0.3, 0.4, 1.5])) is left
-    assert style.choose(np.array([0.2, 1.6, 2.9])) is prone
-    right = style.choose(np.array([0.3, math.pi - 0.4, 1.5]))
-    assert right.points == pytest.approx(left.mirrored().points)
-
-
 def test_of_all_styles_a_robot_follows_the_one_that_turns_it_least(op3):
     every = load_any_style(op3)
     assert len(every.curves) == 12

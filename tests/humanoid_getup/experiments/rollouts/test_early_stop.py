@@ -66,13 +66,6 @@ def test_all_is_given_up_when_the_first_has_failed(world, motion, worlds):
     assert given_up.record.duration <= 2 * COUNT * 0.61
 
 
-def test_worlds_can_be_taken_out(worlds):
-    some = worlds.take(np.array([0, 4]))
-    assert len(some) == 2
-    np.testing.assert_array_equal(some.starts[1], worlds.starts[4])
-    assert some.parameters.friction[1] == worlds.parameters.friction[4]
-
-
 # What is known when, on records of a robot that has had its last target after a chunk ------------
 
 PERIOD = 0.01  # s, so that a chunk takes 0.25 s

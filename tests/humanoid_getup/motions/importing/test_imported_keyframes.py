@@ -53,16 +53,6 @@ def test_an_animation_holds_pauses_and_keeps_what_it_leaves_out(tmp_path: Path, 
     assert make_keyframes(sequence, op3).keyframes.name == "stand_up_back"
 
 
-def test_a_table_takes_radians_and_degrees(tmp_path: Path, op3: Robot):
-    text = "l_knee, time, r_knee_deg\n0.5,1.0,-10\n\n0.25,1.5,-20\n"
-    sequence = load(tmp_path / "up.csv", text, op3)
-    left, right = (op3.joint_names.index(f"{side}_knee") for side in "lr")
-    np.testing.assert_allclose(sequence.keys[:, left], [0.5, 0.25])
-    np.testing.assert_allclose(np.degrees(sequence.keys[:, right]), [-10, -20])
-    np.testing.assert_allclose(sequence.after, [0.5])
-    assert sequence.name == "up"
-
-
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
@@ -151,19 +141,3 @@ def test_degrees_columns_in_another_order_and_a_later_clock_give_the_same_keys(
     np.testing.assert_allclose(again.keys, plain.keys)
     np.testing.assert_allclose(again.after, plain.after)
     assert (plain.name, plain.source) == ("kneel", "kneel.csv")
-
-
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ((), "no keys"),
-        (("time,l_knee,time", "0,1,0"), "the header has 2 columns 'time', expected one"),
-        (("time,l_tail_deg", "0,1"), "unknown joint 'l_tail_deg'"),
-        (("time", "0"), "a joint has two columns or none has one"),
-        (("time,l_knee", "1,0", "0.5,0"), "row 2: time is 0.5 s, expected after 1 s of row 1"),
-        (("time,l_knee", "0,inf"), "row 1: l_knee is 'inf', expected a finite number"),
-    ],
-)
-def test_a_damaged_table_is_refused_by_name_and_reason(tmp_path: Path, op3: Robot, rows, message):
-    with pytest.raises(ValueError, match=f"kneel.csv: .*{message}"):
-        load_key_table(write(tmp_path, *rows), op3)

@@ -7,13 +7,10 @@ import pytest
 
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.build import lay_down
-from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import Connection, MotionDatabase, find_motion
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.posture_chains.chain_search import ChainSearch
 from humanoid_getup.posture_chains.resting_state import PostureChain, PostureMove
-from humanoid_getup.posture_chains.ways_up import WaysUp
-from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
@@ -60,21 +57,6 @@ def test_motions_begin_where_the_robot_is_and_stand_the_shortest_first(
     assert finder.simulated > 0.0
 
 
-def test_a_search_begins_with_the_known_motions(
-    world: World, squat: Posture, monkeypatch: pytest.MonkeyPatch
-):
-    given = list[str]()
-    known = [find_motion(world.robot, "supine_sit_up_fast")]
-    planner = PlannedRise(world, MotionDatabase(known, PostureMetric.of(world.robot)))
-
-    def note(_: object, motions: tuple[Motion, ...], __: int) -> None:
-        given.extend(motion.name for motion in motions)
-
-    monkeypatch.setattr(WaysUp, "add_motions", note)
-    planner._tools.finder.find(squat, 0.0, np.random.default_rng(0))
-    assert given == ["supine_sit_up_fast"]
-
-
 def test_what_cannot_rise_is_not_searched(world: World, tiny: Robot, squat: Posture):
     finder = MotionFinder(world, TorqueLimit(0.6), threads=1)
     assert finder.find(squat, 1e6, np.random.default_rng(0)) == []
@@ -97,26 +79,6 @@ def test_a_search_ends_with_its_budget(world: World, monkeypatch: pytest.MonkeyP
     assert finder.find(start, 10_000.0, np.random.default_rng(0)) == []
     assert len(advanced) in (9, 10)  # some time went into the ways up
     assert 10_000.0 <= finder.simulated < 11_000.0
-
-
-def test_a_search_tells_its_states_and_is_cancelled_between_two_batches(
-    world: World, monkeypatch: pytest.MonkeyPatch
-):
-    def spend(self: ChainSearch) -> None:
-        self._player.simulated += 1000.0
-
-    seen = list[Progress]()
-    monkeypatch.setattr(ChainSearch, "advance", spend)
-    monitor = ProgressMonitor(seen.append, lambda: len(seen) == 4)
-    finder = MotionFinder(world, FULL_TORQUE, threads=1, monitor=monitor)
-    start = sample_fall(world, "supine", seed=1).posture
-    with pytest.raises(CancelledError):
-        finder.find(start, 10_000.0, np.random.default_rng(0))
-    first, *batches = seen
-    assert first.phase == "searching ways up to the stance in physics"
-    done = [each.done for each in batches]
-    assert np.allclose(np.diff(done), 1000.0)
-    assert {(each.total, each.note) for each in batches} == {(10_000.0, "1 states")}
 
 
 def test_a_plan_whose_stored_motions_fail_goes_on_with_a_found_one(

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from humanoid_getup.filtering.candidate import Candidate
-from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.scenes.start_region import lying
 from humanoid_getup.simulation.standing_places import StandingPlaces
@@ -96,11 +95,6 @@ class Approach:
 @pytest.fixture(scope="module")
 def world(op3):
     return World(op3, FLAT_SCENE)
-
-
-@pytest.fixture(scope="module")
-def database(op3):
-    return load_database(op3)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ from humanoid_getup.clips.clip import (
     MOST_OF_SKELETON,
     READ_ERRORS,
     Clip,
-    ClipError,
     check_size,
     explain,
     read_lines,
@@ -58,20 +57,20 @@ def read_acclaim(file: Path, skeleton_file: Path, rate: float = RATE) -> Clip:
 
     Raises:
         OSError: if a file cannot be read.
-        ClipError: if they are not Acclaim files, or do not belong together.
+        ValueError: if they are not Acclaim files, or do not belong together.
     """
     try:
         skeleton = _read_skeleton(read_lines(skeleton_file, MOST_OF_SKELETON))
     except READ_ERRORS as error:
         reason = explain(error)
-        raise ClipError(f"skeleton {skeleton_file}: it is not an ASF file: {reason}") from error
+        raise ValueError(f"skeleton {skeleton_file}: it is not an ASF file: {reason}") from error
     try:
         frames = _read_frames(read_lines(file), skeleton)
         still = {name: np.zeros((1, values.shape[1])) for name, values in frames.items()}
         joints, rest = _place(skeleton, frames), _place(skeleton, still)
     except READ_ERRORS as error:
         reason = explain(error)
-        raise ClipError(f"clip {file}: it is no AMC file of {skeleton_file}: {reason}") from error
+        raise ValueError(f"clip {file}: it is no AMC file of {skeleton_file}: {reason}") from error
     return Clip(
         file=file,
         period=1.0 / rate,

@@ -12,7 +12,6 @@ from humanoid_getup.clips.clip import (
     MOST_OF_SKELETON,
     READ_ERRORS,
     Clip,
-    ClipError,
     check_size,
     explain,
     read_lines,
@@ -43,7 +42,7 @@ def read_bvh(file: Path) -> Clip:
 
     Raises:
         OSError: if the file cannot be read.
-        ClipError: if it is no BVH file.
+        ValueError: if it is no BVH file.
     """
     try:
         lines = read_lines(file)
@@ -56,7 +55,7 @@ def read_bvh(file: Path) -> Clip:
         still = np.zeros((1, frames.shape[1]))
         rest = {name: path[0] for name, path in _place(joints, still).items()}
     except READ_ERRORS as error:
-        raise ClipError(f"clip {file}: it is not a BVH file: {explain(error)}") from error
+        raise ValueError(f"clip {file}: it is not a BVH file: {explain(error)}") from error
     return Clip(file=file, period=period, joints=places, rest=rest, unit=CENTIMETER)
 
 

@@ -68,10 +68,6 @@ def explain(error: Exception) -> str:
     return "a word or number is missing" if isinstance(error, IndexError) else describe(error)
 
 
-class ClipError(ValueError):
-    """A file is not a clip of a body; the message is the reason, in one line."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clip:
     """Joint positions over time, and in the rest pose, in which the body stands."""
@@ -90,13 +86,13 @@ class Clip:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.period <= LONGEST_FRAME:
-            raise ClipError(
+            raise ValueError(
                 f"clip {self.file}: a frame lasts {self.period:g} s, expected above 0 s, at most "
                 f"{LONGEST_FRAME:g} s"
             )
         for name in self.joints:
             if not (np.isfinite(self.joints[name]).all() and np.isfinite(self.rest[name]).all()):
-                raise ClipError(
+                raise ValueError(
                     f"clip {self.file}: joint '{name}' has no finite position in every frame"
                 )
 
@@ -118,11 +114,11 @@ class Clip:
         """Check the height of a point over the feet in the rest pose [m], which must be a stand.
 
         Raises:
-            ClipError: if it is not above them.
+            ValueError: if it is not above them.
         """
         if height <= 0.0:
             other = next(axis for axis in UP if axis != self.up)
-            raise ClipError(
+            raise ValueError(
                 f"clip {self.file}: in the rest pose {what} is {height:.3g} m over the feet "
                 f"along {self.up}, expected a stand; does {other} point up (--up {other})?"
             )
@@ -132,11 +128,11 @@ class Clip:
         """Find the joint that has one of some names.
 
         Raises:
-            ClipError: if there is none.
+            ValueError: if there is none.
         """
         found = [name for name in names if name in self.joints]
         if not found:
-            raise ClipError(
+            raise ValueError(
                 f"clip {self.file}: it has no {what}, expected a joint {', '.join(names)}"
             )
         return found[0]
@@ -145,7 +141,7 @@ class Clip:
         """Return the position of the lowest foot joint in a pose, (3,)."""
         feet = [pose[name] for name in pose if is_foot(name)]
         if not feet:
-            raise ClipError(f"clip {self.file}: it has no joint of a foot")
+            raise ValueError(f"clip {self.file}: it has no joint of a foot")
         return min(feet, key=lambda point: point[UP[self.up]])
 
 

@@ -20,7 +20,7 @@ def read_clip(
 
     Raises:
         OSError: if a file cannot be read.
-        ClipError: if it is not a clip.
+        ValueError: if it is not a clip.
     """
     if file.suffix.lower() == BVH:
         return replace(read_bvh(file), up=up or "y")

@@ -151,11 +151,7 @@ class AttemptManager:
             self._session.moved(plan)
 
     def _prepare(self, rng: np.random.Generator) -> tuple[Attempt, Supervisor | None]:
-        """Settle and plan; return the controller, ``None`` if nothing may be played.
-
-        A plan that was searched for and is refused by the preflight has moved no robot: another is
-        made. So is one for a robot that has tipped over meanwhile, after it has settled again.
-        """
+        """Settle and plan; return the controller, ``None`` if nothing may be played."""
         refused: list[RisePlan] = []
         try:
             attempt, controller = self._plan_until_passed(rng, refused)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from enum import Enum
-from typing import Protocol
 
 from drivers import Command, State
 from drivers.terminal_keys import TerminalKeys
@@ -36,14 +35,6 @@ PRESSES = {
 """Presses by what a terminal sends; nothing where it is gone."""
 
 
-class PressSource(Protocol):
-    """Source of presses."""
-
-    def poll(self) -> Press | None:
-        """Return the next press; ``None`` if there is none yet."""
-        ...
-
-
 class TerminalPresses(TerminalKeys):
     """Presses on a terminal, inside a ``with`` block; other keys are ignored."""
 
@@ -67,11 +58,11 @@ class HandRecorder:
     def __init__(
         self,
         robot: Robot,
-        presses: PressSource,
+        poll: Callable[[], Press | None],
         on_change: Callable[[int], None] = lambda _: None,
     ) -> None:
         """Prepare to record; ``on_change`` is called with the number of keys so far."""
-        self._limp, self._presses, self._on_change = Command.limp(robot.n), presses, on_change
+        self._limp, self._poll, self._on_change = Command.limp(robot.n), poll, on_change
         self.keys: list[Array] = []
         """Recorded joint angles [rad], (n,) each."""
         self.done = False
@@ -91,7 +82,7 @@ class HandRecorder:
         While the angles are outdated, presses wait.
         """
         is_fresh = float(state.joint_age.max()) <= FRESH
-        while is_fresh and not self.done and (press := self._presses.poll()) is not None:
+        while is_fresh and not self.done and (press := self._poll()) is not None:
             if press is Press.TAKE:
                 self.keys.append(state.joint_pos.copy())
             elif press is Press.UNDO and self.keys:

@@ -19,8 +19,7 @@ from humanoid_getup.experiments.judging.standing import HOLD_TIME
 from humanoid_getup.experiments.judging.summary import SummarizedRise
 from humanoid_getup.playback.monitors import Abort
 from humanoid_getup.playback.preflight import Verdict
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus
-from humanoid_getup.strategies.plan_figures import PlanFigures
+from humanoid_getup.strategies.plan import PlanFigures, RisePlan, RiseStatus
 from robots import Robot
 
 

@@ -12,14 +12,18 @@ from humanoid_getup.experiments.disturbances.disturbance import Disturbance, Sce
 from humanoid_getup.experiments.judging.outcome import DEEP_OVERLAP, Outcome, compute_share
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.rollouts.early_stop import LATEST_STAND
-from humanoid_getup.experiments.rollouts.play import Experiment, Feedback, FeedbackLaw
-from humanoid_getup.filtering.candidate import NO_SLOWDOWN, Candidate, CandidateRollout
+from humanoid_getup.experiments.rollouts.play import Experiment, FeedbackLaw
+from humanoid_getup.filtering.candidate import Candidate, CandidateRollout
 from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import Reference, compose
 from humanoid_getup.filtering.search import TargetSearch, coarsen
 from humanoid_getup.filtering.separation import MARGINS, Separation
-from humanoid_getup.filtering.virtual_actuator import LimbMap, compute_force, compute_torque
-from humanoid_getup.filtering.yielding import Yielding
+from humanoid_getup.filtering.tracking import (
+    FIRST_HOLD,
+    LimbMap,
+    Tracker,
+    Yielding,
+)
 from humanoid_getup.motions.motion import hold_last
 from humanoid_getup.motions.preference import Preference, PreferenceName
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -29,10 +33,7 @@ from robots.kinematics import place
 from robots.quaternion import Array
 from robots.torque_limit import check_torque_limit
 
-FADE_CYCLES = 40  # in which the virtual actuator fades out before the targets stand still
-FIRST_HOLD = 1.0  # s of stand that a rollout must show to be checked
 LONG_HOLD = FIRST_HOLD + LATEST_STAND  # s, so that every stand that a check takes shows
-LONGEST_STRETCH = 2.5  # of its own duration that a motion may last
 CHECKS = 16  # disturbed rollouts of a motion before it is returned
 CHECK_DISTURBANCE = Disturbance(
     joints=Normal(np.radians(1.5)),
@@ -108,7 +109,7 @@ class DynamicsFilter:
         references = [self._refer(c) for c in candidates]
         yielding = Yielding(world.robot, self.torque_limit, len(candidates))
         assistance = self.assistance * np.array([c.assistance for c in candidates])
-        tracker = _Tracker(world, self._limbs, start, references, candidates, assistance, yielding)
+        tracker = Tracker(world, self._limbs, start, references, candidates, assistance, yielding)
         record = self._play_nominal(start, len(candidates), tracker, self._coarse)
         return self._read(record, candidates, tracker.moving, tracker.joined)
 
@@ -280,10 +281,7 @@ class DynamicsFilter:
         hold: float = FIRST_HOLD,
         experiment: Experiment | None = None,
     ) -> list[CandidateRollout]:
-        """Play targets, each (T, n), undisturbed, and hold the last for a time [s].
-
-        Without an experiment, in the coarse world.
-        """
+        """Play targets, each (T, n), undisturbed, and hold the last for a time [s]."""
         robot, n = self.world.robot, len(targets)
         moving = np.array([len(target) for target in targets])
         length = int(moving.max()) + round(hold / robot.control_period)
@@ -317,10 +315,7 @@ class DynamicsFilter:
         moving: NDArray[np.int_],
         joined: NDArray[np.int_],
     ) -> list[CandidateRollout]:
-        """Judge the rollouts of candidates.
-
-        Their motions are joined and their targets stand still after so many cycles, (N,).
-        """
+        """Judge the rollouts of candidates."""
         outcome = Outcome(record, self.world.robot, hold_time=FIRST_HOLD - 0.1)
         cost, stood = self.preference.cost(outcome), outcome.stood & ~outcome.overloaded
         collides, neck = np.asarray(outcome.collides), record.stance.neck_height.max(axis=1)
@@ -340,118 +335,3 @@ class DynamicsFilter:
             )
             for i, candidate in enumerate(candidates)
         ]
-
-
-class _Tracker:
-    """Sends references with the virtual actuator added, within the limits of the guard.
-
-    Time along a reference, its phase, is counted in control periods. It stands for the time on
-    the clock, except where a candidate slows down.
-    """
-
-    def __init__(
-        self,
-        world: World,
-        limbs: LimbMap,
-        start: Posture,
-        references: list[Reference],
-        candidates: list[Candidate],
-        assistance: Array,
-        yielding: Yielding,
-    ) -> None:
-        robot = world.robot
-        self._limbs, self._robot, self._ground = limbs, robot, world.scene.ground
-        self._torso = robot.layout(world.model).torso
-        self._period = robot.control_period
-        self._rows = np.arange(len(references))
-        self._count = np.array([len(r.target) for r in references])
-        length = int(self._count.max())
-        target = np.array([hold_last(r.target, length) for r in references])
-        com = np.array([hold_last(r.com, length) for r in references])
-        velocity = np.gradient(com, self._period, axis=1)
-        # Targets (n), center of mass (3) and its velocity (3), (N, T, n + 6).
-        self._reference = np.concatenate([target, com, velocity], axis=2)
-        self._joined = np.array([r.joined for r in references])
-        self._begins = np.array([r.begins for r in references])
-        self._assistance, self._yielding = assistance[:, None], yielding
-        slowdown = [c.slowdown or NO_SLOWDOWN for c in candidates]
-        self._tolerance, self._band, self._slowest = np.array(
-            [(p.tolerance, p.band, p.slowest) for p in slowdown]
-        ).T
-        self._slows_down = any(c.slowdown for c in candidates)
-        self._phase = np.zeros(len(references))
-        self._anchor = np.zeros(len(references), dtype=int)
-        self._last = np.tile(start.joint_pos, (len(references), 1))
-        self._eased = np.zeros_like(self._last)
-        self._last_com: Array | None = None
-        self._shift = np.zeros((len(references), 3))
-        self.moving = np.zeros(len(references), dtype=int)
-        """Cycles before the targets of each rollout stand still; 0 while they move, (N,)."""
-        self.joined = self._joined.copy()
-        """Cycles before the motion of each rollout is joined, (N,)."""
-
-    def __call__(self, state: Feedback) -> Array | None:
-        if state.step > 0:
-            self._proceed(state)
-        if self._is_over(state.step):
-            return None
-        com = state.com[:, self._torso]
-        velocity = np.zeros_like(com)
-        if self._last_com is not None:
-            velocity = (com - self._last_com) / self._period
-        self._last_com = com.copy()
-        planned = self._at_phase()
-        torque = self._assist(state, com, velocity, planned[:, -6:-3], planned[:, -3:])
-        target = planned[:, :-6] + self._robot.compute_lead(torque)
-        if state.step > 0:
-            eased = self._yielding.ease(target, self._last, state.joint_pos)
-            tracks = (self._phase >= self._begins) & (self.moving == 0)
-            self._eased = np.where(tracks[:, None], eased, self._eased)
-        target = target + self._eased
-        self._last = self._robot.limit_target(target, self._last)
-        return self._last
-
-    def _proceed(self, state: Feedback) -> None:
-        """Advance along the references, more slowly if a joint lags behind its target."""
-        rate = np.ones(len(self._phase))
-        if self._slows_down:
-            behind = np.abs(self._last - state.joint_pos) * self._robot.strength
-            lag = behind.max(axis=1)
-            slowed = np.clip(1.0 - (lag - self._tolerance) / self._band, self._slowest, 1.0)
-            rate = np.where(self._phase >= self._begins, slowed, 1.0)
-        late = state.step >= LONGEST_STRETCH * self._count
-        self._phase = np.where(late, self._phase, np.minimum(self._phase + rate, self._count))
-        ended = late | (self._phase >= self._count)
-        self.moving[ended & (self.moving == 0)] = state.step
-
-    def _is_over(self, step: int) -> bool:
-        hold = round(FIRST_HOLD / self._period)
-        return bool(np.all(self.moving > 0)) and step >= self.moving.max() + hold
-
-    def _at_phase(self) -> Array:
-        """Interpolate the references at their phases, (N, n + 6)."""
-        phase = np.minimum(self._phase, self._count - 1)
-        before = phase.astype(int)
-        if not self._slows_down:
-            return self._reference[self._rows, before]
-        after = np.minimum(before + 1, self._count - 1)
-        share = (phase - before)[:, None]
-        reference = self._reference
-        return (1.0 - share) * reference[self._rows, before] + share * reference[self._rows, after]
-
-    def _assist(
-        self, state: Feedback, com: Array, velocity: Array, planned: Array, speed: Array
-    ) -> Array:
-        # Where the path or the motion begins, the reference is shifted over the ground to the
-        # robot.
-        passed = (self._phase >= self._begins).astype(int) + (self._phase >= self._joined)
-        anchored = passed > self._anchor
-        self._anchor = passed
-        self._shift[anchored, :2] = (com - planned)[anchored, :2]
-        reference = planned + self._shift
-        reference[:, 2] += self._ground.height(com[:, 0], com[:, 1])
-        force = compute_force(com, velocity, reference, speed, self._limbs.mass)
-        left = np.clip((self._count - 1 - self._phase) / FADE_CYCLES, 0.0, 1.0)
-        moving = (self._phase >= self._begins) & (self.moving == 0)
-        active = (moving * left)[:, None]
-        return active * self._assistance * compute_torque(state, force, self._limbs)

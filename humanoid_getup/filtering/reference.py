@@ -85,10 +85,7 @@ def compose(
 
 
 def _follow(position: Array, orientation: Array, seen: Array) -> tuple[Array, Array]:
-    """Move postures of a motion (T, ...) to the root's path in a rollout of it.
-
-    ``seen`` are the places and orientations (K, 7) of its root; it is assumed to stay at the last.
-    """
+    """Move postures of a motion (T, ...) to the root's path in a rollout of it."""
     seen = hold_last(seen[: len(position)], len(position))
     place = np.concatenate([seen[:, :2], position[:, 2:]], axis=1)
     yaw = best_yaw(orientation, seen[:, 3:])

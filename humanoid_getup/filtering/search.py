@@ -83,7 +83,6 @@ class TargetSearch:
         threads: int = 0,
         monitor: ProgressMonitor | None = None,
     ) -> None:
-        """Prepare for searches in a world."""
         self.preference, self.monitor = preference, monitor or ProgressMonitor()
         self.experiment = Experiment(world, threads=threads)
         self.world = world
@@ -216,10 +215,7 @@ class _Tries:
 
 
 def _find_hardest(outcome: Outcome) -> NDArray[np.int_]:
-    """Return the nominal world and those in which a motion does worst, (HARDEST,).
-
-    For a motion that does not stand in the nominal world, they are arbitrary.
-    """
+    """Return the nominal world and those in which a motion does worst, (HARDEST,)."""
     others = np.arange(1, outcome.stood.shape[1])
     if outcome.stood[0, 0]:
         merit = (outcome.stood + outcome.progress)[0, others]

@@ -18,8 +18,8 @@ from humanoid_getup.jobs.requests.style import (
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.style_plot import save_styles
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.edits import hold, rise_time, shift_rise
 from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_editor import hold, rise_time, shift_rise
 from humanoid_getup.style.style_file import list_styles as list_names
 from humanoid_getup.style.style_file import load_style, write_style
 from robots import Robot

@@ -179,7 +179,6 @@ def record_motion(
     """Make a motion from sent targets and recorded postures.
 
     Args:
-        world: Robot and scene.
         start: Where it was at the start.
         target: Targets at each control period [rad], (T, n).
         qpos: MuJoCo positions at the end of each control period, (T or more, nq).

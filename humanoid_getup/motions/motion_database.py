@@ -181,9 +181,6 @@ def _load_own(path: Path, robot: Robot) -> Motion:
 
 
 def _is_same(a: Motion, b: Motion) -> bool:
-    """Return whether two motions have the same times, start class and targets.
-
-    The postures that were recorded on the way differ: a robot never moves quite symmetrically.
-    """
+    """Return whether two motions have the same times, start class and targets."""
     targets_differ = float(np.abs(a.joint_target - b.joint_target).max())
     return a.start_class == b.start_class and targets_differ < SAME_TARGET

@@ -211,10 +211,7 @@ class TrajectoryOptimizer:
         *,
         lead_in: float = LEAD_IN,
     ) -> tuple[Array, np.ndarray]:
-        """Roll candidates out in K scenarios; return mean cost and successes, (C,), (C, K).
-
-        A success is a stand that lasts the last ``hold`` seconds, or lying as it should.
-        """
+        """Roll candidates out in K scenarios; return mean cost and successes, (C,), (C, K)."""
         robot, each = self.world.robot, len(scenarios)
         lead = round(lead_in / robot.control_period)
         plays = [c.targets(robot, hold + SWAY_TIME) for c in candidates]

@@ -28,7 +28,6 @@ class Retargeting:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Prepare for a robot, which may have any body."""
         self._robot = robot
         self._old, self._new = World(reshape(robot, ORIGINAL)), World(robot)
         self._clearance = Clearance(self._new)
@@ -62,7 +61,6 @@ def adapt(motion: Motion, robot: Robot, retargeting: Retargeting | None = None) 
 
     Args:
         motion: Made for the robot's original body, or for the one that it has.
-        robot: Robot.
         retargeting: Of this robot, where many motions are adapted.
 
     Raises:

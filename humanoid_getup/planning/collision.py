@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.scenes.crossing import Crossings
 from humanoid_getup.scenes.ground import Ground
+from humanoid_getup.scenes.obstacle import Crossings
 from humanoid_getup.scenes.scene import Scene
 from robots import Posture, Robot
 from robots.ground import GROUND
@@ -219,10 +219,7 @@ class CollisionChecker:
         return lift, self._lifts == 1
 
     def _measure_lift(self, slack: float) -> tuple[float, bool]:
-        """Measure how far the placed robot must be raised, and whether that can free it.
-
-        Contacts that are too deep by less than the slack [m] do not count.
-        """
+        """Measure how far the placed robot must be raised, and whether that can free it."""
         if self._obstacles and len(self._crossings.find(self._data)):
             return 0.0, False
         if self._data.ncon == 0:
@@ -252,10 +249,7 @@ class CollisionChecker:
         return -(contact.dist + self._allowed[pair[:, 0], pair[:, 1]])
 
     def _measure_support(self) -> Array:
-        """Measure the vertical component of each contact's normal on the robot, (ncon,).
-
-        It is -1 where the robot touches itself.
-        """
+        """Measure the vertical component of each contact's normal on the robot, (ncon,)."""
         contact = self._data.contact
         is_world = self._is_world[contact.geom]
         up = np.where(is_world[:, 0], contact.frame[:, 2], -contact.frame[:, 2])

@@ -60,6 +60,10 @@ class PathResult:
     """Whether strict searches failed, so that it was refined from loose to strict."""
     beginning: Trajectory | None = None
     """How far the best path leads without a collision; None if solved, or if it leads nowhere."""
+    leg: int = 1
+    """Of a path through key postures: number of the leg that failed, or of all when solved."""
+    arrivals: tuple[int, ...] = ()
+    """Samples at which the rest at each key posture ends."""
 
 
 def plan_path(

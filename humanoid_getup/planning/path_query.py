@@ -16,9 +16,9 @@ from humanoid_getup.motions.motion_database import Connection, MotionDatabase
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.motions.retargeting import name_body
 from humanoid_getup.planning.collision import CollisionChecker
-from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.path_planner import PathOptions, PathResult
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import ViaResult, place_stops, plan_via
+from humanoid_getup.planning.via import place_stops, plan_via
 from humanoid_getup.planning.way_out import WayOut, find_way_out
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
@@ -43,7 +43,7 @@ class PathAnswer:
     """Answer to a path query; without a path, for the goal of the best attempt."""
 
     goal: Goal
-    result: ViaResult
+    result: PathResult
     way_out: WayOut | None
     """Path of the root to a place with room to stand, which comes first."""
     tried: tuple[tuple[str, str], ...]
@@ -92,11 +92,11 @@ def find_path(
     began, checker = time.perf_counter(), CollisionChecker(world.robot, world.scene)
     way_out = find_way_out(world, checker, start, rng)
     before = start if way_out is None else way_out.end
-    answers: list[tuple[Goal, ViaResult]] = []
+    answers: list[tuple[Goal, PathResult]] = []
     for goal in goals:
         report(goal.name, None)
         stops = _place(world, before, keys, goal)
-        if isinstance(stops, ViaResult):
+        if isinstance(stops, PathResult):
             result = stops
         else:
             tell = partial(report, goal.name)
@@ -121,7 +121,7 @@ def find_path(
 
 def _place(
     world: World, start: Posture, keys: Sequence[KeyPosture], goal: Goal
-) -> list[Posture] | ViaResult:
+) -> list[Posture] | PathResult:
     """Place key postures and goal, each at the one before; or return which one has no place."""
     placed = place_stops(world, [*(key.posture for key in keys), goal.posture], start)
     names = [*(key.name for key in keys), goal.name]
@@ -130,7 +130,7 @@ def _place(
         return stops
     leg = placed.index(None)
     reason = f"there is no place for {names[leg]} at the robot or beside it"
-    return ViaResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
+    return PathResult(status=SearchStatus.GOAL_INVALID, reason=reason, leg=leg + 1)
 
 
 def measure_length(metric: PostureMetric, path: Trajectory) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,27 +26,6 @@ from robots.kinematics import place
 REST = 0.3  # s for which a path rests at a key posture
 FLOATING = 0.003  # m over the ground, or in it, beyond which a posture does not rest there
 SAME_JOINTS = 1e-6  # rad; a goal that is no farther needs no path
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViaResult:
-    """Result of planning a path through key postures."""
-
-    status: SearchStatus
-    reason: str = ""
-    """Why there is no path, and on which leg; empty when solved."""
-    leg: int
-    """Number of the leg that failed, or of all legs when solved."""
-    trajectory: Trajectory | None = None
-    """From start to goal, at rest at each key posture; None unless solved."""
-    arrivals: tuple[int, ...] = ()
-    """Samples at which the rest at each key posture ends."""
-    nodes: int = 0
-    checks: int = 0
-    refined: bool = False
-    """Whether any leg was refined from loose to strict."""
-    beginning: Trajectory | None = None
-    """How far the best path leads without a collision; None if solved, or if it leads nowhere."""
 
 
 def place_stops(world: World, stops: Sequence[Posture], start: Posture) -> list[Posture | None]:
@@ -76,7 +55,7 @@ def plan_via(
     options: PathOptions | None = None,
     report: Report = lambda _: None,
     way_out: WayOut | None = None,
-) -> ViaResult:
+) -> PathResult:
     """Plan a smooth trajectory from a start through all stops, of which the last is the goal.
 
     Every leg is planned by `plan_path`; a key posture given by the user may be far from any in the
@@ -104,12 +83,11 @@ def plan_via(
     return _sum_up(legs, course.to_trajectory(period), arrivals, len(stops))
 
 
-def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: int) -> ViaResult:
+def _sum_up(legs: list[PathResult], path: Trajectory, arrivals: list[int], leg: int) -> PathResult:
     last = legs[-1] if legs else PathResult(status=SearchStatus.SOLVED)
     is_solved = last.status is SearchStatus.SOLVED
-    return ViaResult(
-        status=last.status,
-        reason=last.reason,
+    return replace(
+        last,
         leg=leg,
         trajectory=path if is_solved else None,
         arrivals=tuple(arrivals),

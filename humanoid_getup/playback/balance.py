@@ -79,12 +79,7 @@ class Balance:
         return sent
 
     def _bound(self, corrected: Array, target: Array) -> Array:
-        """Bound a correction; targets of the motion that are out of bounds are left to the guard.
-
-        Args:
-            corrected: Target with its correction [rad], (n,).
-            target: Target of the motion [rad], (n,).
-        """
+        """Bound a corrected target (n,); what is out of bounds by itself is left to the guard."""
         robot, reach = self._robot, self._reach
         beyond_range = target - np.clip(target, robot.lower, robot.upper)
         step = target - self._target
@@ -186,10 +181,7 @@ def _find_non_foot_contact(world: World, motion: Motion, first: int) -> np.ndarr
 
 
 def _differentiate(motion: Motion) -> Array:
-    """Compute the recorded angular velocity of the torso in its own frame [rad/s], (T, 3).
-
-    At the end it is zero: from there the posture is held.
-    """
+    """Compute the recorded angular velocity of the torso in its own frame [rad/s], (T, 3)."""
     before, after = motion.orientation[:-1], motion.orientation[1:]
     turn = quaternion.multiply(quaternion.inverse(before), after)  # (T - 1, 4)
     small = 2.0 * np.sign(turn[:, :1]) * turn[:, 1:]

@@ -132,10 +132,7 @@ def settle(guard: SafetyGuard, pacer: Pacer | None = None) -> State:
 
 
 def _is_still(recent: Iterable[State]) -> bool:
-    """Return whether neither the torso turned nor any joint moved in some measurements.
-
-    Without an IMU, whether the torso turned is unknown, and the joints decide.
-    """
+    """Return whether neither the torso turned nor any joint moved in some measurements."""
     if any(np.abs(state.gyro).max(initial=0.0) >= REST_SPEED for state in recent):
         return False
     return bool(np.ptp([state.joint_pos for state in recent], axis=0).max() <= REST_ANGLE)

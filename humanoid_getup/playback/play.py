@@ -174,7 +174,6 @@ class UntilSteady:
     """Runs a controller until it is done, or the robot stands steadily."""
 
     def __init__(self, controller: TimedController, stand: SteadyStand) -> None:
-        """Wrap a controller."""
         self._controller, self._stand = controller, stand
         self.longest = controller.longest
         """Longest duration of the run [s]."""

@@ -128,7 +128,6 @@ def preflight(
     the motion and from the rollout.
 
     Args:
-        world: Robot and scene.
         motion: Motion to judge.
         voltage: Supply at the servos [V].
         torque_limit: Of the servos.

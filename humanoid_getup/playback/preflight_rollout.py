@@ -113,10 +113,7 @@ def _roll_out(
     torque_limit: TorqueLimit,
     balance: Balance | None,
 ) -> tuple[Outcome, Array]:
-    """Play the motion on a twin, without the guard's limits of supply and temperature.
-
-    Returns the outcome, and how deep each pair of links overlaps at most [m], (nbody, nbody).
-    """
+    """Play the motion on a twin, without the guard's limits of supply and temperature."""
     robot = world.robot
     twin = Twin(
         world,

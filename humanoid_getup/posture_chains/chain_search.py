@@ -181,12 +181,7 @@ class ChainSearch:
         self._finish([ChainEnd(stand=each, own=len(each.path)) for each in stands])
 
     def _finish(self, ends: list[ChainEnd]) -> None:
-        """Note the shortest chains to stands that lead there from their start, played whole.
-
-        The move that fails then is removed, with all states that depend on it; from those after it
-        in the chain a way up is known. With enough chains that do not fall, only shorter ones are
-        played: it is what costs most.
-        """
+        """Note the shortest chains to stands that lead there from their start, played whole."""
         ends = [end for end in ends if end.stand.chain.duration < self._find_longest()]
         ends = sorted(ends, key=lambda end: end.stand.chain.duration)
         for first in range(0, min(len(ends), MOST_JUDGED), TOGETHER):
@@ -242,10 +237,7 @@ class ChainSearch:
         return begun, rises
 
     def _connect(self, pairs: list[Pair]) -> None:
-        """Move to the targets of states with a way up; where that leads there, go on up.
-
-        The nearest that a quick move does not reach are tried with a slow one.
-        """
+        """Move to the targets of states with a way up; where that leads there, go on up."""
         left = self._link(pairs, DURATIONS)
         if slow := left[: self._tools.settings.batch // SLOW_PAIRS]:
             self._link(slow, SLOW_TIMES)

@@ -125,11 +125,7 @@ class CrawlSearch:
         scenarios: Scenarios,
         distance: Callable[[Array], Array],
     ) -> Crawl | None:
-        """Play the best chain whole; cut it where all worlds are nearest to the place.
-
-        It ends before a servo has all its torque for long, or physics diverges, in any of them. The
-        first state that is missed in one, or else the last, is removed from the archive.
-        """
+        """Play the best chain whole; cut it where all worlds are nearest to the place."""
         if not archive.best.depth:
             return None
         robot, layout = self._world.robot, self._world.robot.layout(self._world.model)

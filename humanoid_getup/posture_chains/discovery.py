@@ -167,10 +167,7 @@ class ChainDiscovery:
         return searched > UNIMPROVED and self.maker.simulated < MAKING_SHARE * searched
 
     def _list_turns(self) -> list[SideSearch]:
-        """List the sides to search next; without a chain for long, mostly the one that is ahead.
-
-        The others get up by its ways up, once it does.
-        """
+        """List the sides to search next; without a chain for long, mostly the one that is ahead."""
         going = [each for each in self.sides if not each.is_done(self._most)]
         is_hard = self.simulated > LATE and not any(each.search.chains for each in self.sides)
         if not is_hard:

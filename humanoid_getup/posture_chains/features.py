@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Protocol, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -60,14 +60,6 @@ class Features(ABC):
             return joined.reshape(-1, *joined.shape[2:])
 
         return replace(self, **{field.name: both(field.name) for field in fields(self)})
-
-
-class Meter(Protocol):
-    """Measures features of robots."""
-
-    def measure(self, qpos: Array) -> Features:
-        """Measure robots at MuJoCo positions (K, nq)."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,6 +179,9 @@ class PlaceMeter:
             position=root[:, :2] / self._leg,
             distance=self._distance(root) / self._leg,
         )
+
+
+Meter = StandMeter | PlaceMeter
 
 
 def _measure_apart(soles: Array) -> Array:

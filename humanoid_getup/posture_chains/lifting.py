@@ -61,7 +61,6 @@ def find_least_share(
     enough.
 
     Args:
-        world: Robot and scene.
         moves: With the robot's squats.
         scale: Times of the robot over those of OP3.
         limit: Torque limit of every servo.
@@ -93,7 +92,6 @@ def check_lifting(
     """Let a robot rise from a deep squat; None if it does, or does not for want of balance.
 
     Args:
-        world: Robot and scene.
         moves: With the robot's squats.
         scale: Times of the robot over those of OP3.
         limit: Torque limit of every servo.

@@ -276,10 +276,7 @@ class MovePlayer:
     def _find_missed(
         self, path: list[RestingState], record: Record, rows: slice, misses: int
     ) -> int:
-        """Find the first state of a path that too many worlds, rows of a record, have missed.
-
-        A world in which a servo is overloaded before a state has missed it.
-        """
+        """Find the first state of a path that too many worlds, rows of a record, have missed."""
         period, at = self.world.robot.control_period, 0
         qpos, stopped = record.qpos[rows], np.where(record.failed, record.cycles, np.inf)[rows]
         for number, state in enumerate(path[1:-1], start=1):
@@ -356,10 +353,7 @@ class MovePlayer:
         return slow & ~record.diverged
 
     def _find_pressing(self, record: Record, voltage: Array) -> Bools:
-        """Tell which robots have a servo that is saturated at the end at the supply [V], (N,).
-
-        It would trip in a row of such postures.
-        """
+        """Tell which robots have a servo that is saturated at the end at the supply [V], (N,)."""
         steps = self._rest_steps
         torque, velocity = record.torque[:, -steps:], record.actuator_vel[:, -steps:]
         saturated = find_saturation(self.world.robot, torque, velocity, voltage[:, np.newaxis])

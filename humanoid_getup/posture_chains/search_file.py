@@ -182,7 +182,6 @@ def restore_search(
     """Bring a search that was just begun to the state of a file.
 
     Args:
-        path: File.
         arrays: Of that file.
         discovery: A search with the same recipe.
         load: Loads a motion that was kept, by its name.

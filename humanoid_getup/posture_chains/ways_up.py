@@ -163,10 +163,7 @@ class WaysUp:
         return self._moves.aim(state.target, up.target, drawn, "connect")
 
     def _add_balanced(self, rng: np.random.Generator) -> None:
-        """File crouches and props that hold, and from which a move leads to a state with a way up.
-
-        Props with little weight on the hands are near crouches; others join these.
-        """
+        """File crouches and props that hold, and from which a move leads to a known way up."""
         waiting = [*self._hold(self._moves.crouches), *self._hold(self._moves.props)]
         for number in range(ROUNDS + FURTHER):
             waiting = [state for state in waiting if self.archive.wants(state)]

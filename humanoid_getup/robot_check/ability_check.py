@@ -61,7 +61,6 @@ def check_strength(robot: Robot, stance: Array, squats: Sequence[Squat]) -> Iter
     """Compare torques with those of the servos at the robot's supply, a finding a joint.
 
     Args:
-        robot: Robot.
         stance: Torques that hold the stance [N·m], (n,).
         squats: Those in which it was looked at.
     """

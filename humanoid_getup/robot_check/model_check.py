@@ -105,10 +105,7 @@ def _check_shapes(limbs: Limbs) -> Iterator[CheckFinding]:
 
 
 def _measure_gaps(limbs: Limbs, geom: int, most: float) -> Iterator[float]:
-    """Measure the gaps, up to a most, between a shape and joints of its link, and all others [m].
-
-    Joints count as near as the ball about the shape is.
-    """
+    """Measure the gaps, up to a most, from a shape to joints of its link, and all others [m]."""
     model, data = limbs.model, limbs.data
     link = model.body_weldid[model.geom_bodyid[geom]]
     moved = model.jnt_bodyid

@@ -47,7 +47,6 @@ class JointTrajectory:
 
         Args:
             motion: Motion of this robot.
-            robot: Robot.
             approach: Time of the first point [s], in which joints go to it from where they are.
         """
         period = robot.control_period

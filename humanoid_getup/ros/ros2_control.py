@@ -43,10 +43,6 @@ COMMANDS = ("Goal Position",)
 STATES = ("Present Position", "Present Velocity", "Hardware Error Status")
 
 
-class Ros2ControlError(ValueError):
-    """A robot cannot be described for ros2_control."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotControl:
     """Files of a robot for ros2_control."""
@@ -64,7 +60,7 @@ class RobotControl:
 
         Raises:
             SetupError: if it has no bus of Dynamixels.
-            Ros2ControlError: if joints on different ports are coupled.
+            ValueError: if joints on different ports are coupled.
         """
         notes = tuple(_find_notes(robot))
         return cls(
@@ -144,7 +140,7 @@ def _write_system(
     to_servo = servo_matrix(robot)
     others = np.setdiff1d(np.arange(robot.n), rows)
     if to_servo[np.ix_(rows, others)].any() or to_servo[np.ix_(others, rows)].any():
-        raise Ros2ControlError(
+        raise ValueError(
             f"robot '{robot.name}': coupled joints are on different ports, expected on one"
         )
     own = to_servo[np.ix_(rows, rows)]

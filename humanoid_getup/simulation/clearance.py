@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from humanoid_getup.scenes.crossing import Crossings
+from humanoid_getup.scenes.obstacle import Crossings
 from humanoid_getup.simulation.world import World
 from robots.body.overlap import measure_self_overlap
 from robots.kinematics import lowest_point

@@ -51,10 +51,6 @@ PER_WORLD = frozenset(
 """Model fields that may differ between the worlds of mujoco-warp."""
 
 
-class WarpError(ValueError):
-    """A model, a field or a device cannot be used with mujoco-warp."""
-
-
 @dataclass(frozen=True)
 class Room:
     """Room for contacts and constraints, which mujoco-warp reserves."""
@@ -94,7 +90,7 @@ class WarpBatch(Batch):
         """Put a model on a device: cpu, cuda or cuda:N; by default a GPU, if warp finds one.
 
         Raises:
-            WarpError: if mujoco-warp cannot simulate the model, or finds no such device.
+            ValueError: if mujoco-warp cannot simulate the model, or finds no such device.
         """
         super().__init__(model, nsim, nthread)
         self.device = _find_device(device)
@@ -106,7 +102,7 @@ class WarpBatch(Batch):
             try:
                 self._on_device = mjw.put_model(model)
             except (NotImplementedError, ValueError) as error:
-                raise WarpError(f"mujoco-warp cannot simulate this model: {error}") from error
+                raise ValueError(f"mujoco-warp cannot simulate this model: {error}") from error
             self._on_device.opt.warn_overflow = 0
             # Boxes meet as in MuJoCo; by default mujoco-warp takes its general convex collider.
             self._on_device.opt.disableflags |= mjw.DisableBit.NATIVECCD
@@ -116,13 +112,13 @@ class WarpBatch(Batch):
         """Return a live (nsim, ...) array over an MjData field, as a `Batch` does.
 
         Raises:
-            WarpError: if mujoco-warp does not compute the field.
+            ValueError: if mujoco-warp does not compute the field.
         """
         values = super().bind(name)
         if name in STATE:
             return values
         if not hasattr(self._data_on_device, name):
-            raise WarpError(f"mujoco-warp does not compute '{name}'")
+            raise ValueError(f"mujoco-warp does not compute '{name}'")
         if name not in self._own:
             self._own[name] = values.copy()
         return self._own[name]
@@ -131,10 +127,10 @@ class WarpBatch(Batch):
         """Give a model field values of each world; return them, (nsim, ...).
 
         Raises:
-            WarpError: if mujoco-warp shares the field between all worlds.
+            ValueError: if mujoco-warp shares the field between all worlds.
         """
         if name not in PER_WORLD:
-            raise WarpError(f"mujoco-warp shares the model field '{name}' between all worlds")
+            raise ValueError(f"mujoco-warp shares the model field '{name}' between all worlds")
         return super().expand(name)
 
     def forward(self, ids: ArrayLike | None = None, stage: int = FULL_STAGE) -> None:
@@ -152,7 +148,7 @@ class WarpBatch(Batch):
     def step(self, ids: ArrayLike | None = None, nstep: int = 1, stage: int = NO_STAGE) -> None:
         """Advance some worlds by physics steps; outputs are one step behind their states."""
         if stage != NO_STAGE:
-            raise WarpError("mujoco-warp computes no stages after a step")
+            raise ValueError("mujoco-warp computes no stages after a step")
         self.rollout(nstep, record=(), ids=ids)
 
     def rollout(
@@ -171,7 +167,7 @@ class WarpBatch(Batch):
         in the latter case.
         """
         if control_spec != CTRL or out is not None:
-            raise WarpError("a rollout of mujoco-warp takes controls alone, and makes its records")
+            raise ValueError("a rollout of mujoco-warp takes controls alone, and makes its records")
         rows = np.arange(self.nsim) if ids is None else np.arange(self.nsim)[np.asarray(ids)]
         sent = np.repeat(self.bind("ctrl")[np.newaxis], nstep, axis=0)
         if control is not None:
@@ -315,13 +311,9 @@ def _row(samples: wp.array, step: int) -> wp.array:
 
 
 def _find_device(name: str) -> wp.Device:
-    """Find a device of warp; by default its GPU, if there is one.
-
-    Raises:
-        WarpError: if there is none of that name.
-    """
+    """Find a device of warp; by default its GPU, if there is one."""
     try:
         return cast(wp.Device, wp.get_device(name or None))
     except (ValueError, RuntimeError) as error:
         found = ", ".join(str(device) for device in wp.get_devices())
-        raise WarpError(f"warp finds no device '{name}' here, expected {found}") from error
+        raise ValueError(f"warp finds no device '{name}' here, expected {found}") from error

@@ -64,7 +64,6 @@ class StrategySelector:
     """
 
     def __init__(self, strategies: dict[StrategyId, Strategy], records: TrackRecord) -> None:
-        """Prepare to select among strategies for one world and one torque limit."""
         self._strategies, self._records = strategies, records
         default = next(iter(strategies.values()))
         self.world, self.torque_limit = default.world, default.torque_limit
@@ -133,7 +132,6 @@ def make_strategy(
     """Make a strategy by the name that benchmarks use.
 
     Args:
-        world: Robot and scene.
         name: `PLAN`, `STRAIGHT`, `NEAREST`, or a policy by its name or file.
         torque_limit: Of the servos.
         database: Motions to plan with; ``None`` for the robot's own.

@@ -97,7 +97,6 @@ class KeyRoutes:
         rng: np.random.Generator,
         monitor: ProgressMonitor,
     ) -> None:
-        """Prepare to plan with one random generator."""
         self._world, self._database, self._rng = world, database, rng
         self._monitor = monitor
         self._checker = CollisionChecker(world.robot, world.scene)
@@ -217,7 +216,6 @@ class KeyedRise:
     """Searches for a rise that passes through key postures."""
 
     def __init__(self, tools: SearchTools, keys: Sequence[KeyPosture]) -> None:
-        """Prepare to search for rises through all keys, in order."""
         self._tools, self._world, self._keys = tools, tools.world, tuple(keys)
 
     def search(self, start: Posture, rng: np.random.Generator) -> FoundRise:
@@ -257,10 +255,7 @@ class KeyedRise:
         keys: Sequence[KeyPosture],
         rng: np.random.Generator,
     ) -> _Tries:
-        """Roll out ways with rests at the keys, else without; correct those that stand.
-
-        Ways without rests are tried only if no way with rests keeps all keys.
-        """
+        """Roll out ways with rests at the keys, else without; correct those that stand."""
         tools, tries = self._tools, _Tries()
         routes = KeyRoutes(self._world, tools.database, rng, tools.monitor)
         for rest in RESTS:

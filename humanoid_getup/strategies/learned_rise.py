@@ -14,8 +14,7 @@ from humanoid_getup.playback.preflight import Verdict, preflight_robot
 from humanoid_getup.playback.supervisor import Supervisor, supervise_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
-from humanoid_getup.strategies.plan_figures import PlanFigures
+from humanoid_getup.strategies.plan import PlanFigures, RisePlan, RiseStatus, Strategy
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_errors import FollowedStyle
 from humanoid_getup.style.style_file import load_style

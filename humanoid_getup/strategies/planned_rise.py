@@ -27,8 +27,7 @@ from humanoid_getup.planning.key_check import check_keys
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.keyed_rise import KeyedRise
-from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus
-from humanoid_getup.strategies.plan_figures import SearchRecord
+from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus, SearchRecord
 from humanoid_getup.strategies.search.approach import Approach
 from humanoid_getup.strategies.search.found_motions import MotionFinder
 from humanoid_getup.strategies.search.free_rise import FreeRise
@@ -82,7 +81,6 @@ class PlannedRise:
         """Prepare to plan.
 
         Args:
-            world: Robot and scene.
             database: Motions to connect to; ``None`` for the robot's own.
             torque_limit: Of the servos.
             prefer: What a rise should be besides successful.
@@ -213,10 +211,7 @@ class PlannedRise:
         return replace(tried, status=RiseStatus.FELL, detail=detail)
 
     def _advise(self, searched: float) -> str:
-        """Suggest what may lead to a rise after a search of a simulated time [s]; empty if unknown.
-
-        Options are named as the command line names them.
-        """
+        """Suggest options that may lead to a rise after so much simulated time [s]; or nothing."""
         limit, ways = self.torque_limit.value, list[str]()
         if limit is not None:
             ways.append(f"a higher --torque-limit than {limit:g} N·m")

@@ -39,10 +39,6 @@ LIMIT_SLACK = 1e-9  # N·m
 MOST_TORQUE, MOST_RISES = 1000.0, 10**9
 
 
-class TrackRecordError(ValueError):
-    """A file is not a valid track record; the message names every problem."""
-
-
 @dataclass(frozen=True)
 class StrategyId:
     """Identifies a strategy: planning, or one policy."""
@@ -126,7 +122,7 @@ def load_track_record(robot: Robot) -> TrackRecord:
     """Load a robot's track record; without a file it is empty.
 
     Raises:
-        TrackRecordError: naming every problem of the file.
+        ValueError: naming every problem of the file.
     """
     file = robot.folder / RECORDS
     if not file.exists():
@@ -135,11 +131,11 @@ def load_track_record(robot: Robot) -> TrackRecord:
     try:
         found = read_table(TrackRecord, load_toml(file), "", problems)
     except ValueError as error:
-        raise TrackRecordError(f"{file}: {error}") from error
+        raise ValueError(f"{file}: {error}") from error
     for number, record in enumerate(found.records, start=1):
         problems += [f"record number {number}: {problem}" for problem in _find_problems(record)]
     if problems:
-        raise TrackRecordError(f"{file}: {'; '.join(problems)}")
+        raise ValueError(f"{file}: {'; '.join(problems)}")
     return found
 
 

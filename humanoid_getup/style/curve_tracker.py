@@ -10,9 +10,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from humanoid_getup.style.curves import LOOKAHEAD, CurveTargets, StyleCurves, is_stand
+from humanoid_getup.style.curves import (
+    LOOKAHEAD,
+    CurveTargets,
+    SavedArrays,
+    SavedState,
+    StyleCurves,
+    is_stand,
+)
 from humanoid_getup.style.features import COUNT, FeatureSense, angle_distance
-from humanoid_getup.style.saved_arrays import SavedArrays, SavedState
 from robots import Robot
 from robots.quaternion import Array
 

@@ -9,15 +9,35 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from humanoid_getup.style.features import mirror_features
-from humanoid_getup.style.saved_arrays import SavedArrays
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step
+
+SavedState = dict[str, Any]
+"""State of an object by the names of its parts: arrays, numbers and states within it."""
+
+
+class SavedArrays:
+    """An object whose state is in some of its arrays."""
+
+    saved: ClassVar[tuple[str, ...]]
+    """Attributes that hold the state."""
+
+    def save_state(self) -> SavedState:
+        """Return a copy of the state, for :meth:`restore_state`."""
+        return {name: getattr(self, name).copy() for name in self.saved}
+
+    def restore_state(self, state: SavedState) -> None:
+        """Restore a state of :meth:`save_state`."""
+        for name in self.saved:
+            setattr(self, name, state[name].copy())
+
 
 POINTS = 9
 PIECES = POINTS - 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, ClipError, is_foot
+from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, is_foot
 from humanoid_getup.scenes.ground import FLAT, Ground, mean_height
 from humanoid_getup.style.curves import LEAST_END, PLACES, ROUNDING, StyleCurves
 from humanoid_getup.style.features import AROUND, COUNT, angle_distance, torso_angles
@@ -46,7 +46,7 @@ def measure_clip(clip: Clip) -> Array:
     Front and side are those of [Frezzato22], figure 4, from hips and neck.
 
     Raises:
-        ClipError: if it has no feet, hips or neck, or these are no torso.
+        ValueError: if it has no feet, hips or neck, or these are no torso.
     """
     axis, neck_name = UP[clip.up], clip.find(NECKS, "neck")
     left = clip.joints[clip.find(LEFT_HIPS, "left hip")]
@@ -62,7 +62,7 @@ def measure_clip(clip: Clip) -> Array:
     for column, vector in ((1, side), (2, front)):
         length = np.linalg.norm(vector, axis=1)
         if not length.all():
-            raise ClipError(
+            raise ValueError(
                 f"clip {clip.file}: hips and neck are in one line or one place in frame "
                 f"{int(np.argmin(length)) + 1}, expected a torso"
             )

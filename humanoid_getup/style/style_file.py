@@ -59,10 +59,6 @@ class StyleTable:
     ]
 
 
-class StyleError(ValueError):
-    """A style is unknown, or its file is wrong; the message is one line."""
-
-
 def list_styles() -> list[str]:
     """List the named styles."""
     return sorted(file.stem for file in FOLDER.glob(f"*{SUFFIX}"))
@@ -74,7 +70,7 @@ def load_style(name: str | Path, robot: Robot) -> Style:
     Durations of bodies that move alike grow with the square root of the length of their legs.
 
     Raises:
-        StyleError: if there is no such style, or its file is wrong.
+        ValueError: if there is no such style, or its file is wrong.
         ValueError: if an argument is of another type.
     """
     expect("style", name, str | Path, f"a name or a {SUFFIX} file")
@@ -83,7 +79,7 @@ def load_style(name: str | Path, robot: Robot) -> Style:
     if name.endswith(SUFFIX):
         return read_style(Path(name), robot)
     if name not in list_styles():
-        raise StyleError(
+        raise ValueError(
             f"unknown style '{name}', expected {', '.join(list_styles())} or a {SUFFIX} file"
         )
     return read_style(FOLDER / f"{name}{SUFFIX}", robot)
@@ -100,7 +96,7 @@ def read_style(file: Path, robot: Robot) -> Style:
     """Read a style file, with durations for a robot.
 
     Raises:
-        StyleError: naming all that is wrong.
+        ValueError: naming all that is wrong.
     """
     problems: list[str] = []
     try:
@@ -108,7 +104,7 @@ def read_style(file: Path, robot: Robot) -> Style:
         table = read_table(StyleTable, content, "", problems)
         problems += find_unknown_keys(StyleTable, content)
     except ValueError as error:
-        raise StyleError(f"style file {file}: {error}") from error
+        raise ValueError(f"style file {file}: {error}") from error
     curves: list[StyleCurves] = []
     if not problems:
         factor = _scale(robot, table.leg_length)
@@ -118,7 +114,7 @@ def read_style(file: Path, robot: Robot) -> Style:
             except ValueError as error:
                 problems.append(f"curves {number}: {error}")
     if problems:
-        raise StyleError(f"style file {file}: {'; '.join(problems)}")
+        raise ValueError(f"style file {file}: {'; '.join(problems)}")
     return Style(name=readable(file.stem), about=table.about, curves=tuple(curves))
 
 

@@ -22,7 +22,7 @@ from humanoid_getup.policy.observation import (
     observe,
 )
 from humanoid_getup.scenes.named_scenes import load_scene
-from humanoid_getup.style.saved_arrays import SavedState
+from humanoid_getup.style.curves import SavedState
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.action_head import ActionHead, DirectHead

@@ -9,8 +9,7 @@ from humanoid_getup.motions.course import Course
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.plan import MotionPlan, RiseStatus
-from humanoid_getup.strategies.plan_figures import SearchRecord
+from humanoid_getup.strategies.plan import MotionPlan, RiseStatus, SearchRecord
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Posture, Robot, quaternion
 from robots.kinematics import read_posture

@@ -15,7 +15,7 @@ from humanoid_getup.cli.options.motions import RecordMotion
 from humanoid_getup.cli.plan_and_check.make_motions import print_added
 from humanoid_getup.cli.shared.console import console_for, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.execution.hand_recorder import HandRecorder, PressSource, TerminalPresses
+from humanoid_getup.execution.hand_recorder import HandRecorder, TerminalPresses
 from humanoid_getup.jobs.backends import open_backend
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.get_up.viewer import viewing
@@ -45,7 +45,7 @@ def record(command: RecordMotion) -> int:
             raise ValueError(f"{path}: motion '{command.name}' is there already, expected another")
     with open_presses() as presses:
         console.print(f"the robot is limp: support it. {KEYS}")
-        recorder = HandRecorder(robot, presses, lambda count: console.print(f"{count} keys"))
+        recorder = HandRecorder(robot, presses.poll, lambda count: console.print(f"{count} keys"))
         report = _run(recorder, command, world)
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
@@ -64,7 +64,7 @@ def record(command: RecordMotion) -> int:
 
 
 @contextmanager
-def open_presses() -> Iterator[PressSource]:
+def open_presses() -> Iterator[TerminalPresses]:
     """Watch the person's keys.
 
     Raises:

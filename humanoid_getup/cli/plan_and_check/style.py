@@ -19,8 +19,8 @@ from humanoid_getup.jobs.requests.style import (
 from humanoid_getup.jobs.show_styles import DescribedStyle, edit_style, show_styles
 from humanoid_getup.jobs.show_styles import list_styles as describe_all
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.edits import rise_time
 from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_editor import rise_time
 
 
 def list_styles(command: ListStylesRequest) -> int:

@@ -174,11 +174,7 @@ class Disturbance:
         return p
 
     def _draw_starts(self, world: World, start: Array, n: int, rng: np.random.Generator) -> Array:
-        """Draw MuJoCo positions at the start, (n, nq), of which the first is the given one.
-
-        Offsets that would put limbs into each other, where no robot can be, are reversed or made
-        smaller, in the joints between these limbs.
-        """
+        """Draw MuJoCo positions at the start, (n, nq), of which the first is the given one."""
         robot, layout = world.robot, world.robot.layout(world.model)
         starts = np.tile(start, (n, 1))
         if self.joints == 0.0 and self.turn == 0.0:
@@ -204,11 +200,7 @@ USUAL = Disturbance(
 
 
 def _turn_joints(world: World, starts: Array, offsets: Array) -> None:
-    """Add as much of offsets (N, n) to the joints of starts (N, nq) as limbs permit, in place.
-
-    Where bodies would reach deeper into each other than in the start, the joints between them are
-    turned the other way, or less.
-    """
+    """Add as much of offsets (N, n) to the joints of starts (N, nq) as limbs permit, in place."""
     robot, model, data = world.robot, world.model, mujoco.MjData(world.model)
     joints, carries = robot.layout(model).qpos, find_carriers(robot, model)
     for start, offset in zip(starts, offsets, strict=True):

@@ -139,10 +139,7 @@ def _sample(
     rng: np.random.Generator,
     report: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Fall], int, int]:
-    """Sample falls; return them with the numbers of dropped and left out robots.
-
-    After each batch the number of falls found in it is reported.
-    """
+    """Sample falls; return them with the numbers of dropped and left out robots."""
     bare = replace(world.scene, obstacles=(), starts=())
     is_settled = any(start.is_settled for start in world.scene.starts)
     drops = Drops(World(world.robot, bare) if is_settled else world, BATCH)
@@ -187,11 +184,7 @@ def _sample(
 
 
 def _choose(scene: Scene, wanted: dict[str, int]) -> list[StartRegion]:
-    """Choose the regions of a scene in which robots may fall into a requested class.
-
-    Raises:
-        FallError: if there is none.
-    """
+    """Choose the regions of a scene in which robots may fall into a requested class."""
     lacking = {name for name, count in wanted.items() if count}
     starts = [s for s in scene.starts if _count_as(str(s.start_class), wanted) in lacking]
     if scene.starts and not starts:

@@ -170,7 +170,6 @@ def make_keyframes(
 
     Args:
         sequence: Keys of this robot.
-        robot: Robot.
         name: Name of the motion; by default the sequence's.
         start_class: Posture class from which it starts.
         end_class: How it ends.

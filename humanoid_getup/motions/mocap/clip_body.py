@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip, ClipError
+from humanoid_getup.clips.clip import LEFT_HIPS, NECKS, RIGHT_HIPS, UP, Clip
 from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
 from robots.quaternion import Array
 
@@ -62,7 +62,7 @@ def read_body(clip: Clip) -> ClipBody:
     rest pose.
 
     Raises:
-        ClipError: if it lacks hips, knees, ankles, neck or shoulders, or has no extent.
+        ValueError: if it lacks hips, knees, ankles, neck or shoulders, or has no extent.
     """
     places, rest = _Places(clip, is_rest=False), _Places(clip, is_rest=True)
     return ClipBody(
@@ -172,7 +172,7 @@ class _Places:
     def _unit(self, rows: Array, what: str) -> Array:
         length = np.linalg.norm(rows, axis=-1)
         if length.min() <= SMALL:
-            raise ClipError(
+            raise ValueError(
                 f"clip {self._clip.file}: {what} are in one place or line in frame "
                 f"{int(np.argmin(length)) + 1}, expected a body"
             )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation, Slerp
 
-from humanoid_getup.clips.clip import Clip, ClipError
+from humanoid_getup.clips.clip import Clip
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from humanoid_getup.motions.mocap.clip_body import ClipBody, read_body
@@ -119,7 +119,7 @@ class ClipRetargeter:
         With ``finish`` the motion ends in the robot's stance. The finished share is reported.
 
         Raises:
-            ClipError: if the clip has no such part, or not the body of a human.
+            ValueError: if the clip has no such part, or not the body of a human.
         """
         body, rows = read_body(clip), _choose_frames(clip, begin, end)
         angles = self._solve(body, rows, report)
@@ -209,7 +209,7 @@ class ClipRetargeter:
         excess = np.max(speed / (SPEED_SHARE * robot.max_velocity), axis=1)
         knots = np.concatenate([[0.0], np.cumsum(steps * np.maximum(excess, 1.0))])
         if knots[-1] > MAX_DURATION:
-            raise ClipError(
+            raise ValueError(
                 f"the motion would last {knots[-1]:.0f} s, expected at most {MAX_DURATION:g} s "
                 "(--begin and --end choose a part)"
             )
@@ -265,7 +265,7 @@ def _choose_frames(clip: Clip, begin: float, end: float) -> Frames:
     """Choose the frames to solve, from the first to the last of a part."""
     inside = np.flatnonzero((clip.time >= begin - 1e-9) & (clip.time <= end + 1e-9))
     if len(inside) < 2:
-        raise ClipError(
+        raise ValueError(
             f"clip {clip.file}: {len(inside)} frames from {max(begin, 0.0):g} s on, it lasts "
             f"{clip.time[-1]:.2f} s, expected two frames or more (--begin, --end)"
         )

@@ -36,7 +36,6 @@ class MotionFinder:
         threads: int = 0,
         monitor: ProgressMonitor | None = None,
     ) -> None:
-        """Prepare for a world, for a torque limit, and for known motions."""
         self._world, self._limit = world, torque_limit
         self._known = known
         self._threads, self._monitor = threads, monitor

@@ -31,10 +31,9 @@ from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
 from humanoid_getup.studio.takes.rollout_take import make_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
-from humanoid_getup.style.edits import rise_time
 from humanoid_getup.style.features import mirror_features
 from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_editor import StyleEditor
+from humanoid_getup.style.style_editor import StyleEditor, rise_time
 from humanoid_getup.style.style_file import SUFFIX, list_styles, load_style
 from robots import Posture
 from robots.description.posture_file import format_posture

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from humanoid_getup.policy.observation import Sensed, StyleInput, observe_style
 from humanoid_getup.style.curve_tracker import CurveTracker
+from humanoid_getup.style.curves import SavedArrays, SavedState
 from humanoid_getup.style.features import UNKNOWN
-from humanoid_getup.style.saved_arrays import SavedArrays, SavedState
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.environment.physics.training_simulation import TrainingSim

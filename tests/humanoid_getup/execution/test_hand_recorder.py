@@ -37,7 +37,7 @@ class Script:
 )
 def test_each_key_does_what_it_says(presses, count, done, is_kept, tiny):
     message: list[int] = []
-    recorder = HandRecorder(tiny, Script(*presses), message.append)
+    recorder = HandRecorder(tiny, Script(*presses).poll, message.append)
     backend = RecordingBackend(tiny)
     report = run(recorder, SafetyGuard(backend), max_time=0.1)
     assert (len(recorder.keys), recorder.done, recorder.is_kept) == (count, done, is_kept)
@@ -47,13 +47,13 @@ def test_each_key_does_what_it_says(presses, count, done, is_kept, tiny):
 
 def test_the_robot_stays_limp_throughout(tiny):
     backend = RecordingBackend(tiny)
-    run(HandRecorder(tiny, Script(TAKE)), SafetyGuard(backend), max_time=0.1)
+    run(HandRecorder(tiny, Script(TAKE).poll), SafetyGuard(backend), max_time=0.1)
     assert len(backend.received) > 5
     assert all(command.is_limp for command in backend.received)
 
 
 def test_a_key_waits_for_a_fresh_measurement(tiny):
-    recorder, fresh = HandRecorder(tiny, Script(TAKE)), still_state(tiny)
+    recorder, fresh = HandRecorder(tiny, Script(TAKE).poll), still_state(tiny)
     recorder.step(replace(fresh, joint_age=np.array([0.0, 0.2])))
     assert recorder.keys == []
     recorder.step(fresh)

@@ -12,7 +12,7 @@ from humanoid_getup.motions.motion import NO_END
 from humanoid_getup.motions.motion_database import Connection
 from humanoid_getup.motions.posture_metric import PostureMetric
 from humanoid_getup.planning.collision import CollisionChecker, to_configuration
-from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.path_planner import PathOptions, PathResult
 from humanoid_getup.planning.path_query import (
     CONNECTIONS,
     Goal,
@@ -22,14 +22,14 @@ from humanoid_getup.planning.path_query import (
     to_motion,
 )
 from humanoid_getup.planning.rrt_blossom import SearchStatus
-from humanoid_getup.planning.via import REST, ViaResult, place_stops, plan_via
+from humanoid_getup.planning.via import REST, place_stops, plan_via
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 
 
 def answer(world: World, joined: Connection, *, solved: bool) -> PathAnswer:
     path = straight_path(joined.motion.posture(0), joined.posture, 2.0, world.robot.control_period)
-    result = ViaResult(
+    result = PathResult(
         status=SearchStatus.SOLVED if solved else SearchStatus.BUDGET_SPENT,
         leg=1,
         trajectory=path if solved else None,
@@ -101,17 +101,17 @@ def stops(world: World, op3: Robot, fall: Posture) -> list[Posture]:
 
 def plan(
     world: World, fall: Posture, stops: Sequence[Posture], options: PathOptions | None = None
-) -> ViaResult:
+) -> PathResult:
     checker = CollisionChecker(world.robot, world.scene)
     return plan_via(fall, stops, checker, np.random.default_rng(0), options)
 
 
 @pytest.fixture(scope="module")
-def found(world: World, fall: Posture, stops: list[Posture]) -> ViaResult:
+def found(world: World, fall: Posture, stops: list[Posture]) -> PathResult:
     return plan(world, fall, stops)
 
 
-def test_the_path_passes_through_every_key_in_order(found: ViaResult, stops: list[Posture]):
+def test_the_path_passes_through_every_key_in_order(found: PathResult, stops: list[Posture]):
     path = found.trajectory
     assert found.status is SearchStatus.SOLVED
     assert path is not None
@@ -122,7 +122,7 @@ def test_the_path_passes_through_every_key_in_order(found: ViaResult, stops: lis
         assert abs(path.orientation[arrival] @ stop.orientation) == pytest.approx(1.0)
 
 
-def test_the_path_rests_at_each_key_and_is_sampled_evenly(found: ViaResult, op3: Robot):
+def test_the_path_rests_at_each_key_and_is_sampled_evenly(found: PathResult, op3: Robot):
     path = found.trajectory
     assert path is not None
     np.testing.assert_allclose(np.diff(path.time), op3.control_period)

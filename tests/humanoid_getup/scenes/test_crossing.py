@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from humanoid_getup.scenes.crossing import Crossings
+from humanoid_getup.scenes.obstacle import Crossings
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Robot

@@ -5,7 +5,7 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.style.curves import StyleCurves
-from humanoid_getup.style.edits import EditError, find_rise, hold, rise_time, shift_rise
+from humanoid_getup.style.style_editor import find_rise, hold, rise_time, shift_rise
 from humanoid_getup.style.style_file import list_styles, load_style
 
 
@@ -36,5 +36,5 @@ def test_a_hold_delays_what_follows(op3):
         held = hold(curves, at, 1.0)
         assert held.duration == pytest.approx(curves.duration + 1.0)
         assert rise_time(held) == pytest.approx(rise_time(curves) + 1.0, abs=0.1)
-    with pytest.raises(EditError, match="hold is at 9 s, expected 0 to"):
+    with pytest.raises(ValueError, match="hold is at 9 s, expected 0 to"):
         hold(curves, 9.0, 1.0)

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from humanoid_getup.style.edits import rise_time
 from humanoid_getup.style.style import Style
-from humanoid_getup.style.style_editor import StyleEditor
+from humanoid_getup.style.style_editor import StyleEditor, rise_time
 from humanoid_getup.style.style_file import load_style
 from robots import Robot
 

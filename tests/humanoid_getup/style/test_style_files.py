@@ -7,7 +7,6 @@ import pytest
 from nonempty import nonempty
 
 from humanoid_getup.style.style_file import (
-    StyleError,
     list_styles,
     load_any_style,
     load_style,
@@ -95,7 +94,7 @@ def test_durations_are_scaled_by_the_square_root_of_the_legs(op3, tmp_path):
 def test_a_wrong_file_is_refused_in_one_line(op3, tmp_path, before, after, fault):
     file = tmp_path / "wrong.toml"
     file.write_text(WHOLE.replace(before, after, 1))
-    with pytest.raises(StyleError) as caught:
+    with pytest.raises(ValueError) as caught:
         read_style(file, op3)
     assert fault in str(caught.value)
     assert str(caught.value).startswith(f"style file {file}: ")

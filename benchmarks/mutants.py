@@ -97,7 +97,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "-k=not stored_motion",  # whole rises
     ),
     "robots/body/parts.py": _BODY,
-    "robots/body/limb_finder.py": _BODY,
+    "robots/body/limbs.py": _BODY,
     "robots/body/mirror_pairs.py": _BODY,
     "robots/body/soles.py": _BODY,
     "robots/body/statics.py": _BODY,

@@ -43,7 +43,7 @@ from humanoid_getup.strategies.plan import RisePlan, RiseStatus, Strategy
 from humanoid_getup.strategies.planned_rise import SEARCH_BUDGET
 from humanoid_getup.strategies.track_record import PLAN
 from robots import FULL_TORQUE, Posture, TorqueLimit, load_robot, quaternion
-from robots.model_import.reading import read_model
+from robots.model_import.importer import read_model
 from robots.quaternion import Array
 
 PACKAGE = "unified_humanoid_get_up_env"

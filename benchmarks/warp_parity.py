@@ -33,7 +33,7 @@ from robots.quaternion import Array
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.settled_falls import SETTLED_SPEED
+from sim2real.environment.starts.start_states import SETTLED_SPEED
 from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
 
 STATES, STEPS_BETWEEN = 24, 4  # of each fall, from which single steps are compared

@@ -1,6 +1,7 @@
 """Robot descriptions: one folder a robot, and the types that load it."""
 
-from robots import mujoco_log
+import mujoco
+
 from robots.bus_settings import BoardSettings, BusSettings
 from robots.description.loading import load_robot, reshape
 from robots.description.posture_file import load_posture
@@ -11,7 +12,10 @@ from robots.robot import Joint, Robot, RobotError, list_robots
 from robots.servo import Servo, ServoModel
 from robots.torque_limit import FULL_TORQUE, TorqueLimit
 
-mujoco_log.keep_out_of_files()
+# MuJoCo's own log goes to the terminal, not to MUJOCO_LOG.TXT in the working folder.
+_log = mujoco.MjLogConfig.get()
+_log.logto_file = False
+mujoco.MjLogConfig.set(_log)
 
 __all__ = [
     "FULL_TORQUE",

@@ -14,35 +14,20 @@ PLAIN = (str, int, float, bytes, list, tuple, dict, set, type, type(None))
 
 
 def expect(name: str, value: object, kind: type | UnionType | tuple[Any, ...], what: str) -> None:
-    """Check the type of an argument; a bool is not accepted as a number.
+    """Raise ValueError if an argument is of another type; a bool is not accepted as a number.
 
-    Args:
-        name: Name of the argument.
-        value: Its value.
-        kind: Expected type or types.
-        what: Description of what is expected, such as "a Robot, e.g. load_robot('op3')".
-
-    Raises:
-        ValueError: if the value is of another type.
+    ``what`` says what is expected, such as "a Robot, e.g. load_robot('op3')".
     """
     if isinstance(value, kind) and not isinstance(value, bool):
         return
-    raise ValueError(f"{name} is {_describe(value)}, expected {what}")
+    is_plain = isinstance(value, PLAIN)
+    found = " ".join(shown(value).split()) if is_plain else f"a {type(value).__name__}"
+    raise ValueError(f"{name} is {found}, expected {what}")
 
 
 def expect_seed(seed: Any) -> None:
-    """Check a seed of random numbers.
-
-    Raises:
-        ValueError: if it is not a whole number from 0.
-    """
+    """Raise ValueError if a seed of random numbers is not a whole number from 0."""
     what = "a whole number from 0"
     expect("seed", seed, int | np.integer, what)
     if seed < 0:
         raise ValueError(f"seed is {seed}, expected {what}")
-
-
-def _describe(value: object) -> str:
-    if isinstance(value, PLAIN):
-        return " ".join(shown(value).split())
-    return f"a {type(value).__name__}"

@@ -50,12 +50,8 @@ class Drive:
 
         Position mode sets a share of the supply, so that stiffness and largest drive voltage both
         follow it; its motors lose torque to back-EMF as they turn. A current loop makes up for
-        that within the supply: the stiffness is that of the nominal supply, and the damping is
-        that of the D gain alone.
-
-        Args:
-            robot: Robot whose servos are driven.
-            voltage: Supply [V], shape (...).
+        that within the supply, (...) [V]: the stiffness is that of the nominal supply, and the
+        damping is that of the D gain alone.
         """
         models = [joint.servo.model for joint in robot.joints]
         voltage = np.asarray(voltage, dtype=float)[..., None]

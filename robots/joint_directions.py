@@ -50,10 +50,7 @@ def find_directions(robot: Robot) -> dict[str, JointDirection]:
 
 
 def _name_direction(axis: Array, lever: Array) -> JointDirection:
-    """Name the motion of the far end of a limb, relative to its joint at ``lever`` [m], (3,).
-
-    x points forward and y to the left.
-    """
+    """Name the motion of a limb's far end, at ``lever`` from its joint, x forward and y left."""
     if abs(axis[2]) > VERTICAL_AXIS:
         way = "counter-clockwise" if axis[2] > 0.0 else "clockwise"
         return JointDirection(way=way, is_turn=True)

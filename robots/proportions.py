@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
@@ -69,7 +71,9 @@ class Body:
             elif part in factors:
                 problems.append(f"{part} is given twice, expected once")
             else:
-                factors[part] = _read_factor(number)
+                factors[part] = math.nan  # outside every range
+                with contextlib.suppress(ValueError):
+                    factors[part] = float(number)
                 if not MIN_FACTOR <= factors[part] <= MAX_FACTOR:
                     problems.append(
                         f"{part} is {shown(number)}, expected a factor from {MIN_FACTOR:g} to "
@@ -82,11 +86,3 @@ class Body:
 
 PARTS = tuple(field.name for field in fields(Body))
 ORIGINAL = Body()
-
-
-def _read_factor(text: str) -> float:
-    """Read a number; any other text becomes nan, which is outside every range."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")

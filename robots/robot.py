@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.actuators import PositionActuator
 from robots.bus_settings import BusSettings
 from robots.imu import ImuKind, ImuSettings
 from robots.posture import Posture
@@ -191,7 +190,7 @@ class Robot(JointArrays):
     spreading_joints: tuple[str, ...] = ()
     """One joint of each pair that spreads limbs and comes home by itself."""
     passive_joints: tuple[str, ...] = ()
-    """Hinges of its model without servo; see `robots.passive_joints`."""
+    """Hinges of its model without servo; see `robots.kinematics`."""
     limp_joints: tuple[str, ...] = ()
     """Joints whose servos make no torque, such as broken ones; they still measure."""
     couplings: tuple[Coupling, ...] = ()
@@ -225,11 +224,7 @@ class Robot(JointArrays):
         return "board" if self.bus is not None and self.bus.board is not None else None
 
     def require_imu_site(self) -> str:
-        """Return the site of its IMU.
-
-        Raises:
-            RobotError: if it has none.
-        """
+        """Return the site of its IMU; a robot without one is refused."""
         if self.imu_site is None:
             raise RobotError(
                 f"robot '{self.name}' has no IMU: its orientation is unknown, expected imu_site "
@@ -290,36 +285,48 @@ class Robot(JointArrays):
         spec = self.read_model()
         spec.option.timestep = self.choose_timestep(min(spec.option.timestep, LONGEST_TIMESTEP))
         for i in range(self.n):
-            self._describe_actuator(i).add(spec)
+            self._add_actuator(spec, i)
         return spec
 
     def read_model(self) -> mujoco.MjSpec:
         """Read its model, without servos."""
         return mujoco.MjSpec.from_file(str(self.model_file))
 
-    def _describe_actuator(self, i: int) -> PositionActuator:
+    def _add_actuator(self, spec: mujoco.MjSpec, i: int) -> None:
+        """Add friction and rotor of a servo, and a motor in position mode; all behind its gear.
+
+        The servo drives voltage from the position error without compensating its back-EMF. A
+        ``dcmotor`` compensates it, so a derivative gain of K²/R takes the compensation out again.
+        """
+        name, motor, gear = (
+            self.joint_names[i],
+            self.joints[i].servo.model,
+            self.joints[i].servo.gear,
+        )
+        actuator = spec.add_actuator(name=name, target=name)
         coupling = next((c for c in self.couplings if i in c.joints), None)
-        turns: dict[str, float] = {}
-        if coupling is not None:
+        if coupling is None:
+            turned = spec.joint(name)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        else:  # a fixed tendon whose length is the angle that the servo turns
+            turned = spec.add_tendon(name=name)
             row = coupling.matrix[coupling.joints.index(i)]
-            names = (self.joint_names[k] for k in coupling.joints)
-            turns = dict(zip(names, row.tolist(), strict=True))
-        return PositionActuator(
-            name=self.joint_names[i],
-            servo=self.joints[i].servo,
-            motor_constant=float(self.motor_constant[i]),
-            stall_torque=float(self.max_torque[i]),
-            position_gain=float(self.position_gain[i]),
-            torque_speed_slope=float(self.torque_speed_slope[i]),
-            turns=turns,
+            for k, turns in zip(coupling.joints, row.tolist(), strict=True):
+                turned.wrap_joint(self.joint_names[k], turns)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
+        turned.armature = motor.armature * gear**2
+        turned.frictionloss = motor.friction * gear
+        gain, slope = float(self.position_gain[i]), float(self.torque_speed_slope[i])
+        actuator.set_to_dcmotor(
+            motorconst=[float(self.motor_constant[i])] * 2,
+            resistance=motor.resistance,
+            saturation=[float(self.max_torque[i]), 0.0, 0.0],
+            controller=[gain, 0, slope, 0, 0, motor.nominal_voltage],
+            ctrlspec=mujoco.mjtCtrlInput.mjINPUT_POS,
         )
 
     def choose_timestep(self, longest: float) -> float:
-        """Choose the longest physics step that divides the control period [s].
-
-        Args:
-            longest: Step that it must not exceed [s].
-        """
+        """Choose the longest physics step, up to one, that divides the control period [s]."""
         steps = math.ceil(self.control_period / longest - 1e-9)
         fits = abs(steps * longest - self.control_period) < 1e-9
         return longest if fits else self.control_period / steps

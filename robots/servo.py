@@ -95,9 +95,8 @@ class ServoModel:
     @property
     def ends(self) -> tuple[float, float]:
         """Return the ends of its positions about their middle [rad]."""
-        return -self.middle_tick * self.rad_per_tick, (
-            self.last_tick - self.middle_tick
-        ) * self.rad_per_tick
+        middle, step = self.middle_tick, self.rad_per_tick
+        return -middle * step, (self.last_tick - middle) * step
 
     @property
     def motor_constant(self) -> float:

@@ -49,7 +49,11 @@ class TorqueLimit:
                 f"torque limit is {self.value:g} N·m, expected at most {full:g} N·m, the stall "
                 f"torque of the servos of robot '{robot.name}'"
             )
-        least = _find_least(robot, by)
+        counts = {  # the smallest limits that leave every servo some torque
+            "current": float((robot.current_step * robot.torque_per_ampere).max()),
+            "pwm": float(robot.max_torque.max()) / PWM_FULL_SCALE,
+        }
+        least = counts.get(by, 0.0)
         if self.value is not None and self.value < least:
             raise ValueError(
                 f"torque limit is {self.value:g} N·m, expected at least {least:.2g} N·m, one "
@@ -81,11 +85,7 @@ def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
 
 
 def check_mode(robot: Robot, by: LimitMode) -> None:
-    """Refuse a way to limit torque that a servo does not have.
-
-    Raises:
-        ValueError: naming the servo.
-    """
+    """Refuse a way to limit torque that a servo does not have; the error names the servo."""
     for joint in robot.joints:
         model = joint.servo.model
         if by == "current" and not model.has_current_mode:
@@ -93,10 +93,3 @@ def check_mode(robot: Robot, by: LimitMode) -> None:
                 f"torque limit is by 'current', expected 'pwm': the {model.name} of joint "
                 f"'{joint.name}' has no current sensor"
             )
-
-
-def _find_least(robot: Robot, by: LimitMode) -> float:
-    """Find the smallest torque limit that leaves every servo some torque [N·m]."""
-    if by == "current":
-        return float((robot.current_step * robot.torque_per_ampere).max())
-    return float(robot.max_torque.max()) / PWM_FULL_SCALE if by == "pwm" else 0.0

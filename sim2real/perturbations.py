@@ -24,8 +24,8 @@ from robots import Posture, Robot, TorqueLimit
 from robots.kinematics import place
 from robots.quaternion import Array
 from robots.servo import LimitMode
+from sim2real.environment.env_options import NOISE
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS, ModelVariant, backlash
-from sim2real.environment.physics.randomization import NOISE
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
 from sim2real.policy_evaluation import (
@@ -33,6 +33,7 @@ from sim2real.policy_evaluation import (
     PolicyDriver,
     PolicyFigures,
     PolicyRollouts,
+    join_rollouts,
     roll_out_policy,
 )
 
@@ -85,12 +86,12 @@ class Perturbation:
     @property
     def label(self) -> str:
         """Describe the differences."""
-        parts = [
-            f"{field.name.replace('_', ' ')} {_format(getattr(self, field.name))} "
-            f"{UNITS.get(field.name, '')}".rstrip()
-            for field in fields(self)
-            if getattr(self, field.name) != field.default
-        ]
+        parts = []
+        for field in fields(self):
+            value = getattr(self, field.name)
+            shown = f"{value:.3g}" if isinstance(value, float) else str(value)
+            words = f"{field.name.replace('_', ' ')} {shown} {UNITS.get(field.name, '')}"
+            parts += [words.rstrip()] if value != field.default else []
         return ", ".join(parts) or "as described"
 
 
@@ -120,7 +121,7 @@ class PolicyTrial:
         for first in range(0, len(starts), CHUNK):
             some = starts[first : first + CHUNK]
             rollouts.append(self._roll_out(world, some, self.policy.skip(first), rng, report))
-        return PolicyRollouts.join(rollouts)
+        return join_rollouts(rollouts)
 
     def _build_world(self) -> World:
         """Build the world with the perturbations of the model."""
@@ -212,14 +213,10 @@ def _summarize_rows(
 def make_parameters(
     world: World, n: int, perturbation: Perturbation, rng: np.random.Generator
 ) -> DomainParameters:
-    """Make the domain parameters of ``n`` robots under a perturbation.
-
-    Which servo is weak and the axes of the IMU's errors are random.
-    """
+    """Make parameters of ``n`` robots; which servo is weak and the IMU's axes are random."""
+    usual, friction = world.scene.surface.friction, perturbation.friction
     disturbance = Disturbance(
-        friction=world.scene.surface.friction
-        if perturbation.friction is None
-        else perturbation.friction,
+        friction=usual if friction is None else friction,
         voltage=perturbation.voltage,
         mass=perturbation.mass,
         action_delay=perturbation.delay,
@@ -229,10 +226,6 @@ def make_parameters(
     )
     limit = TorqueLimit(perturbation.torque_limit, perturbation.limit_by)
     return disturbance.draw(world, n, rng, limit)
-
-
-def _format(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _push(sim: TrainingSim, speed: float, rng: np.random.Generator, step: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,11 +81,6 @@ class PolicyFigures:
     restarts: NDArray[np.int_]
     """How often each robot restarted after it had deviated from its curves, (N,)."""
 
-    @classmethod
-    def join(cls, parts: Sequence[Self]) -> Self:
-        """Join rollouts along the robots; what has steps has equally many."""
-        return _join(parts)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyRollouts(PolicyFigures):
@@ -106,13 +101,13 @@ class PolicyRollouts(PolicyFigures):
         )
 
 
-def _join(parts: Sequence[Any]) -> Any:
-    """Join every array of some dataclasses by its first axis."""
+def join_rollouts(parts: Sequence[Any]) -> Any:
+    """Join rollouts, or figures of them, along the robots: every array by its first axis."""
     joined = {}
     for field in fields(parts[0]):
         values = [getattr(part, field.name) for part in parts]
         if is_dataclass(values[0]):
-            joined[field.name] = _join(values)
+            joined[field.name] = join_rollouts(values)
         elif values[0] is not None:
             joined[field.name] = np.concatenate(values)
     return replace(parts[0], **joined)

@@ -7,7 +7,7 @@ import numpy as np
 
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place_postures
 from robots.quaternion import Array
 from robots.smooth_step import smooth_step

@@ -107,14 +107,12 @@ def _evaluate_case(
 ) -> EvaluatedCase:
     """Let the policy get up from all falls in a scene, in a style."""
     from sim2real.perturbations import CHUNK, summarize_rollouts
-    from sim2real.policy_evaluation import PolicyFigures
+    from sim2real.policy_evaluation import join_rollouts
 
     pieces = cut_falls(grounds, style, most=CHUNK, seed=request.seed)
     found = rollouts.roll_out(pieces, f"rises ({label})")
     falls = [fall for _, fall_set in grounds for fall in fall_set.falls]
-    figures = summarize_rollouts(
-        falls, PolicyFigures.join([each.figures for each in found]), CLASSES
-    )
+    figures = summarize_rollouts(falls, join_rollouts([each.figures for each in found]), CLASSES)
     planned = sum(each.planned for each in found)
     return EvaluatedCase(
         scene=grounds[0][1].scene,

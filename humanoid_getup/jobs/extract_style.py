@@ -18,7 +18,7 @@ from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import write_style
 from robots import Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import GravitySense, imu_in_torso
 from robots.quaternion import Array
 

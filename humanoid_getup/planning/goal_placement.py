@@ -11,7 +11,7 @@ from humanoid_getup.motions.posture_metric import align
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 from robots.quaternion import Array
 

@@ -16,7 +16,7 @@ from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 from robots.quaternion import Array
 

@@ -17,7 +17,7 @@ from humanoid_getup.posture_chains.moves import RandomMoves
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import Posture, TorqueLimit
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 from robots.quaternion import Array
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from humanoid_getup.simulation.world import World
 from robots import quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 from robots.quaternion import Array
 

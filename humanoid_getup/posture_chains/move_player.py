@@ -38,7 +38,7 @@ from humanoid_getup.posture_chains.resting_state import (
 from humanoid_getup.simulation.physics_engine import find_coarse_step
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE, Robot, TorqueLimit
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.quaternion import Array
 
 ROUGH = Disturbance(ground_friction=Uniform(0.6, 1.2), supply=Uniform(0.95, 1.05))

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from humanoid_getup.posture_chains.resting_state import PostureMove, RestingState
 from robots import Posture, Robot
-from robots.body.crouches import draw_crouches
+from robots.body.drawn_postures import Prop, draw_crouches, draw_props
 from robots.body.limb import LEGS
 from robots.body.limbs import Limbs
-from robots.body.props import Prop, draw_props
 from robots.body.squats import list_squats
 from robots.body.statics import Statics
 from robots.quaternion import Array

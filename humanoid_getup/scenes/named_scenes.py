@@ -15,7 +15,7 @@ from humanoid_getup.scenes.obstacle import Obstacle, make_capsule
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from robots import Robot, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.ground import GROUND_FRICTION
 from robots.quaternion import Array
 from robots.storage.files import readable

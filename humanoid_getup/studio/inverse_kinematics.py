@@ -12,7 +12,7 @@ import qpsolvers
 from numpy.typing import NDArray
 
 from robots import Robot
-from robots.passive_joints import couple_passive_joints
+from robots.kinematics import couple_passive_joints
 from robots.quaternion import Array
 
 ROUNDS = 40

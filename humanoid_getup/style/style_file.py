@@ -15,7 +15,7 @@ from humanoid_getup.style.curves import POINTS, StyleCurves
 from humanoid_getup.style.style import Style
 from robots import Robot
 from robots.arguments import expect
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.quaternion import Array
 from robots.storage.files import readable, write_atomically
 from robots.storage.toml_document import Value, commented, plain, rounded, tables_of

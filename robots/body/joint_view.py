@@ -1,4 +1,4 @@
-"""A model at given joint angles: positions and axes of its joints, in the torso's frame."""
+"""A model at given joint angles: its joints and the ends of its limbs, in the torso's frame."""
 
 from __future__ import annotations
 
@@ -6,11 +6,54 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from robots.body.ends import LimbEnds
-from robots.passive_joints import couple_passive_joints, rest_passive_joints
+from robots.body.links import gather_links
+from robots.body.shapes import sample_shapes
+from robots.kinematics import couple_passive_joints, rest_passive_joints
 from robots.quaternion import Array
 from robots.robot import Robot
+
+SHARPNESS = 8  # power of the distance by which points count: those far away count alone
+NO_WAY = 1e-6  # share of the largest distance below which points are around a joint on all sides
+
+
+class LimbEnds:
+    """Locates the ends of what the joints of a model move."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._points: dict[int, tuple[Array, NDArray[np.int_]]] = {}
+
+    def locate(self, data: mujoco.MjData, joint: int) -> Array:
+        """Locate the end of the bodies that a joint moves, in the world, (3,) [m].
+
+        It is in the middle of what is farthest from the joint: at the joint itself if that is in
+        their middle. Bodies without shapes end at their center of mass.
+        """
+        points, owners = self._sample(joint)
+        if not len(points):
+            return data.subtree_com[self._model.jnt_bodyid[joint]]
+        axes = data.xmat[owners].reshape(-1, 3, 3)
+        start = data.xanchor[joint]
+        ways = data.xpos[owners] + np.einsum("pij,pj->pi", axes, points) - start  # (p, 3)
+        distances = np.linalg.norm(ways, axis=1)
+        weights = (distances / distances.max()) ** SHARPNESS
+        middle = weights @ ways / weights.sum()
+        length = float(np.linalg.norm(middle))
+        if length < NO_WAY * distances.max():
+            return start.copy()
+        return start + middle / length * np.max(ways @ middle) / length
+
+    def _sample(self, joint: int) -> tuple[Array, NDArray[np.int_]]:
+        """Return points that span the bodies that a joint moves, (p, 3) [m], and their bodies."""
+        if joint not in self._points:
+            bodies = gather_links(self._model, int(self._model.jnt_bodyid[joint])).list_bodies()
+            sampled = {body: sample_shapes(self._model, body) for body in bodies}
+            owners = [np.full(len(points), body) for body, points in sampled.items()]
+            self._points[joint] = np.concatenate([*sampled.values()]), np.concatenate(owners)
+        return self._points[joint]
+
 
 TWIST = 0.8  # cosine between an axis and a direction from which a joint only twists about it
 SMALL = 1e-9
@@ -22,13 +65,7 @@ class JointView:
     def __init__(
         self, model: mujoco.MjModel, joints: Sequence[int], passive: Sequence[str] = ()
     ) -> None:
-        """Prepare to look at a model.
-
-        Args:
-            model: With one free joint, that of the torso.
-            joints: The joints that have angles, by their ids.
-            passive: Names of those that follow them or rest.
-        """
+        """Look at joints by their ids; passive ones, by their names, follow them or rest."""
         self.model, self.data = model, mujoco.MjData(model)
         self.ids, self._passive = list(joints), tuple(passive)
         self._addresses = model.jnt_qposadr[self.ids]

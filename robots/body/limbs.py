@@ -1,4 +1,4 @@
-"""Limbs: where the arms and legs of any robot point at given joint angles."""
+"""Limbs: the arms and legs of any robot, found from its joints and soles, and where they point."""
 
 from __future__ import annotations
 
@@ -7,11 +7,88 @@ from functools import cached_property
 import numpy as np
 
 from robots.body.joint_view import SMALL, JointView
-from robots.body.leg import Leg
-from robots.body.limb import LEGS, Limb, LimbName, LimbPose
-from robots.body.limb_finder import find_limbs
+from robots.body.limb import LEGS, Leg, Limb, LimbName, LimbPose
+from robots.body.links import Link
+from robots.body.parts import find_robot_parts
 from robots.quaternion import Array
 from robots.robot import Robot
+
+SHORT = 0.02  # m; joints nearer to each other than this are one, such as those of an ankle
+
+
+class _LimbFinder:
+    def __init__(self, robot: Robot, view: JointView) -> None:
+        self._robot, self._view = robot, view
+        self._soles = [view.model.site(name).id for name in robot.sole_sites]
+
+    def list_limbs(self) -> list[tuple[float, Limb]]:
+        """List the limbs, each with its distance to the left [m]."""
+        parts = find_robot_parts(self._robot, self._view.model)
+        found = [("leg", link) for _, link in parts.legs]
+        found += [("arm", link) for _, link in parts.arms]
+        return [limb for kind, link in found if (limb := self._describe(kind, link)) is not None]
+
+    def _describe(self, kind: str, first: Link) -> tuple[float, Limb] | None:
+        """Describe a limb; None if it has no joint that bends it in its middle."""
+        chain = self._list_chain(first)
+        places = {joint: k for k, joint in enumerate(self._view.ids)}  # of those with servos
+        joints = [places[joint] for link in chain for joint in link.joints if joint in places]
+        if len(joints) < 2:
+            return None
+        anchors = {k: self._view.anchor(k).copy() for k in joints}
+        sites = {site for link in chain for site in link.sites}
+        sole = next(s for s in self._soles if s in sites) if kind == "leg" else None
+        # The end of a limb: its sole, or the end of what its last joint moves.
+        tip = self._view.end(joints[-1]) if sole is None else self._view.data.site_xpos[sole]
+        tip = tip.copy()
+        bending = self._list_bending(joints)
+        start, middle = self._find_bends(joints, bending, anchors, tip)
+        below = [k for k in bending if joints.index(k) > joints.index(middle)]
+        ends = [k for k in below if np.linalg.norm(anchors[k] - anchors[middle]) > SHORT]
+        aside = float(anchors[joints[0]][1] + tip[1])
+        limb = Limb(
+            name=f"{'left' if aside > 0.0 else 'right'}_{kind}",  # type: ignore[arg-type]
+            joints=tuple(joints),
+            start=start,
+            middle=middle,
+            end=ends[0] if ends else None,
+            sole=sole,
+        )
+        return aside, limb
+
+    def _find_bends(
+        self, joints: list[int], bending: list[int], anchors: dict[int, Array], tip: Array
+    ) -> tuple[int, int]:
+        """Find where the upper part begins, and where it ends: farthest from both ends."""
+        first = anchors[joints[0]]
+        middle = max(
+            bending,
+            key=lambda k: min(np.linalg.norm(anchors[k] - first), np.linalg.norm(anchors[k] - tip)),
+        )
+        above = joints[: joints.index(middle)]
+        bends = [k for k in above if not self._view.twists(k, anchors[middle] - anchors[k])]
+        return (bends[-1] if bends else above[0]), middle
+
+    def _list_bending(self, joints: list[int]) -> list[int]:
+        """List the joints after the first that do more than twist the limb at 0; or else all."""
+        robot, view = self._robot, self._view
+        view.look(np.clip(0.0, robot.lower, robot.upper))
+        tip = view.end(joints[-1])
+        bending = [k for k in joints[1:] if not view.twists(k, tip - view.anchor(k))]
+        view.look(robot.standing.joint_pos)
+        return bending or joints[1:]
+
+    def _list_chain(self, first: Link) -> list[Link]:
+        """List the links along a limb: to its sole, or else to its longest end."""
+        chain = [first]
+        while chain[-1].children:
+            chain.append(max(chain[-1].children, key=self._rank))
+        return chain
+
+    def _rank(self, link: Link) -> tuple[bool, int]:
+        below = list(link.walk())
+        return any(set(self._soles) & set(part.sites) for part in below), len(below)
+
 
 PARALLEL = np.cos(np.radians(30.0))
 OVER_SOLES = 0.35  # leg lengths by which the mass may be beside the soles of a crouching robot
@@ -24,19 +101,24 @@ class Limbs(JointView):
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Find the limbs.
-
-        Raises:
-            ValueError: if it does not have two legs of at least two joints.
-        """
+        """Find the limbs; a robot without two legs of at least two joints is refused."""
         view = JointView.of(robot)
         super().__init__(view.model, view.ids, robot.passive_joints)
         self.robot = robot
         self.look(robot.standing.joint_pos)
-        self.all: dict[LimbName, Limb] = find_limbs(robot, self)
-        """Limbs by name; a robot may lack arms."""
-        self.thigh_and_shank = self._measure_leg()
-        """Of thigh and shank [m]."""
+        found = sorted(_LimbFinder(robot, self).list_limbs(), key=lambda each: abs(each[0]))
+        self.all: dict[LimbName, Limb] = {limb.name: limb for _, limb in found}
+        """Limbs by name, the outermost on each side; a robot may lack arms."""
+        if not set(LEGS) <= self.all.keys():
+            raise ValueError(
+                f"robot '{robot.name}' has no two legs with a knee, expected a left and a right "
+                "leg of two joints or more that end in sole_sites"
+            )
+        leg = self.all["left_leg"]
+        ends = [leg.start, leg.middle] + ([] if leg.end is None else [leg.end])
+        points = np.array([self.anchor(k) for k in ends])
+        self.thigh_and_shank = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        """Length of both [m]."""
 
     @cached_property
     def rest(self) -> dict[LimbName, LimbPose]:
@@ -102,12 +184,6 @@ class Limbs(JointView):
         axes = np.mean([leg.sole_axes for leg in legs], axis=0)
         way = (self.center_of_mass - middle) / self.thigh_and_shank
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
-
-    def _measure_leg(self) -> float:
-        leg = self.all["left_leg"]
-        ends = [leg.start, leg.middle] + ([] if leg.end is None else [leg.end])
-        points = np.array([self.anchor(k) for k in ends])
-        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def _unit(vector: Array) -> Array:

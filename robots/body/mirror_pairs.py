@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.side_names import swap_side
+from robots.body.sides import swap_side
 from robots.quaternion import Array
 
 MIRROR = np.array([1.0, -1.0, 1.0])

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from robots.body.links import Link, LinkFrames, gather_links
-from robots.robot import Robot
+from robots.robot import Robot, RobotError
 
 BESIDE = 1e-3  # m from the middle of the torso, where a limb is on one side
 
@@ -42,13 +42,8 @@ def sort_parts(
 
     Legs end in feet. What else hangs on the trunk is a head or an arm. A link that hangs on the
     trunk and carries several limbs is trunk, too, like a pelvis or a chest on a waist joint, and
-    so are the links of a spine up to there.
-
-    Args:
-        torso: All links of the body hang on it.
-        is_foot: Tells whether a link is one.
-        is_head: Tells whether a link begins a head.
-        aside: Tells how far to the left of the middle a link's joint is [m].
+    so are the links of a spine up to there. ``aside`` tells how far to the left of the middle a
+    link's joint is [m].
     """
     parts = BodyParts(torso)
 
@@ -135,3 +130,23 @@ def _find_way(link: Link, body: int) -> list[Link]:
         if way := _find_way(child, body):
             return [link, *way]
     return []
+
+
+def leg_length(robot: Robot) -> float:
+    """Measure the distance of a leg's first joint from its sole, all joints at 0 [m].
+
+    Two other lengths serve other ends: `Leg.measure_stretched` goes through the joints that bend a
+    leg, and says how deep it crouches; `Limbs.thigh_and_shank` leaves the foot out.
+    """
+    model = robot.spec().compile()
+    sole = model.site(robot.sole_sites[0]).id
+    legs = [leg for _, leg in find_robot_parts(robot, model).legs]
+    leg = next((leg for leg in legs if any(sole in link.sites for link in leg.walk())), None)
+    if leg is None:
+        raise RobotError(
+            f"robot '{robot.name}' has no leg that ends in site '{robot.sole_sites[0]}', expected "
+            "sole_sites on feet that hang on joints"
+        )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return float(np.linalg.norm(data.xanchor[leg.joints[0]] - data.site_xpos[sole]))

@@ -83,13 +83,9 @@ class Shape:
 def read_shapes(
     model: mujoco.MjModel, body: int, *, keep_hulls: bool, solid: bool = False
 ) -> list[Shape]:
-    """Read the collision shapes of a body, or the visual ones if it has no others.
+    """Read the collision shapes of a body or, unless ``solid``, visual ones if it has no others.
 
-    Args:
-        model: Compiled model.
-        body: Body.
-        keep_hulls: Whether meshes become their convex hulls instead of boxes and capsules.
-        solid: Whether to leave the visual ones out in any case.
+    Meshes become their convex hulls, if kept, or boxes and capsules.
     """
     geoms = list_solid(model, body)
     if not geoms and not solid:
@@ -241,11 +237,7 @@ def _hull(points: Array) -> Shape:
         away = np.minimum(away, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
     kept = corners[chosen]
     flat = Shape(
-        int(GEOM.mjGEOM_MESH),
-        np.zeros(3),
-        np.zeros(3),
-        np.array([1.0, 0.0, 0.0, 0.0]),
-        points=kept,
+        int(GEOM.mjGEOM_MESH), np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), points=kept
     )
     try:
         ConvexHull(kept)

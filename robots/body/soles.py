@@ -36,13 +36,9 @@ class Sole:
 def find_sole(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, least_area: float
 ) -> Sole | None:
-    """Find the largest flat face of a body that faces down.
+    """Find the largest flat face of a body that faces down in a pose, of an area [m²] or more.
 
-    Args:
-        model: Rebuilt model: x forward, z up.
-        data: Its kinematics in a pose in which the soles look down, more or less.
-        body: Of a foot.
-        least_area: Below which a face is not a sole [m²].
+    The model is a rebuilt one: x forward, z up.
     """
     best: Sole | None = None
     rotation = data.xmat[body].reshape(3, 3)
@@ -84,16 +80,11 @@ def _list_faces(points: Array, down: Array) -> list[_Face]:
 
 
 def _measure_area(face: _Face) -> float:
-    flat = face.points @ _plane(face.normal)
+    flat = face.points @ np.linalg.svd(face.normal[None])[2][1:].T  # along two unit vectors in it
     try:
         return float(ConvexHull(flat).volume)  # of points in a plane, the area
     except QhullError:
         return 0.0
-
-
-def _plane(normal: Array) -> Array:
-    """Return two unit vectors across a normal, in columns, (3, 2)."""
-    return np.linalg.svd(normal[None])[2][1:].T
 
 
 def _describe(body: int, points: Array, face: _Face, rotation: Array, area: float) -> Sole:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.both_legs import BothLegs, find_overlaps_but_arms
-from robots.body.flat_soles import CLOSE, FlatSoles, fit_posture
+from robots.body.flat_soles import CLOSE, BothLegs, FlatSoles, find_overlaps_but_arms, fit_posture
 from robots.body.limbs import Limbs
 from robots.body.statics import Statics
 from robots.quaternion import Array
@@ -85,12 +84,10 @@ class _SquatSearch:
         self._both, self._home = BothLegs(limbs), limbs.robot.standing.joint_pos
         self._before = self._home
         self._soles = FlatSoles(
-            view=limbs,
-            feet=self._both.feet,
-            length=self._both.length,
-            stride=self._both.stride,
+            view=limbs, feet=self._both.feet, length=self._both.length, stride=self._both.stride
         )
-        self._bends = self._list_bends()
+        bends = [self._both.bend_knees(self._home, way) for way in (1.0, -1.0)]
+        self._bends = sorted(bends, key=self._measure_knee, reverse=True)
 
     def solve(self, extension: float) -> Array | None:
         """Find joint angles (n,) with legs bent to a share of their length; None if there are none.
@@ -116,11 +113,6 @@ class _SquatSearch:
 
     def _look(self, values: Array) -> Array:
         return self._both.look(self._home, values)
-
-    def _list_bends(self) -> list[Array]:
-        """List start angles (j,) of the search: knees bent forward, then knees bent back."""
-        bends = [self._both.bend_knees(self._home, way) for way in (1.0, -1.0)]
-        return sorted(bends, key=self._measure_knee, reverse=True)
 
     def _measure_knee(self, values: Array) -> float:
         self._look(np.clip(values, *self._both.bounds))

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from robots.kinematics import place_postures
-from robots.passive_joints import couple_passive_joints
+from robots.kinematics import couple_passive_joints, place_postures
 from robots.posture import Posture
 from robots.quaternion import Array
 from robots.robot import Robot
@@ -43,7 +42,8 @@ class Statics:
     def place_on_soles(self, joint_pos: Array) -> None:
         """Pose the robot at joint angles (n,), its soles level on average."""
         data = self._data
-        data.qpos[:] = self._place(joint_pos, np.array([1.0, 0.0, 0.0, 0.0]))
+        upright, origin = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+        data.qpos[:] = place_postures(self._robot, self._model, origin, upright, joint_pos)
         data.qvel[:] = 0.0
         mujoco.mj_kinematics(self._model, data)
         u, _, v = np.linalg.svd(data.site_xmat[self._soles].reshape(-1, 3, 3).mean(axis=0))
@@ -52,9 +52,6 @@ class Statics:
         data.qpos[self._layout.root_orientation] = orientation
         mujoco.mj_fwdPosition(self._model, data)
         mujoco.mj_fwdVelocity(self._model, data)
-
-    def _place(self, joint_pos: Array, orientation: Array) -> Array:
-        return place_postures(self._robot, self._model, np.zeros(3), orientation, joint_pos)
 
     def measure_torques(self, joint_pos: Array) -> Array:
         """Compute the torques of actuators that hold joint angles on both soles [N·m], (n,).
@@ -67,12 +64,8 @@ class Statics:
     def find_targets(self, joint_pos: Array, hands: Hands = (), share: float = 0.0) -> Array:
         """Find the targets that hold joint angles on both soles, within their limits, (n,) [rad].
 
-        They lead the angles by the errors at which the servos make the torques.
-
-        Args:
-            joint_pos: [rad], (n,)
-            hands: Bodies that touch the ground as well, and where in their frames [m].
-            share: Of the weight, that they carry together.
+        They lead the angles by the errors at which the servos make the torques. Hands carry a share
+        of the weight together.
         """
         lead = self._robot.compute_lead(self._measure_at_joints(joint_pos, hands, share))
         return np.clip(joint_pos + lead, self._robot.lower, self._robot.upper)

@@ -66,8 +66,7 @@ class BenchTable:
 
     name: str
     bench: Annotated[
-        tuple[BenchRow, ...],
-        Meta(description="a list of tables, one for each servo", min_length=1),
+        tuple[BenchRow, ...], Meta(description="a list of tables, one for each servo", min_length=1)
     ]
     bus: BusSettings
     control_period: Annotated[float, within(MIN_CONTROL_PERIOD, MAX_CONTROL_PERIOD, "s")] | None = (
@@ -125,10 +124,7 @@ def _make_joint(row: BenchRow, model: ServoModel) -> Joint:
 
 def _range_of(row: BenchRow, model: ServoModel) -> tuple[float, float]:
     lowest, highest = model.ends
-    return (
-        lowest if row.lower is None else row.lower,
-        highest if row.upper is None else row.upper,
-    )
+    return (lowest if row.lower is None else row.lower, highest if row.upper is None else row.upper)
 
 
 def _find_problems(

@@ -66,11 +66,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: Path, robot: Robot) -> Calibration:
-        """Load a robot's calibration.
-
-        Raises:
-            CalibrationError: naming all that is wrong, such as another robot's file.
-        """
+        """Load a robot's calibration; the error names all that is wrong."""
         problems: list[str] = []
         try:
             calibration = read_table(cls, load_toml(path), "", problems)

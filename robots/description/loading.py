@@ -1,5 +1,7 @@
 """Loading a robot from its folder: its robot.toml, its model, and its computed stance."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -14,10 +16,10 @@ from robots.description.calibration import CALIBRATION_FILE, Calibration, Calibr
 from robots.description.model_checks import find_model_problems
 from robots.description.schema import JointRow, RobotTable, read_description
 from robots.description.servo_catalog import read_servo_models
-from robots.passive_joints import rest_passive_joints
+from robots.kinematics import rest_passive_joints
 from robots.posture import Posture
 from robots.proportions import ORIGINAL, Body, BodyError
-from robots.reshaping.reshaped_robot import ReshapedRobot
+from robots.reshaping.reshape_model import ReshapedRobot
 from robots.robot import ROBOTS_FOLDER, Joint, Robot, RobotError, list_robots
 from robots.servo import LimitMode, Servo, ServoModel
 from robots.storage.files import describe
@@ -217,10 +219,7 @@ def _compute_stance(
     passive_joints: Sequence[str],
     angles: Mapping[str, float],
 ) -> tuple[Posture, float]:
-    """Place the soles flat on the ground; return the posture and the height of the neck [m].
-
-    The joint angles [rad] are in the robot's order.
-    """
+    """Place the soles flat on the ground; return the posture and the height of the neck [m]."""
     data = mujoco.MjData(model)
     for name, angle in angles.items():
         data.joint(name).qpos[0] = angle

@@ -53,9 +53,9 @@ def find_model_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _torso_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     if not table.torso:
         return []
-    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
+    torso = mujoco.mj_name2id(model, OBJECT.mjOBJ_BODY, table.torso)
     if torso < 0:
-        bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.jnt_bodyid[model.jnt_type == FREE])
+        bodies = _names(model, OBJECT.mjOBJ_BODY, model.jnt_bodyid[model.jnt_type == FREE])
         return [f"torso: unknown body {shown(table.torso)}, expected {bodies}"]
     joint = model.body_jntadr[torso]
     if joint < 0 or model.jnt_type[joint] != FREE:
@@ -69,21 +69,21 @@ def _torso_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _site_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     wanted = [("neck_site", table.neck_site), ("imu_site", table.imu_site)]
     wanted += [("sole_sites", site) for site in table.sole_sites]
-    sites = _names(model, mujoco.mjtObj.mjOBJ_SITE, range(model.nsite))
+    sites = _names(model, OBJECT.mjOBJ_SITE, range(model.nsite))
     return [
         f"{key}: unknown site {shown(site)}, expected {sites}"
         for key, site in wanted
-        if site and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site) < 0
+        if site and mujoco.mj_name2id(model, OBJECT.mjOBJ_SITE, site) < 0
     ]
 
 
 def _joint_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     problems = []
     for name in dict.fromkeys(row.name for row in table.joints if row.name):
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        joint = mujoco.mj_name2id(model, OBJECT.mjOBJ_JOINT, name)
         if joint < 0:
             ids = np.flatnonzero(model.jnt_type == HINGE)
-            hinges = _names(model, mujoco.mjtObj.mjOBJ_JOINT, ids)
+            hinges = _names(model, OBJECT.mjOBJ_JOINT, ids)
             problems.append(f"joint {shown(name)} is not in {table.model}, expected {hinges}")
         elif model.jnt_type[joint] != HINGE:
             kind = JOINT_KINDS[int(model.jnt_type[joint])]
@@ -101,7 +101,7 @@ def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     described = {row.name for row in table.joints}
     problems = []
     for name in table.passive_joints:
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        joint = mujoco.mj_name2id(model, OBJECT.mjOBJ_JOINT, name)
         if name in described:
             problems.append(f"passive_joints: {shown(name)} has a row in joints, expected none")
         elif joint < 0:
@@ -115,7 +115,7 @@ def _passive_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _undescribed_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     """Find joints that would move without a servo, and are neither passive nor the torso's."""
     described = {row.name for row in table.joints} | set(table.passive_joints)
-    torso = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, table.torso)
+    torso = mujoco.mj_name2id(model, OBJECT.mjOBJ_BODY, table.torso)
     problems = []
     for joint in range(model.njnt):
         view, body = model.joint(joint), model.body(model.jnt_bodyid[joint])
@@ -143,7 +143,7 @@ def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
         if name not in names
     ]
     for name in names:
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        joint = mujoco.mj_name2id(model, OBJECT.mjOBJ_JOINT, name)
         if joint < 0 or model.jnt_type[joint] != HINGE or not model.jnt_limited[joint]:
             continue
         angle, (lower, upper) = table.standing.get(name, 0.0), model.jnt_range[joint]
@@ -157,7 +157,7 @@ def _standing_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 def _actuator_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
     if not model.nu:
         return []
-    names = _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR, range(model.nu))
+    names = _names(model, OBJECT.mjOBJ_ACTUATOR, range(model.nu))
     return [
         f"{table.model} has actuators ({names}), expected none: "
         "the servos come from the rows of joints"

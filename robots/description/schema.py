@@ -109,7 +109,11 @@ def read_description(
     """
     problems: list[str] = []
     table = read_table(RobotTable, toml, "", problems)
-    problems += _wrong_servos(table.joints, servos)
+    problems += [
+        f"joint {shown(row.name)}: servo is {shown(row.servo)}, expected {', '.join(servos)}"
+        for row in table.joints
+        if row.servo and row.servo not in servos
+    ]
     if table.bus is not None:
         names = tuple(row.name for row in table.joints)
         table = replace(table, bus=complete_bus(table.bus, names, problems))
@@ -186,14 +190,6 @@ def _wrong_pairs(key: str, names: tuple[str, ...], mirror: dict[str, str]) -> li
         else f"{key}: {shown(name)}, expected one joint of a mirrored pair"
         for name in names
         if name not in mirror or mirror[name] == name or mirror[name] in names
-    ]
-
-
-def _wrong_servos(rows: tuple[JointRow, ...], servos: Mapping[str, ServoModel]) -> list[str]:
-    return [
-        f"joint {shown(row.name)}: servo is {shown(row.servo)}, expected {', '.join(servos)}"
-        for row in rows
-        if row.servo and row.servo not in servos
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from robots.body.links import Link
 from robots.body.mirror_pairs import MirrorPairs, find_mirror
 from robots.body.parts import BodyParts, sort_parts
-from robots.body.side_names import side_of
+from robots.body.sides import side_of
 from robots.model_import.source import ModelImportError
 from robots.model_import.tree import KinematicTree
 from robots.quaternion import Array
@@ -106,16 +106,7 @@ class Anatomy:
 
 
 def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
-    """Find the parts of a humanoid that stands upright, z up, in a tree's pose.
-
-    Args:
-        tree: Robot.
-        path: Its model file, for messages.
-        notes: Messages for the user are appended here.
-
-    Raises:
-        ModelImportError: if there are no two legs.
-    """
+    """Find the parts of a humanoid that stands upright, z up, in a tree's pose, with notes."""
     low, high = _measure_ends(tree)
     height = float(np.nanmax(high) - np.nanmin(low))
     one, other = _find_feet(tree, low, height, path)
@@ -129,31 +120,24 @@ def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
         for foot, other_foot in ((left, right), (right, left))
     ]
     middle = np.mean(hips, axis=0)
-    mirror = _pair(tree, axes, middle, height)
+    mirror = find_mirror(
+        [hinge.name for hinge in tree.hinges],
+        (np.array([hinge.anchor for hinge in tree.hinges]) - middle) @ axes,
+        np.array([hinge.axis for hinge in tree.hinges]) @ axes,
+        (tree.data.subtree_com[[hinge.body for hinge in tree.hinges]] - middle) @ axes,
+        [len(tree.chain(k)) for k in range(len(tree.hinges))],
+        height,
+    )
     for k in mirror.unpaired:
         notes.append(f"joint {shown(tree.hinges[k].name)} has no counterpart: it is its own mirror")
     legs = (_leg(tree, left, right), _leg(tree, right, left))
     return Anatomy(tree=tree, axes=axes, middle=middle, legs=legs, mirror=mirror, height=height)
 
 
-def _pair(tree: KinematicTree, axes: Array, middle: Array, height: float) -> MirrorPairs:
-    anchors = np.array([hinge.anchor for hinge in tree.hinges])
-    turns = np.array([hinge.axis for hinge in tree.hinges])
-    return find_mirror(
-        [hinge.name for hinge in tree.hinges],
-        (anchors - middle) @ axes,
-        turns @ axes,
-        (tree.data.subtree_com[[hinge.body for hinge in tree.hinges]] - middle) @ axes,
-        [len(tree.chain(k)) for k in range(len(tree.hinges))],
-        height,
-    )
-
-
 def _measure_ends(tree: KinematicTree) -> tuple[Array, Array]:
     """Measure the lowest and highest point of each hinge's link [m], (n,) each."""
-    ends = [_measure_link(tree, k, UP) for k in range(len(tree.hinges))]
-    heights = [hinge.anchor[2] for hinge in tree.hinges]
-    rows = [(z, z) if end is None else end for end, z in zip(ends, heights, strict=True)]
+    hinges = enumerate(tree.hinges)
+    rows = [_measure_link(tree, k, UP) or (hinge.anchor[2],) * 2 for k, hinge in hinges]
     return np.array(rows)[:, 0], np.array(rows)[:, 1]
 
 
@@ -233,15 +217,10 @@ def _snap(direction: Array, tree: KinematicTree) -> Array:
 def _turn_forward(
     tree: KinematicTree, one: int, other: int, lateral: Array, height: float, notes: list[str]
 ) -> tuple[int, int, Array]:
-    """Find the front by left and right names, else by the feet, longer in front of the ankle.
+    """Find the front by left and right names, else by the feet, longer before the ankle, or knees.
 
-    Feet as long behind it leave the knees, which bend so that the shanks go backwards.
-
-    Args:
-        lateral: Unit vector from ``other`` to ``one``, level, (3,).
-
-    Returns:
-        The ends of the left and the right leg, and the axes: forward, left, up, (3, 3).
+    Those bend so that the shanks go backwards. ``lateral`` leads from ``other`` to ``one``; return
+    the ends of the left and the right leg, and the axes: forward, left, up, (3, 3).
     """
     named = side_of(tree.hinges[one].name) - side_of(tree.hinges[other].name)
     forward = np.cross(lateral, UP)  # if `one` is the left
@@ -259,10 +238,7 @@ def _turn_forward(
 
 
 def _find_contradictions(sign: float, by_toes: float, by_knees: float) -> Iterator[str]:
-    """Say what stands against the front that was found; feet alone may be longer behind the ankle.
-
-    Each is 1 or -1 for a front, or 0 if it shows none.
-    """
+    """Say what stands against the front found; each is 1 or -1 for a front, or 0 for none."""
     feet, knees = by_toes == -sign, by_knees == -sign
     if feet and knees:
         yield (
@@ -282,10 +258,7 @@ def _find_contradictions(sign: float, by_toes: float, by_knees: float) -> Iterat
 
 
 def _measure_bend(tree: KinematicTree, leg: tuple[int, ...], lateral: Array) -> float:
-    """Measure how much farther a knee turns one way about an axis than the other [rad].
-
-    It is positive if ``lateral`` points left.
-    """
+    """Measure how much farther a knee turns one way than the other [rad]; above 0 about left."""
     across = [k for k in leg if abs(tree.hinges[k].axis @ lateral) > ALONG]
     if len(across) < LEAST_LEG:
         return 0.0

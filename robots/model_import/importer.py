@@ -2,29 +2,68 @@
 
 from __future__ import annotations
 
+import warnings
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
 
-from robots.body.balanced_stance import BalancedStance
-from robots.body.body_plan import BodyPlan
-from robots.body.roles import list_rising, list_segments, list_spreading
+from robots.body.body_plan import BodyPlan, list_rising, list_segments, list_spreading
 from robots.model_import.anatomy import find_anatomy
-from robots.model_import.brackets import exclude_brackets, find_own_overlaps
-from robots.model_import.folding import Fold
-from robots.model_import.reading import read_model
+from robots.model_import.mjcf import read_mjcf
 from robots.model_import.rebuild import Rebuilder
-from robots.model_import.rebuilt import RebuiltModel
+from robots.model_import.rebuilt import SOLES, RebuiltModel, SitePlacer
 from robots.model_import.servo_choice import ServoChoice, choose_servos
-from robots.model_import.sites import SOLES, SitePlacer
-from robots.model_import.source import ActuatorFigures, ModelImportError
-from robots.model_import.stance_search import find_stance
+from robots.model_import.source import ActuatorFigures, ModelImportError, ModelSource
+from robots.model_import.stance import (
+    BalancedStance,
+    exclude_brackets,
+    find_own_overlaps,
+    find_stance,
+)
 from robots.model_import.tie_reduction import reduce_ties
+from robots.model_import.ties import Fold
 from robots.model_import.tree import KinematicTree, find_tree
+from robots.model_import.urdf import read_urdf
 from robots.quaternion import Array
+from robots.storage.files import describe, read_bounded
+from robots.storage.model_files import MAX_MODEL, parse_xml
 from robots.storage.validation import shown
+
+
+def read_model(path: Path) -> ModelSource:
+    """Read a model file: MJCF or URDF, distinguished by their root element."""
+    try:
+        root = parse_xml(read_bounded(path, MAX_MODEL))
+    except (OSError, ValueError) as error:
+        reason = describe(error)
+        if ", expected " not in reason:
+            reason += ", expected an MJCF or URDF file"
+        raise ModelImportError([f"{path}: {reason}"]) from error
+    if problem := _find_kind_problem(path, root):
+        raise ModelImportError([f"{path}: {problem}"])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)  # as MuJoCo's are
+        source = read_urdf(path, root) if root.tag == "robot" else read_mjcf(path)
+    texts = [" ".join(str(warning.message).split()) for warning in caught]
+    if not texts:
+        return source
+    count = "once" if len(texts) == 1 else f"{len(texts)} times, first"
+    return replace(source, notes=(*source.notes, f"MuJoCo warns {count}: {texts[0]}"))
+
+
+def _find_kind_problem(path: Path, root: ET.Element) -> str | None:
+    """Describe why a file is of an unknown kind; None if its kind is known."""
+    if root.tag not in ("robot", "mujoco"):
+        return f"its root is <{root.tag}>, expected <mujoco> (MJCF) or <robot> (URDF)"
+    if any("xacro" in str(element.tag).partition("}")[0] for element in root.iter()):
+        return f"it is a xacro source, expected the URDF made of it: xacro {path.name} > robot.urdf"
+    if root.tag == "mujoco" and path.suffix not in (".xml", ".urdf"):  # as MuJoCo demands
+        return f"an MJCF file that ends in {shown(path.suffix)}, expected .xml: rename it"
+    return None
+
 
 MOST_LETTERS = 200  # of the name of a joint or a body
 
@@ -36,7 +75,7 @@ class ImportOptions:
     name: str
     """Of the robot."""
     servos: tuple[str, ...] = ()
-    """``TYPE`` or ``TYPE=PATTERN``; see :func:`robots.model_import.servo_choice.choose_servos`."""
+    """``TYPE`` or ``TYPE=PATTERN``; see `choose_servos`."""
     keep_hulls: bool = False
     """Whether meshes become convex hulls instead of boxes and capsules."""
     fixed: tuple[str, ...] = ()
@@ -90,8 +129,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     )
     passive = {each.joint for each in followers}
     rebuilt = RebuiltModel(path, options.name, anatomy, builder, fixed=fixed, passive=passive)
-    placer = SitePlacer(path, anatomy, builder, guesses, source.flat)
-    placer.add_sites(rebuilt.spec, rebuilt.look())
+    SitePlacer(rebuilt, guesses, source.flat).add_sites()
     rebuilt.compile()
     body = rebuilt.describe(SOLES)
     notes += body.find_contradictions()

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 
 from robots.description.model_checks import HINGE, find_number_problems
-from robots.model_import.folding import Fold, find_folds, fold
 from robots.model_import.source import (
     ActuatorFigures,
     ModelImportError,
@@ -18,7 +17,15 @@ from robots.model_import.source import (
     compile_spec,
     find_range_problems,
 )
-from robots.model_import.ties import Tie, describe_separate, group_ties, list_ties
+from robots.model_import.ties import (
+    Fold,
+    Tie,
+    describe_separate,
+    find_folds,
+    fold,
+    group_ties,
+    list_ties,
+)
 from robots.quaternion import Array
 from robots.storage.files import describe
 from robots.storage.model_files import MODEL_ERRORS, find_file_problems
@@ -31,11 +38,7 @@ FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 
 
 def read_mjcf(path: Path) -> ModelSource:
-    """Read an MJCF file.
-
-    Raises:
-        ModelImportError: if it does not compile, or has too many parts.
-    """
+    """Read an MJCF file."""
     if problems := find_file_problems(path):
         raise ModelImportError(f"{path}: {problem}" for problem in problems)
     notes: list[str] = []
@@ -87,10 +90,7 @@ def _find_range_problems(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator
 
 
 def _slide_anchors(model: mujoco.MjModel) -> None:
-    """Move points of hinges that lie far from their bodies along their axes, which moves nothing.
-
-    A body's own origin counts as its place where its center of mass is much nearer to it.
-    """
+    """Slide hinges' points far off their bodies' centers to the bodies' origins, along the axes."""
     for joint in np.flatnonzero(model.jnt_type == HINGE):
         point, axis = model.jnt_pos[joint], model.jnt_axis[joint]
         center = model.body_ipos[model.jnt_bodyid[joint]]
@@ -106,10 +106,7 @@ def _list_separate(ties: Sequence[Tie], folds: Sequence[Fold]) -> Iterator[str]:
 
 
 def _forget_scene(spec: mujoco.MjSpec) -> None:
-    """Remove contact pairs and sensors, which may refer to a scene in another file.
-
-    Shapes that collide by pairs alone do so by kind instead.
-    """
+    """Remove pairs and sensors, which may be of a scene; shapes of pairs collide by kind."""
     for pair in list(spec.pairs):
         for name in (pair.geomname1, pair.geomname2):
             if (geom := spec.geom(name)) is not None:
@@ -159,7 +156,7 @@ def _list_actuators(model: mujoco.MjModel) -> dict[str, ActuatorFigures]:
 
 
 def _list_ranges(model: mujoco.MjModel) -> dict[str, Array]:
-    """List the ranges of position actuators on joints without range, (2,) each, by joint [rad].
+    """List the ranges of position actuators on joints without range, (2,) each [rad].
 
     A range that is stated but not enforced counts: its author clips targets elsewhere.
     """

@@ -12,10 +12,32 @@ from robots import quaternion
 from robots.body.shapes import list_solid, read_shapes
 from robots.description.model_checks import HINGE
 from robots.model_import.anatomy import Anatomy
-from robots.model_import.inertias import compute_box_inertia, find_excess
 from robots.model_import.tie_reduction import Follower
 from robots.model_import.tree import KinematicTree, name_joint
 from robots.quaternion import Array
+
+BEYOND = 2.0  # times the reach of a link's shapes, where all of its mass had to be
+WIDEST = 0.4  # of the robot's height, up to which a small link's inertia may be a placeholder
+
+
+def find_excess(inertia: Array, mass: float, points: Array, height: float) -> float:
+    """Find how many times an inertia (3, 3) [kg·m²] is that of a box about a link's shapes.
+
+    The points (p, 3) that span them are from the center of mass. It is 0 for one that can be, and
+    that of a small link may be larger than its shapes permit, if not than the robot's height does.
+    """
+    largest = float(np.linalg.eigvalsh(inertia).max())
+    reach = float(np.linalg.norm(points, axis=1).max(initial=0.0))
+    if not reach or largest <= mass * max(BEYOND * reach, WIDEST * height) ** 2:
+        return 0.0
+    return largest / float(compute_box_inertia(mass, points).max())
+
+
+def compute_box_inertia(mass: float, points: Array) -> Array:
+    """Compute the inertia of a uniform box that holds points, (3, 3) [kg·m²]."""
+    sides = np.square(np.ptp(points, axis=0))
+    return mass / 12.0 * np.diag(sides.sum() - sides)
+
 
 TIMESTEP = 0.002  # s
 FRICTION = 0.8
@@ -38,14 +60,9 @@ class Rebuilder:
         followers: Collection[Follower] = (),
         notes: list[str],
     ) -> None:
-        """Prepare to build.
+        """Prepare to build; some hinges are fixed at the angles of the tree's pose.
 
-        Args:
-            anatomy: Parts of the robot.
-            keep_hulls: Whether meshes become convex hulls instead of boxes and capsules.
-            fixed: Hinges that are fixed at the angle of the tree's pose.
-            followers: Hinges that follow others.
-            notes: Messages for the user are appended here.
+        Meshes become convex hulls, if kept, or boxes and capsules.
         """
         self._tree: KinematicTree = anatomy.tree
         self._model = anatomy.tree.model
@@ -107,17 +124,16 @@ class Rebuilder:
 
     def holder(self, body: int) -> int:
         """Return the body to which another is welded, or itself if it has hinges."""
-        while body != self._tree.root and not self._free_hinges(body):
-            body = int(self._model.body_parentid[body])
+        model, fixed = self._model, self._fixed
+        while body != self._tree.root and fixed.issuperset(
+            name_joint(model, joint) for joint in self._hinges(body)
+        ):
+            body = int(model.body_parentid[body])
         return body
 
     def carrier(self, hinge: int) -> str:
         """Return the name of the rebuilt body that one of the tree's hinges moves."""
         return self.name(self.holder(self._tree.hinges[hinge].body))
-
-    def _free_hinges(self, body: int) -> list[int]:
-        hinges = self._hinges(body)
-        return [j for j in hinges if name_joint(self._model, j) not in self._fixed]
 
     def _pose(self, body: int) -> tuple[Array, Array]:
         """Return the pose of a body in its parent, bent by the hinges that are fixed."""
@@ -128,10 +144,7 @@ class Rebuilder:
         return position, orientation
 
     def _place_in(self, body: int, position: Array, orientation: Array) -> tuple[Array, Array]:
-        """Convert a pose in a body's old frame to the new one of the body that holds it.
-
-        Of those that remain only the root's frame is turned.
-        """
+        """Convert a pose in a body's old frame to that of its holder; the root's is turned."""
         holder = self.holder(body)
         while body != holder:
             origin, turn = self._pose(body)
@@ -193,7 +206,7 @@ class Rebuilder:
         center = sum((s * pose[0] for s, pose in zip(shares, poses, strict=True)), np.zeros(3))
         inertia = np.zeros((3, 3))
         for b, (position, orientation) in zip(held, poses, strict=True):
-            axes = _axes(orientation)
+            axes = np.column_stack([quaternion.rotate(orientation, axis) for axis in np.eye(3)])
             inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
             away = position - center
             inertia += model.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
@@ -250,8 +263,3 @@ class Rebuilder:
             names = sorted({self.name(self.holder(body)) for body in pair if body in inside})
             if len(names) == 2:
                 spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
-
-
-def _axes(orientation: Array) -> Array:
-    """Return the axes of a frame in columns, (3, 3)."""
-    return np.column_stack([quaternion.rotate(orientation, axis) for axis in np.eye(3)])

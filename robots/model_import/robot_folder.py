@@ -8,10 +8,10 @@ from pathlib import Path
 import tomlkit
 
 from robots.description.loading import load_robot
-from robots.model_import.folding import Fold
 from robots.model_import.importer import ImportedRobot
-from robots.model_import.sites import IMU, NECK, SOLES
+from robots.model_import.rebuilt import IMU, NECK, SOLES
 from robots.model_import.source import ModelImportError
+from robots.model_import.ties import Fold
 from robots.robot import RobotError
 from robots.servo import TICKS_PER_TURN
 from robots.storage.files import atomic_folder, describe
@@ -39,16 +39,16 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
         ModelImportError: if the folder is not empty or cannot be written, or the robot not loaded.
     """
     try:
-        if folder.exists() and any(folder.iterdir()):
-            raise ModelImportError(
-                [f"--out is {folder}, which is not empty, expected a new folder"]
-            )
-        if folder.is_symlink():
-            raise ModelImportError(
-                [f"--out is {folder}, which is a symbolic link, expected a new folder"]
-            )
+        wrong = "not empty" if folder.exists() and any(folder.iterdir()) else ""
+        wrong = wrong or ("a symbolic link" if folder.is_symlink() else "")
+        if wrong:
+            raise ModelImportError([f"--out is {folder}, which is {wrong}, expected a new folder"])
         with atomic_folder(folder) as partial:
-            _fill(partial, robot)
+            partial.chmod(0o777 & ~_umask())
+            (partial / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
+            (partial / "robot.toml").write_text(describe_robot(robot), "utf-8")
+            if robot.servos.own:
+                (partial / "servos.toml").write_text(describe_servos(robot), "utf-8")
             load_robot(partial)
     except RobotError as error:
         raise ModelImportError(
@@ -58,14 +58,6 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
         raise ModelImportError(
             [f"--out is {folder}: {describe(error)}, expected a new folder"]
         ) from error
-
-
-def _fill(folder: Path, robot: ImportedRobot) -> None:
-    folder.chmod(0o777 & ~_umask())
-    (folder / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
-    (folder / "robot.toml").write_text(describe_robot(robot), "utf-8")
-    if robot.servos.own:
-        (folder / "servos.toml").write_text(describe_servos(robot), "utf-8")
 
 
 def _umask() -> int:

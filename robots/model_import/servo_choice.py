@@ -62,24 +62,15 @@ def choose_servos(
     weight: float,
     leg_length: float,
 ) -> ServoChoice:
-    """Choose a servo type for each joint.
+    """Choose a servo type for each joint, by what the model states, the user says, or the weight.
 
-    Args:
-        joints: Their names.
-        actuators: What the model states of them.
-        asked: What the user says: ``TYPE`` for all joints, or ``TYPE=PATTERN`` for those whose
-            names match; the last that matches counts.
-        weight: Mass of the robot [kg].
-        leg_length: [m].
-
-    Raises:
-        ModelImportError: if a type that the user named is unknown or matches no joint, or a joint
-            is stronger than servos are.
+    The user says ``TYPE`` for all joints, or ``TYPE=PATTERN`` for those whose names match; the last
+    that matches counts. The robot's mass is in kg, its legs' length in m.
     """
     named = _read_wishes(joints, asked)
     need = SQUAT_SHARE * weight * GRAVITY * leg_length
     stated = {
-        name: _without_wild_speed(figures)
+        name: replace(figures, speed=None) if _is_wild(figures) else figures
         for name, figures in actuators.items()
         if figures.effort is not None and figures.effort < min(WILD * need, ENDLESS)
     }
@@ -137,10 +128,6 @@ def _is_wild(figures: ActuatorFigures) -> bool:
     return figures.speed is not None and figures.speed > FASTEST
 
 
-def _without_wild_speed(figures: ActuatorFigures) -> ActuatorFigures:
-    return replace(figures, speed=None) if _is_wild(figures) else figures
-
-
 def _check_torques(
     joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
 ) -> None:
@@ -185,10 +172,7 @@ def _choose_supply(
     named: Mapping[str, str],
     needed: float,
 ) -> float:
-    """Choose the supply at which the known or requested types fit the model's limits best.
-
-    Robots that no known type can lift have motors of a higher supply.
-    """
+    """Choose the supply at which types fit the limits best; other motors have a higher one."""
     read = [stated[joint] for joint in joints if joint in stated and joint not in named]
     usable = [
         supply
@@ -268,10 +252,7 @@ def describe_motor(
 
 
 def _choose_by_weight(need: float, supply: float, most_mass: float) -> str:
-    """Choose the weakest type with enough torque; describe such a motor if there is none.
-
-    Types above a mass [kg] are too heavy, unless all others are too weak to hold a squat.
-    """
+    """Choose the weakest type with enough torque, or such a motor, if others are not too heavy."""
     usable = {n: m for n, m in list_guessed().items() if m.accepts_supply(supply)}
     torque = {n: m.stall_torque * supply / m.nominal_voltage for n, m in usable.items()}
     enough = [name for name in torque if torque[name] >= RESERVE * need]

@@ -9,8 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.model_import.folding import Fold
-from robots.model_import.ties import Tie
+from robots.model_import.ties import Fold, Tie
 
 MOST_PARTS = 500  # joints, bodies or links of a robot; a servo bus has 253 ids
 MAX_LIMIT = 4.0 * np.pi  # rad; a joint that turns farther was meant in degrees

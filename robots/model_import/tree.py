@@ -97,11 +97,8 @@ class KinematicTree:
 
     def link(self, hinge: int) -> list[int]:
         """Return the bodies that a hinge moves but no hinge below it."""
-        return self._links[self.hinges[hinge].body]
-
-    @cached_property
-    def _links(self) -> dict[int, list[int]]:
-        return {link.root: link.bodies for link in self.torso.walk()}
+        root = self.hinges[hinge].body
+        return next(link.bodies for link in self.torso.walk() if link.root == root)
 
 
 def name_joint(model: mujoco.MjModel, joint: int) -> str:
@@ -115,18 +112,12 @@ def name_joint(model: mujoco.MjModel, joint: int) -> str:
 
 
 def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
-    """Find the robot in a model, in the stance of a keyframe if there is one.
-
-    Args:
-        source: Model.
-        notes: Messages for the user are appended here.
-
-    Raises:
-        ModelImportError: if it holds no robot that stands on hinges.
-    """
+    """Find the robot in a model, in the stance of a keyframe if there is one; notes are added."""
     model, path = source.model, source.path
     tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == WORLD]
-    count = {top: _count_hinges(model, top) for top in tops}
+    below = {top: gather_links(model, top).list_bodies() for top in tops}
+    is_hinge = model.jnt_type == HINGE
+    count = {top: int(np.sum(is_hinge & np.isin(model.jnt_bodyid, below[top]))) for top in tops}
     if not tops or max(count.values()) == 0:
         raise ModelImportError([f"{path}: it has no hinges, expected those of a humanoid"])
     root = max(tops, key=lambda top: count[top])
@@ -140,11 +131,6 @@ def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
         if model.jnt_type[joint] == HINGE and model.joint(joint).name in source.stance:
             qpos[model.jnt_qposadr[joint]] = source.stance[model.joint(joint).name]
     return KinematicTree(model, root, qpos)
-
-
-def _count_hinges(model: mujoco.MjModel, root: int) -> int:
-    below = gather_links(model, root).list_bodies()
-    return int(np.sum((model.jnt_type == HINGE) & np.isin(model.jnt_bodyid, below)))
 
 
 def _is_frame(model: mujoco.MjModel, body: int) -> bool:
@@ -204,14 +190,10 @@ def _find_size_problems(source: ModelSource, root: int) -> Iterator[str]:
             )
     if not SPANS[0] <= span <= SPANS[1]:
         is_mm = SPANS[0] <= span / 1e3 <= SPANS[1]
+        hint = "these look like mm" if is_mm else "and z points up"
         yield (
             f"{source.path}: its joints span {span:.3g} m of height, expected {SPANS[0]:g} to "
-            f"{SPANS[1]:g} m: "
-            + (
-                "lengths are in m, these look like mm"
-                if is_mm
-                else "lengths are in m, and z points up"
-            )
+            f"{SPANS[1]:g} m: lengths are in m, {hint}"
         )
     if not MASSES[0] <= mass <= MASSES[1]:
         yield (

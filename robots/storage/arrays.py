@@ -34,19 +34,11 @@ def save_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 
 
 def load_arrays(
-    path: Path,
-    keys: Collection[str],
-    *,
-    optional: Collection[str] = (),
-    max_bytes: int = MAX_BYTES,
+    path: Path, keys: Collection[str], *, optional: Collection[str] = (), max_bytes: int = MAX_BYTES
 ) -> dict[str, NDArray[Any]]:
-    """Read the arrays of an .npz file: numbers and texts.
+    """Read the arrays of an .npz file: numbers and texts, by the names that it must or may have.
 
-    Args:
-        path: File.
-        keys: Names of the arrays that it must have.
-        optional: Names of others that it may have.
-        max_bytes: Largest size, of the file and of all its arrays together [bytes].
+    ``max_bytes`` limits the file and all its arrays together.
 
     Raises:
         OSError: if the file cannot be read.
@@ -67,33 +59,21 @@ def load_arrays(
 
 
 def to_text(array: NDArray[Any], key: str) -> str:
-    """Return the text that an array holds.
-
-    Raises:
-        ArchiveError: if it does not hold one text.
-    """
+    """Return the one text that an array must hold."""
     if array.shape != () or array.dtype.kind not in TEXTS:
         raise ArchiveError(f"{key} is not a text")
     return str(array)
 
 
 def check_robot(array: NDArray[Any], name: str) -> None:
-    """Check that an archive belongs to a robot, by the array that holds its name.
-
-    Raises:
-        ArchiveError: if it is of another one.
-    """
+    """Check that an archive belongs to a robot, by the array that holds its name."""
     found = to_text(array, "robot")
     if found != name:
         raise ArchiveError(f"it is of robot '{found}', expected '{name}'")
 
 
 def to_numbers(array: NDArray[Any], key: str, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return an array as finite numbers of a shape; None in it stands for any length.
-
-    Raises:
-        ArchiveError: if it is not.
-    """
+    """Return an array as finite numbers of a shape; None in it stands for any length."""
     if array.dtype.kind not in NUMBERS:
         raise ArchiveError(f"{key} is not an array of numbers")
     fits = len(array.shape) == len(shape) and all(

@@ -60,11 +60,7 @@ def find_file_problems(path: Path) -> list[str]:
 
 
 def parse_xml(content: bytes) -> ET.Element:
-    """Parse XML. Comments may hold ``--``, as MuJoCo permits.
-
-    Raises:
-        ValueError: if it is none, or a Git LFS pointer.
-    """
+    """Parse XML; comments may hold ``--``, as MuJoCo permits. Pointers of Git LFS are refused."""
     if content.startswith(POINTER):
         raise ValueError(f"it {POINTER_PROBLEM}")
     try:

@@ -135,13 +135,13 @@ def find_unknown_keys(kind: type, table: dict[str, Any], place: str = "") -> lis
 
 def load_toml(file: Path) -> dict[str, Any]:
     """Load a TOML file; raises as `parse_file`."""
-    return parse_file(file, "TOML", _parse_toml, MAX_TOML)
 
+    def parse(text: str) -> dict[str, Any]:
+        if LONG_KEY.search(text):  # tomllib's time grows with the square of the parts
+            raise ValueError(f"a key has {MOST_PARTS} parts or more")
+        return tomllib.loads(text)
 
-def _parse_toml(text: str) -> dict[str, Any]:
-    if LONG_KEY.search(text):  # tomllib's time grows with the square of the parts
-        raise ValueError(f"a key has {MOST_PARTS} parts or more")
-    return tomllib.loads(text)
+    return parse_file(file, "TOML", parse, MAX_TOML)
 
 
 def parse_file(
@@ -187,11 +187,8 @@ def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
     item = _item_type(base)
     if is_dataclass(base) and isinstance(value, dict):
         return read_table(base, value, f"{place}.", problems)  # type: ignore[arg-type]
-    if (
-        get_origin(base) is dict
-        and isinstance(value, dict)
-        and len(value) >= (meta.min_length or 0)
-    ):
+    is_filled = isinstance(value, dict) and len(value) >= (meta.min_length or 0)
+    if get_origin(base) is dict and is_filled:
         return {
             key: _read(item, content, f"{place}.{_as_key(key)}", problems)
             for key, content in value.items()

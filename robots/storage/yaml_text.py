@@ -14,10 +14,7 @@ MOST_NODES = MAX_TEXT // 2  # as many values as a file can hold without aliases
 def parse_yaml(text: str, *, keeps_tagged: bool = False) -> Any:
     """Read the first document of a text; None if it has none.
 
-    Args:
-        text: YAML.
-        keeps_tagged: Read tagged Python objects as the lists, tables or texts that they tag;
-            otherwise they are refused.
+    Tagged Python objects are refused, or kept as the lists, tables or texts that they tag.
 
     Raises:
         ValueError: if it is not YAML, or its aliases stand for too much.

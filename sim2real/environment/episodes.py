@@ -1,4 +1,4 @@
-"""The episodes of a training: their age, their end, and whether robots stood."""
+"""The episodes of a training: their age and end, and the curricula that follow how they ended."""
 
 from __future__ import annotations
 
@@ -102,3 +102,63 @@ class Episodes:
         return EndedEpisodes(
             ended, from_pool, self.start[from_pool], stood[from_pool], self.alone[from_pool]
         )
+
+
+# Hard falls are drawn more often: a success rate of 0.45 means more than half of all falls.
+FORCE_EPISODES, FORCE_SUCCESS, FORCE_STEP = 200, 0.45, 0.05
+
+
+@dataclass(eq=False)
+class AssistiveForce:
+    """Upper limit of the force that lifts robots; field names are those of the checkpoint."""
+
+    lift: float
+    """Upper limit, as a fraction of the weight."""
+    first: float
+    """Initial upper limit."""
+    ended: int = 0
+    stood: int = 0
+
+    @property
+    def cost_share(self) -> float:
+        """Return the factor on costs: it grows from 0 to 1 as the force fades."""
+        return 1.0 - self.lift / self.first if self.first else 1.0
+
+    def note(self, stood: NDArray[np.bool_]) -> None:
+        """Count episodes; reduce the force after enough of them if most ended in a stand."""
+        self.ended += len(stood)
+        self.stood += int(stood.sum())
+        if self.ended < FORCE_EPISODES:
+            return
+        if self.stood > FORCE_SUCCESS * self.ended:
+            self.lift = max(self.lift - FORCE_STEP, 0.0)
+        self.ended = self.stood = 0
+
+
+TO_OPEN = 200  # successes in a level that open the next
+
+
+class LevelCurriculum:
+    """Opens the levels of initial states one by one, easy ones first."""
+
+    def __init__(self, levels: NDArray[np.int_]) -> None:
+        """Begin with level 0 of starts at these levels, (P,)."""
+        self._levels = levels
+        self.open = 0
+        """Highest level that is open."""
+        self.successes = 0
+        """In the highest open level."""
+
+    def note(self, starts: NDArray[np.int_], stood: NDArray[np.bool_]) -> None:
+        """Count the successes of episodes from some starts; open the next level after enough."""
+        self.successes += int(np.sum(stood & (self._levels[starts] == self.open)))
+        if self.successes >= TO_OPEN and self.open < self._levels.max():
+            self.open, self.successes = self.open + 1, 0
+
+    def save_state(self) -> dict[str, int]:
+        """Return the complete state, for :meth:`restore_state`."""
+        return {"open": self.open, "successes": self.successes}
+
+    def restore_state(self, state: dict[str, int]) -> None:
+        """Restore a state of :meth:`save_state`."""
+        self.open, self.successes = state["open"], state["successes"]

@@ -25,25 +25,26 @@ from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.style.curves import SavedState
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.action_head import ActionHead, DirectHead
+from sim2real.environment.action_heads import DirectHead
 from sim2real.environment.env_options import EnvOptions
-from sim2real.environment.episodes import HELD, LONGEST, EndedEpisodes, Episodes
-from sim2real.environment.physics.assistive_force import AssistiveForce
+from sim2real.environment.episodes import (
+    HELD,
+    LONGEST,
+    AssistiveForce,
+    EndedEpisodes,
+    Episodes,
+    LevelCurriculum,
+)
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import (
     LONGEST_DELAY,
     build_training_world,
     fit_step,
 )
-from sim2real.environment.privileged_state import (
-    list_critic_terms,
-    observe_privileged,
-)
+from sim2real.environment.privileged_state import list_critic_terms, observe_privileged
 from sim2real.environment.rewards import RewardInputs, score
-from sim2real.environment.starts.level_curriculum import LevelCurriculum
-from sim2real.environment.starts.motion_frames import list_motion_starts
-from sim2real.environment.starts.stands import sample_stands
 from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.start_states import list_motion_starts, sample_stands
 from sim2real.environment.styled.style_task import StyleTask
 
 Endings = tuple[NDArray[np.int_], NDArray[np.bool_]]
@@ -79,7 +80,7 @@ class GetUpEnv(VectorEnv):
         """
         self.robot, self.action, self.options, self.pool = robot, action, options, pool
         self.style = style
-        self.head: ActionHead = style.head if style else DirectHead(robot, action)
+        self.head = style.head if style else DirectHead(robot, action)
         randomization = options.randomization
         has_delays = randomization is not None and randomization.disturbance.split_delay != 0.0
         scene = options.scene
@@ -173,7 +174,9 @@ class GetUpEnv(VectorEnv):
         reward, parts = score(self.options.rewards, inputs, self._force.cost_share)
         reward[self.sim.diverged] = 0.0
         self._push()
-        terminated = self._find_terminated(inputs)
+        terminated = np.zeros(self.num_envs, dtype=bool)
+        if self.style is not None and inputs.style is not None:  # those that deviate too much
+            terminated = self.style.find_terminated(inputs.style, inputs, self.step_time)
         over = self.episodes.advance(
             inputs.standing, terminated, self.sim.diverged, round(HELD / self.step_time)
         )
@@ -207,17 +210,8 @@ class GetUpEnv(VectorEnv):
         speed = randomization.push_speed
         self.sim.push(ids, self._rng.uniform(-speed, speed, (len(ids), 3)))
 
-    def _find_terminated(self, inputs: RewardInputs) -> NDArray[np.bool_]:
-        """Find the robots whose episode is terminated because they deviate too much, (N,)."""
-        if self.style is None or inputs.style is None:
-            return np.zeros(self.num_envs, dtype=bool)
-        return self.style.find_terminated(inputs.style, inputs, self.step_time)
-
     def _note(self, over: EndedEpisodes, height: Array) -> dict[str, Any]:
-        """Count how episodes from falls ended, and how high (N,); the curricula follow.
-
-        Those that began along a motion count for the curricula alone.
-        """
+        """Count how episodes from falls ended, and how high (N,); the curricula follow all."""
         endings = over.starts, over.stood
         if self.follows_at_once:
             self.follow(endings)
@@ -295,9 +289,8 @@ class GetUpEnv(VectorEnv):
             return
         self.episodes.restart(ids)
         self.memory[ids] = 0.0
-        left = self.style.begin(
-            ids, np.full(len(ids), -1), np.zeros(len(ids)), self.sensed, self._rng
-        )
+        rows, begun = np.full(len(ids), -1), np.zeros(len(ids))
+        left = self.style.begin(ids, rows, begun, self.sensed, self._rng)
         self.episodes.limit(ids, left / self.step_time)
 
     def _observe(self) -> Floats:
@@ -308,17 +301,10 @@ class GetUpEnv(VectorEnv):
     @property
     def mirrors(self) -> tuple[Mirror, Mirror, Mirror]:
         """Return the mirrors of observation, critic's observation, and the head's outputs."""
-        return self.mirror_of_observation(), self.mirror_of_critic(), self.head.mirror
-
-    def mirror_of_observation(self) -> Mirror:
-        """Return how left and right are exchanged in the policy's observation."""
         style = self.style.input if self.style else None
-        return mirror_of_observation(self.robot, self.head.mirror, style)
-
-    def mirror_of_critic(self) -> Mirror:
-        """Return how left and right are exchanged in the critic's observation."""
-        seen = self.mirror_of_observation()
-        return Mirror.join((seen, *(term.mirror for term in self._critic_terms), SAME))
+        seen = mirror_of_observation(self.robot, self.head.mirror, style)
+        critic = Mirror.join((seen, *(term.mirror for term in self._critic_terms), SAME))
+        return seen, critic, self.head.mirror
 
     def save_state(self) -> SavedState:
         """Return the complete state, for :meth:`restore_state`."""

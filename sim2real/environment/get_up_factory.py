@@ -9,12 +9,11 @@ from humanoid_getup.policy.action import choose_actions
 from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.physics_engine import PhysicsEngine, PhysicsName
 from robots import load_robot
-from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
+from sim2real.environment.env_options import PHYSICS_STEP, RANDOMIZATIONS, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.settled_falls import make_pool, pool_rng
+from sim2real.environment.starts.start_states import make_pool, pool_rng
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +48,7 @@ class GetUpChoices:
 
 
 def make_get_up(num_envs: int = 512, **choices: Any) -> GetUpEnv:
-    """Build a training environment of some robots; ``choices`` are `GetUpChoices`.
-
-    Raises:
-        ValueError: if there is no such robot, reward, randomization or physics.
-    """
+    """Build a training environment of some robots; ``choices`` are `GetUpChoices`."""
     chosen = GetUpChoices(**choices)
     robot = load_robot(chosen.robot)
     options = EnvOptions(

@@ -4,22 +4,113 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from humanoid_getup.experiments.disturbances.disturbance import USUAL
 from humanoid_getup.experiments.judging.lying import LyingSide
+from humanoid_getup.experiments.judging.outcome import Outcome, compute_share
+from humanoid_getup.experiments.judging.standing import HOLD_TIME
+from humanoid_getup.experiments.rollouts.play import Experiment
 from humanoid_getup.motions.build import SOUND, NoEntryError, with_entries
 from humanoid_getup.motions.course import record_motion
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import Motion, hold_last
 from humanoid_getup.motions.motion_database import FOUND_SIDES
+from humanoid_getup.motions.optimization import make_scenarios
 from humanoid_getup.playback.preflight import preflight_stored
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
+from humanoid_getup.posture_chains.rise_kind import KindNamer, label_ways, sample_rows
 from humanoid_getup.simulation.world import World
 from robots.kinematics import read_posture
-from sim2real.motion_discovery.policy_rise import PolicyRise, collect_rises
-from sim2real.motion_discovery.replay import ALL, FIRST, MORE, Replay, Replayer
-from sim2real.motion_discovery.rise_kinds import group_rises, name_kind
-from sim2real.motion_discovery.shaping import SMOOTHINGS
+from robots.quaternion import Array
+from sim2real.motion_discovery.policy_rise import SMOOTHINGS, PolicyRise, collect_rises, shape
+
+LIMIT_SHARE = 0.75  # of the strongest servo's torque: the torque limit that a motion must stand
+FIRST, MORE, ALL = 2, 12, 48
+"""Counts of rollouts: undisturbed alone, for a comparison, and for a final judgment."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replay:
+    """Rollouts of one rise: undisturbed at the torque limit, at full torque, then disturbed."""
+
+    rise: PolicyRise
+    target: Array
+    """[rad], (T, n)"""
+    stood: np.ndarray
+    """Of each rollout, (K,)."""
+    qpos: Array
+    """MuJoCo positions of the first rollout at the end of each control period, (T + hold, nq)."""
+    stand_time: float
+    """Of the first rollout [s]; nan without a stand."""
+    rms_torque: float
+    """Of the first rollout [N·m]."""
+
+    @cached_property
+    def share(self) -> float:
+        """Return the share that stood; 0 if it fell undisturbed."""
+        return compute_share(self.stood, FIRST)
+
+
+class Replayer:
+    """Replays learned rises of one robot in one scene open loop."""
+
+    def __init__(self, world: World, seed: int, *, threads: int = 0) -> None:
+        """Draw the disturbances from a seed, the same for all rises, for comparison."""
+        self._world, self._seed = world, seed
+        self._experiment = Experiment(world, threads=threads)
+        self.torque_limit = LIMIT_SHARE * float(world.robot.max_torque.max())
+        """Torque limit under which motions must stand [N·m]."""
+
+    def play(self, rise: PolicyRise, smoothing: float, count: int) -> Replay:
+        """Replay a rise smoothed with a standard deviation [s], in a number of rollouts."""
+        return self._play(rise, shape(self._world.robot, rise, smoothing), count)
+
+    def repeat(self, replay: Replay, count: int) -> Replay:
+        """Replay a rise again in a number of rollouts."""
+        return self._play(replay.rise, replay.target, count)
+
+    def _play(self, rise: PolicyRise, target: Array, count: int) -> Replay:
+        world, period = self._world, self._world.robot.control_period
+        held = hold_last(target, len(target) + round((HOLD_TIME + period) / period))
+        rng = np.random.default_rng([self._seed, count])
+        scenarios = make_scenarios(world, rise.start, self.torque_limit, count, USUAL, rng)
+        record = self._experiment.play(scenarios, [held] * count)
+        outcome = Outcome(record, world.robot)
+        return Replay(
+            rise=rise,
+            target=target,
+            stood=outcome.stood,
+            qpos=outcome.qpos[0],
+            stand_time=float(outcome.stand_time[0]),
+            rms_torque=float(outcome.rms_torque[0]),
+        )
+
+
+def group_rises(world: World, rises: Sequence[Replay]) -> list[list[Replay]]:
+    """Group rises that pass the same postures with similar joint angles."""
+    groups: dict[tuple[str, int], list[Replay]] = {}
+    namer, joints = KindNamer(world), world.robot.layout(world.model).qpos
+    labels = label_ways([sample_rows(_until_stand(world, each)[:, joints]) for each in rises])
+    for each, label in zip(rises, labels, strict=True):
+        groups.setdefault((_name(namer, world, each), label), []).append(each)
+    return list(groups.values())
+
+
+def name_kind(world: World, rise: Replay) -> str:
+    """Name the postures that a robot passes on its way up."""
+    return _name(KindNamer(world), world, rise)
+
+
+def _name(namer: KindNamer, world: World, rise: Replay) -> str:
+    passed = namer.name(_until_stand(world, rise), rise.rise.start_class)
+    return "learned" + (f", over {passed}" if passed else "")
+
+
+def _until_stand(world: World, rise: Replay) -> Array:
+    return rise.qpos[: max(round(rise.stand_time / world.robot.control_period), 1)]
+
 
 FINALISTS = 4  # of each wanted motion: rises that are played in all disturbed worlds
 

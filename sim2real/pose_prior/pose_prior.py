@@ -75,7 +75,7 @@ class PosePrior:
     feature_mean: Array
     """Mean of the style features, (3,)."""
     feature_std: Array
-    """Standard deviation of the style features, (3,); huge if they are not used."""
+    """Standard deviation of the style features, (3,)."""
     encoder: Network
     """Maps standardized postures and features to mean and log variance of latents."""
     decoder: Network
@@ -122,12 +122,7 @@ class PosePrior:
 
     @staticmethod
     def load(file: Path, robot: Robot) -> PosePrior:
-        """Read the prior of a robot.
-
-        Raises:
-            OSError: if the file cannot be read.
-            ValueError: if it holds no prior of this robot.
-        """
+        """Read the prior of a robot; raises ValueError if the file holds none of it."""
         try:
             arrays = load_arrays(file, ("robot", "joints", *VECTORS, *PARTS))
             check_robot(arrays.pop("robot"), robot.name)
@@ -168,11 +163,5 @@ def _read_network(arrays: dict[str, Array], name: str, inputs: int, outputs: int
         )
         for i in range(LAYERS)
     ]
-    weights, biases = zip(*pairs, strict=True)
-    return Network(tuple(map(_to_single, weights)), tuple(map(_to_single, biases)))
-
-
-def _to_single(values: Array) -> Array:
-    """Convert to single precision, in which networks are evaluated."""
-    single: Any = values.astype(np.float32)
-    return single
+    single: Any = [[a.astype(np.float32) for a in arrays] for arrays in zip(*pairs, strict=True)]
+    return Network(tuple(single[0]), tuple(single[1]))

@@ -103,12 +103,7 @@ class RiseSet:
 
     @staticmethod
     def load(file: Path, robot: Robot) -> RiseSet:
-        """Read the rises of a robot.
-
-        Raises:
-            OSError: if the file cannot be read.
-            ValueError: if it holds no rises of this robot.
-        """
+        """Read the rises of a robot; raises ValueError if the file holds none of it."""
         width = robot.spec().compile().nq
         try:
             arrays = load_arrays(file, ("qpos", "joint_target", "first", "sources", "robot"))

@@ -23,7 +23,7 @@ from robots import Posture, Robot, load_robot
 from robots.kinematics import place_postures, transfer_positions
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.settled_falls import drop_falls
+from sim2real.environment.starts.start_states import drop_falls
 from sim2real.policy_evaluation import PolicyDriver, roll_out_policy
 from sim2real.pose_prior.rise_set import PERIOD, POLICY_SOURCE, CollectedRise
 
@@ -33,7 +33,6 @@ AFTER = 4  # frames of the stand that belong to a rise
 SHORTEST = 12  # frames of a rise
 LEDGER = "ledger.jsonl"
 """Ledger of the planned rises and of whether each stands."""
-PHYSICS_STEP = 0.002  # s, the twin's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,22 +90,14 @@ def plan_rises(
 
 
 def _load_plan(file: Path) -> Motion:
-    """Load a planned motion of a robot."""
     try:
-        motion = Motion.load(file)
+        return Motion.load(file)
     except ValueError as error:
         raise ValueError(f"{error}; delete it, and it is planned again") from error
-    return motion
 
 
 def plan_piece(robot: str, threads: int, piece: PriorPiece) -> Motion | None:
-    """Plan a rise, in a worker; return its motion if it stands.
-
-    Args:
-        robot: Name of the robot, or its folder.
-        threads: Of the physics; 0 for all of the machine.
-        piece: Where the robot lies.
-    """
+    """Plan a rise of a robot or its folder, in a worker; return its motion if it stands."""
     plan = _make_planner(robot, threads).plan(piece.start, np.random.default_rng(piece.seed))
     if isinstance(plan, MotionPlan) and plan.status is RiseStatus.STOOD:
         return plan.motion
@@ -137,11 +128,7 @@ def read_motion(robot: Robot, model: mujoco.MjModel, motion: Motion, kind: str) 
 
 
 def load_policy(robot: Robot, name: str) -> OnnxPolicy:
-    """Load one of the robot's policies that rises can be taken from.
-
-    Raises:
-        ValueError: if there is none of this name, or it follows style curves.
-    """
+    """Load one of the robot's policies that rises can be taken from."""
     policy = OnnxPolicy.load(find_policy(robot, name), robot)
     if policy.contract.style is not None:
         raise ValueError(
@@ -154,15 +141,13 @@ def roll_out(
     robot: Robot, name: str, policy: OnnxPolicy, count: int, seed: int
 ) -> Iterator[CollectedRise]:
     """Roll out a policy from settled falls; yield the rises that stood."""
-    world = build_training_world(
-        robot, World(robot, "flat").scene, robot.choose_timestep(PHYSICS_STEP)
-    )
+    step = robot.choose_timestep(0.002)  # s, the twin's
+    world = build_training_world(robot, World(robot, "flat").scene, step)
     action = policy.action
     sim = TrainingSim(world, count, cycles=action.cycles, pwm_limit=action.pwm_limit)
     rng = np.random.default_rng([seed, PRIOR_SEED, *name.encode()])
     falls = drop_falls(Drops(world, count), count, rng)
-    driver = PolicyDriver.of(policy)
-    rollouts = roll_out_policy(sim, driver, falls, duration=LONGEST)
+    rollouts = roll_out_policy(sim, PolicyDriver.of(policy), falls, duration=LONGEST)
     model = robot.spec().compile()
     for row in np.flatnonzero(rollouts.outcome.stood):
         end = round(rollouts.outcome.stand_time[row] / PERIOD) + AFTER
@@ -186,14 +171,7 @@ def collect_rises(
 ) -> list[CollectedRise]:
     """Collect the robot's stored motions, ``count`` planned rises, and half as many of policies.
 
-    Args:
-        robot: The robot.
-        count: Rises to plan.
-        seed: Of the falls and the plans.
-        folder: Keeps the plans.
-        policies: Policies without style curves, by name.
-        run: Plans the rises.
-        report: Called with the number of plans that ended.
+    The folder keeps the plans, which ``run`` makes; the number of those that ended is reported.
 
     Raises:
         FallError: if too few falls settle.

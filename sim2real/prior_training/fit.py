@@ -17,7 +17,6 @@ from sim2real.pose_prior.rise_set import RiseSet
 from sim2real.training.library_threads import torch_threads
 
 VARIANCE = 0.85  # share of the postures' variance that the latent parameters account for
-UNUSED = 1e9  # standard deviation of features that a plain autoencoder does not get
 LEAST_STD = 0.02  # rad, for joints and features that hardly change in the postures
 
 
@@ -31,8 +30,6 @@ class FitOptions:
     beta: float = 1e-6
     """Weight of the divergence of the latent parameters from a standard normal distribution."""
     learning_rate: float = 1e-4
-    conditional: bool = True
-    """Whether encoder and decoder get the style features; those of a plain autoencoder do not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +147,6 @@ def fit_prior(
     model = Autoencoder(postures.robot, latent_sign, options)
     pos = _scale(postures.joint_pos, postures.pos_mean, postures.pos_std)
     condition = _scale(postures.features, postures.feature_mean, postures.feature_std)
-    if not options.conditional:
-        condition = condition / UNUSED
     optimizer = torch.optim.Adam(model.parameters(), lr=options.learning_rate)
     for epoch in range(options.epochs):
         total = 0.0
@@ -171,7 +166,6 @@ def fit_prior(
         latent, _ = model.encode(pos, condition)
     # The mean over postures and their mirror images: that of antisymmetric parameters is 0.
     mean = 0.5 * (latent.mean(dim=0) * (1.0 + model.latent_sign))
-    used = 1.0 if options.conditional else UNUSED
     return PosePrior(
         robot=postures.robot,
         latent_sign=latent_sign,
@@ -180,7 +174,7 @@ def fit_prior(
         pos_mean=postures.pos_mean,
         pos_std=postures.pos_std,
         feature_mean=postures.feature_mean,
-        feature_std=postures.feature_std * used,
+        feature_std=postures.feature_std,
         encoder=_read_weights(model.encoder),
         decoder=_read_weights(model.decoder),
     )

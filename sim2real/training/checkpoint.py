@@ -23,10 +23,6 @@ MAX_BYTES = 2**30
 """Limit for a checkpoint, packed and unpacked; those of 512 robots have some megabytes."""
 
 
-class CheckpointError(ValueError):
-    """A file is not a checkpoint of a training."""
-
-
 def write_checkpoint(state: dict[str, Any], file: Path) -> None:
     """Replace the checkpoint; it holds tensors, numbers, texts and containers only."""
     with atomic_path(file) as partial:
@@ -36,10 +32,7 @@ def write_checkpoint(state: dict[str, Any], file: Path) -> None:
 def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
     """Read a checkpoint; arrays and dataclasses come back as tensors and dictionaries.
 
-    Raises:
-        OSError: if the file cannot be read.
-        CheckpointError: if it is incomplete, too large, not a checkpoint, or holds Python
-            objects.
+    Raises ValueError if it is incomplete, too large, none, or holds Python objects.
     """
     try:
         content = BytesIO(read_bounded(file, MAX_BYTES))
@@ -49,15 +42,15 @@ def read_checkpoint(file: Path, device: str = "cpu") -> dict[str, Any]:
         raise
     except Exception as error:  # torch reports a damaged file in many ways
         if "weights_only" in str(error) or "Unsupported" in str(error):
-            raise CheckpointError(
+            raise ValueError(
                 f"{file} holds Python objects, expected tensors and numbers only: it was made "
                 "by an earlier version or by someone else; train again"
             ) from error
         reason = " ".join(str(error).split())
-        raise CheckpointError(f"{file} is not a complete checkpoint: {reason}") from error
+        raise ValueError(f"{file} is not a complete checkpoint: {reason}") from error
     needed = {"actor_state_dict", AVERAGE, UPDATES, "iter"}
     if not isinstance(state, dict) or not needed <= state.keys():
-        raise CheckpointError(f"{file} is not a checkpoint of a training: {shown(state)}")
+        raise ValueError(f"{file} is not a checkpoint of a training: {shown(state)}")
     return state
 
 
@@ -71,11 +64,7 @@ def _check_unpacked_size(content: BytesIO) -> None:
 
 
 def restore_like(template: Any, stored: Any) -> Any:
-    """Convert content of a checkpoint to the types of a template with the same structure.
-
-    Raises:
-        CheckpointError: if the structures differ.
-    """
+    """Convert content of a checkpoint to the types of a template with the same structure."""
     if is_dataclass(template) and not isinstance(template, type):
         values = restore_like(_fields_of(template), stored)
         restored = copy.copy(template)
@@ -84,13 +73,13 @@ def restore_like(template: Any, stored: Any) -> Any:
         return restored
     if isinstance(template, dict):
         if not isinstance(stored, dict) or stored.keys() != template.keys():
-            raise CheckpointError(
+            raise ValueError(
                 f"the checkpoint holds {shown(stored)}, expected {', '.join(map(str, template))}"
             )
         return {key: restore_like(value, stored[key]) for key, value in template.items()}
     if isinstance(template, np.ndarray):
         if not isinstance(stored, torch.Tensor) or tuple(stored.shape) != template.shape:
-            raise CheckpointError(
+            raise ValueError(
                 f"the checkpoint holds {shown(stored)}, expected an array {template.shape}"
             )
         return stored.cpu().numpy().astype(template.dtype)

@@ -166,10 +166,6 @@ FREE = ("recipe.iterations",)  # may differ: a finished training can be continue
 SINCE: dict[str, object] = {"recipe.physics": "mujoco", "recipe.overlap": False}
 
 
-class TrainingFolderError(ValueError):
-    """A folder holds another training than the requested one, or no recipe file."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class TrainingRecord:
     """Content of a training's recipe file."""
@@ -189,18 +185,13 @@ class TrainingRecord:
 
     @staticmethod
     def load(folder: Path) -> TrainingRecord:
-        """Read the recipe file of a training.
-
-        Raises:
-            OSError: if the file cannot be read.
-            TrainingFolderError: if it is not a recipe file.
-        """
+        """Read the recipe file of a training."""
         file = folder / RECIPE
         try:
             content = read_bounded(file, MAX_TEXT)
             record = msgspec.json.decode(content, type=TrainingRecord)
         except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-            raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
+            raise ValueError(f"{file} is not a recipe of a training: {error}") from error
         return replace(record, folder=folder)
 
     @property
@@ -209,43 +200,25 @@ class TrainingRecord:
         named = [name for name, recipe in RECIPES.items() if recipe == self.recipe]
         facts: dict[str, Fact] = {"recipe": named[0] if named else "own", "seed": self.seed}
         about = {f"recipe.{key}": value for key, value in vars(self.recipe).items()}
-        about |= {f"parent.{key}": value for key, value in self._parent_facts.items()}
-        return facts | {key: _as_fact(value) for key, value in about.items()}
-
-    @property
-    def _parent_facts(self) -> dict[str, Fact]:
-        """Return facts on the parent; not the checksum of a checkpoint, which never ships."""
         parent = dict(self.parent or {})
-        if "policy" not in parent:
+        if "policy" not in parent:  # the checkpoint of a training never ships
             parent.pop("sha256", None)
-        return parent
-
-
-def _as_fact(value: object) -> Fact:
-    return value if isinstance(value, str | int | float | bool) else shown(value)
-
-
-OTHER_FOLDER = "another folder begins another training"
+        about |= {f"parent.{key}": value for key, value in parent.items()}
+        plain = str | int | float | bool
+        return facts | {k: v if isinstance(v, plain) else shown(v) for k, v in about.items()}
 
 
 def check_recipe(file: Path, requested: Mapping[str, object]) -> None:
-    """Check that a recipe file holds the requested recipe.
-
-    Raises:
-        TrainingFolderError: naming all that differs.
-    """
+    """Check that a recipe file holds the requested recipe; the error names all that differs."""
     try:
         found = SINCE | _flatten(json.loads(read_bounded(file, MAX_TEXT)))
     except (ValueError, AttributeError, RecursionError) as error:
-        raise TrainingFolderError(f"{file} is not a recipe of a training: {error}") from error
+        raise ValueError(f"{file} is not a recipe of a training: {error}") from error
     wanted = _flatten(as_kept(requested))
     for key in FREE:
         found.pop(key, None)
         wanted.pop(key, None)
-    try:
-        compare_recipes(file, wanted, found, OTHER_FOLDER)
-    except ValueError as error:
-        raise TrainingFolderError(str(error)) from error
+    compare_recipes(file, wanted, found, "another folder begins another training")
 
 
 def _flatten(record: Mapping[str, object], prefix: str = "") -> dict[str, object]:

@@ -54,11 +54,7 @@ class DistributedProcess:
         return max(len(os.sched_getaffinity(0)) // self.beside, 1)
 
     def count_robots(self, robots: int) -> int:
-        """Return how many of all robots this process simulates.
-
-        Raises:
-            ValueError: if the processes cannot have equally many.
-        """
+        """Return how many of all robots this process simulates; all have equally many."""
         if robots % self.of:
             raise ValueError(
                 f"the training has {robots} robots, expected a multiple of its {self.of} processes"
@@ -87,11 +83,7 @@ class DistributedProcess:
             distributed.destroy_process_group()
 
     def lead(self, work: Callable[[], object]) -> None:
-        """Do work in the first process while the others wait for it.
-
-        Raises:
-            Exception: of the work; in the others a `ValueError` with its text.
-        """
+        """Do work in the first process; the others wait, and raise ValueError with its error."""
         error: Exception | None = None
         if self.leads:
             try:

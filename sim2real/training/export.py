@@ -38,10 +38,6 @@ PARITY = 1e-5  # largest difference of an action, whose components are from -1 t
 MOST_BYTES = 2_000_000
 
 
-class ExportError(ValueError):
-    """A training cannot be exported; the message is one line."""
-
-
 @dataclass(frozen=True)
 class Exported:
     """Figures of an export."""
@@ -59,9 +55,6 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
 
     Raises:
         OSError: if a file cannot be read or written.
-        CheckpointError: if the checkpoint is damaged.
-        ExportError: if the training is of another robot, the checkpoint is of another network
-            or holds NaN or infinity, or the written file does not act like the checkpoint.
     """
     action = training.recipe.choose_actions(robot)
     is_other = training.robot != robot.name
@@ -69,7 +62,7 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
     head = load_head(robot, action, training.folder) if recipe and not is_other else None
     outputs = head.names if head else action.names
     if is_other or training.actions != outputs:
-        raise ExportError(
+        raise ValueError(
             f"{training.folder}: trained for robot '{training.robot}' with actions "
             f"{', '.join(training.actions)}; expected '{robot.name}' with {', '.join(outputs)}"
         )
@@ -96,9 +89,8 @@ def export_policy(training: TrainingRecord, robot: Robot, file: Path) -> Exporte
         difference = _compare(network, _sample_observations(actor), partial, robot)
         bytes_written = partial.stat().st_size
         if bytes_written > MOST_BYTES:
-            raise ExportError(
-                f"the policy has {bytes_written} bytes, expected at most {MOST_BYTES}"
-            )
+            too_large = f"the policy has {bytes_written} bytes, expected at most {MOST_BYTES}"
+            raise ValueError(too_large)
     return Exported(bytes_written, iterations, difference)
 
 
@@ -109,11 +101,7 @@ def rebuild_actor(
     weights: dict[str, Any],
     mirrors: Mirrors | None = None,
 ) -> MLPModel:
-    """Build the trained actor without its environment.
-
-    Raises:
-        ExportError: if the weights are of another network, or not finite.
-    """
+    """Build the trained actor without its environment."""
     config = build_config(training.recipe, training.seed, mirrors)
     actor_config = {key: value for key, value in config["actor"].items() if key != "class_name"}
     example = TensorDict({"policy": torch.zeros(1, observation_size)}, batch_size=[1])
@@ -124,10 +112,10 @@ def rebuild_actor(
         actor.load_state_dict(weights)
     except RuntimeError as error:
         reason = " ".join(str(error).split())
-        raise ExportError(f"{file} does not fit robot and recipe: {reason}") from error
+        raise ValueError(f"{file} does not fit robot and recipe: {reason}") from error
     bad = [name for name, value in actor.state_dict().items() if not torch.isfinite(value).all()]
     if bad:
-        raise ExportError(f"{file} holds NaN or infinity: {', '.join(bad)}")
+        raise ValueError(f"{file} holds NaN or infinity: {', '.join(bad)}")
     return actor.eval()
 
 
@@ -161,23 +149,19 @@ def _sample_observations(actor: MLPModel) -> torch.Tensor:
 
 
 def _compare(network: Any, seen: torch.Tensor, file: Path, robot: Robot) -> float:
-    """Compare the file with its network; return the largest difference of actions and memory.
-
-    Raises:
-        ExportError: if they differ, or the file cannot be run.
-    """
+    """Compare the file with its network; return the largest difference of actions and memory."""
     with torch.no_grad():
         found = network(seen)
     wanted = [values.numpy() for values in (found if isinstance(found, tuple) else (found,))]
     try:
         OnnxPolicy.load(file, robot, robot.control_period)
     except PolicyError as error:
-        raise ExportError(f"the written policy cannot be run: {error}") from error
+        raise ValueError(f"the written policy cannot be run: {error}") from error
     given = OnnxNetwork(file)(seen.numpy())
     pairs = zip(given, wanted, strict=False)  # a network without memory has no second output
     difference = max(float(np.abs(one - other).max()) for one, other in pairs)
     if not difference <= PARITY:
-        raise ExportError(
+        raise ValueError(
             f"torch and onnxruntime differ by {difference:.1e}, expected at most {PARITY:.0e}"
         )
     return difference

@@ -80,10 +80,7 @@ def _collect(
 
 
 def find_outputs(env: GetUpEnv, task: StyleTask) -> tuple[Array, NDArray[np.bool_]]:
-    """Find the outputs (N, m) that lead to the next targets of each robot's motion.
-
-    Only some curves are those of a motion whose targets are known: which, is (N,).
-    """
+    """Find outputs (N, m) that lead to the next targets of motions; which are known, is (N,)."""
     share = (task.tracker.time + env.step_time) / task.tracker.duration
     target = task.library.interpolate_targets(task.row, share)
     known = task.library.is_planned[task.row]

@@ -110,7 +110,10 @@ class OverlappedRunner(TrainingRunner):
                 self._collector.hand_over(self.alg)
                 saves = iteration % self.cfg["save_interval"] == 0 or iteration + 1 == end
                 ahead = None if saves else self._collect(thread, iteration + 1)
-                losses = self._learn_from(steps)
+                for step in steps:
+                    self.logger.process_env_step(step.rewards, step.dones, step.extras)
+                weigh_by_newest(self.alg)
+                losses = self.alg.update()
                 self.current_learning_iteration = iteration
                 self.logger.log(
                     it=iteration,
@@ -131,12 +134,6 @@ class OverlappedRunner(TrainingRunner):
         """Begin to collect the steps of an iteration by the present policy."""
         self._collector.copy_networks(self.alg)
         return thread.submit(self._collector.collect, iteration)
-
-    def _learn_from(self, steps: list[CollectedStep]) -> dict[str, float]:
-        for step in steps:
-            self.logger.process_env_step(step.rewards, step.dones, step.extras)
-        weigh_by_newest(self.alg)
-        return self.alg.update()
 
 
 def weigh_by_newest(alg: PPO) -> None:

@@ -17,7 +17,7 @@ from humanoid_getup.policy.onnx_policy import SUFFIX
 from robots import Robot
 from robots.quaternion import Array
 from sim2real.pose_prior.pose_prior import PosePrior
-from sim2real.training.config import Recipe, TrainingFolderError
+from sim2real.training.config import Recipe
 from sim2real.training.networks.styled_network import list_prior_arrays
 
 LAYERS = re.compile(r"mlp\.(kept|turned)\.\d+\.weight|mlp\.kept\.\d+\.bias|mlp\.\d+\.(weight|bias)")
@@ -30,26 +30,20 @@ def is_policy_file(parent: Path) -> bool:
 
 
 def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
-    """Check that a policy of this robot can begin a training.
-
-    Raises:
-        OSError: if the file cannot be read.
-        TrainingFolderError: if it is no such policy, or follows style curves and the training does
-            not, or the other way round.
-    """
+    """Check that a policy of this robot, with or without style curves, can begin a training."""
     try:
         model = onnx.load_model_from_string(read_model(file))
         properties = {entry.key: entry.value for entry in model.metadata_props}
         contract = PolicyContract.from_json(properties[CONTRACT_KEY])
     except (NetworkError, ContractError, ValueError) as error:
-        raise TrainingFolderError(f"{file} is not a policy: {error}") from error
+        raise ValueError(f"{file} is not a policy: {error}") from error
     if recipe.style is not None and contract.style is None:
-        raise TrainingFolderError(
+        raise ValueError(
             f"{file} follows no style curves, expected a policy that does, or the folder of a "
             "training"
         )
     if recipe.style is None and contract.style is not None:
-        raise TrainingFolderError(f"{file} follows style curves, expected a policy that does not")
+        raise ValueError(f"{file} follows style curves, expected a policy that does not")
     problems = contract.find_mismatches(robot, robot.control_period)
     weights = _read_weights(file)
     bad = [name for name, values in weights.items() if not np.isfinite(values).all()]
@@ -58,23 +52,18 @@ def check_policy_parent(file: Path, robot: Robot, recipe: Recipe) -> None:
     if contract.action.names != own:
         problems.append(f"it has actions {', '.join(contract.action.names)}; expected {own}")
     if problems:
-        raise TrainingFolderError(f"{file}: {'; '.join(problems)}")
+        raise ValueError(f"{file}: {'; '.join(problems)}")
 
 
 def check_decoder(file: Path, prior: PosePrior) -> None:
-    """Check that the decoder of a policy, with its statistics, is that of a pose prior.
-
-    Raises:
-        OSError: if the file cannot be read.
-        TrainingFolderError: if it is not.
-    """
+    """Check that the decoder of a policy, with its statistics, is that of a pose prior."""
     found = _read_weights(file)
     for name, values in list_prior_arrays(prior).items():
         # Exporting drops biases of zero; of arrays that are equal it keeps one, under either name.
         held = [found[name]] if name in found else [np.zeros_like(values), *found.values()]
         if any(np.array_equal(values, other) for other in held):
             continue
-        raise TrainingFolderError(
+        raise ValueError(
             f"{file} was trained with another prior, expected --prior with the one that is beside "
             "it, or with which it was trained"
         )
@@ -84,10 +73,6 @@ def read_actor(file: Path, actor: Any) -> dict[str, torch.Tensor]:
     """Read the weights of a policy as the state of an actor.
 
     What a graph does not hold, the deviation of exploration, is that of ``actor``.
-
-    Raises:
-        OSError: if the file cannot be read.
-        TrainingFolderError: if the networks differ.
     """
     found = {name: torch.tensor(values) for name, values in _read_weights(file).items()}
     state = dict(actor.state_dict())
@@ -100,7 +85,7 @@ def read_actor(file: Path, actor: Any) -> dict[str, torch.Tensor]:
     mean = found.get(name_of_mean, torch.zeros(0))
     sums = [v for name, v in found.items() if name != name_of_mean and v.shape == mean.shape]
     if {name: values.shape for name, values in read.items()} != expected or len(sums) != 1:
-        raise TrainingFolderError(f"{file} has another network than the recipe")
+        raise ValueError(f"{file} has another network than the recipe")
     std = sums[0] - actor.get_submodule(normalizer.removesuffix(".")).eps
     statistics = {
         MEAN: mean,

@@ -11,7 +11,6 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import Floats
-from robots.quaternion import Array
 from sim2real.environment.get_up_env import Endings, GetUpEnv
 from sim2real.training.config import STEPS
 
@@ -26,14 +25,10 @@ class RslEnv(VecEnv):
         on_step: Callable[[float, dict[str, Any]], None] = lambda *_: None,
         gather: Callable[[Endings], list[Endings]] | None = None,
     ) -> None:
-        """Wrap an environment.
+        """Wrap an environment; ``on_step`` gets each step's mean reward and information.
 
-        Args:
-            env: The environment.
-            device: Of the networks.
-            on_step: Gets each step's mean reward and information.
-            gather: Returns how episodes ended in all processes, if there are several: curricula
-                follow those after each iteration, in every process alike.
+        ``gather`` returns how episodes ended in all processes, if there are several: curricula
+        follow those after each iteration, in every process alike.
         """
         self.env, self.device, self._on_step = env, device, on_step
         self._gather, self._steps = gather, 0
@@ -44,18 +39,14 @@ class RslEnv(VecEnv):
         self.cfg = {}
         self.reports = True
         """Whether ``on_step`` is called."""
-        mirrors = {
-            "policy": env.mirror_of_observation(),
-            "critic": env.mirror_of_critic(),
-        }
-        self.mirrors = {
-            group: (torch.as_tensor(mirror.index, device=device), self._to_float(mirror.sign))
-            for group, mirror in mirrors.items()
-        }
-        self.action_mirror = (
-            torch.as_tensor(env.head.mirror.index, device=device),
-            self._to_float(env.head.mirror.sign),
+        policy, critic, self.action_mirror = (
+            (
+                torch.as_tensor(mirror.index, device=device),
+                torch.as_tensor(mirror.sign, dtype=torch.float32, device=device),
+            )
+            for mirror in env.mirrors
         )
+        self.mirrors = {"policy": policy, "critic": critic}
         self.observations = TensorDict({}, batch_size=[self.num_envs])
 
     def begin(self, seed: int, rng: np.random.Generator) -> None:
@@ -96,9 +87,6 @@ class RslEnv(VecEnv):
         timed_out = torch.as_tensor(truncated, device=self.device)
         extras = {"time_outs": timed_out, "log": log}
         return self.observations, torch.as_tensor(reward, device=self.device), done, extras
-
-    def _to_float(self, values: Array) -> torch.Tensor:
-        return torch.as_tensor(values, dtype=torch.float32, device=self.device)
 
     def _pack(self, observation: Floats, critic: Floats) -> TensorDict:
         values = {"policy": torch.from_numpy(observation), "critic": torch.from_numpy(critic)}

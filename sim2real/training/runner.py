@@ -12,17 +12,11 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import SAME, Mirror
-from sim2real.training.checkpoint import (
-    CHECKPOINT,
-    read_checkpoint,
-    restore_like,
-    write_checkpoint,
-)
-from sim2real.training.config import STEPS, Recipe, TrainingFolderError, TrainingRecord
+from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, restore_like, write_checkpoint
+from sim2real.training.config import STEPS, Recipe, TrainingRecord
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.imitation import imitate
-from sim2real.training.networks.action_extension import extend_actions
-from sim2real.training.networks.input_extension import extend_inputs
+from sim2real.training.networks.extension import extend_actions, extend_inputs
 from sim2real.training.networks.symmetric_model import as_exchange
 from sim2real.training.policy_parent import read_actor
 from sim2real.training.rsl_rl_env import RslEnv, mirror_batch
@@ -110,25 +104,21 @@ class TrainingRunner(OnPolicyRunner):
         if env.style is None:
             state = extend_actions(state, env.terms, before, env.action)
         elif before != env.head.names:
-            raise TrainingFolderError(
+            raise ValueError(
                 f"{parent} is a training with outputs {', '.join(before)}; expected "
                 f"{', '.join(env.head.names)}"
             )
-        models = {
-            "actor_state_dict": self.alg._raw_actor,
-            "critic_state_dict": self.alg._raw_critic,
-        }
+        actor, critic = self.alg._raw_actor, self.alg._raw_critic
+        models = {"actor_state_dict": actor, "critic_state_dict": critic}
         networks = {name: state[name] for name in models}
         if env.style is not None and env.style.input.height_map:
             at = sum(term.size for term in env.terms[:-1])
-            networks = {
-                name: extend_inputs(networks[name], model, at, MAP_STD)
-                for name, model in models.items()
-            }
+            for name, model in models.items():
+                networks[name] = extend_inputs(networks[name], model, at, MAP_STD)
         try:
             self.alg.load(networks, {"actor": True, "critic": True}, True)
         except RuntimeError as error:
-            raise TrainingFolderError(f"{parent} has other networks than the recipe") from error
+            raise ValueError(f"{parent} has other networks than the recipe") from error
         if env.style is not None:
             self.freeze_normalizers()
 
@@ -159,7 +149,7 @@ class TrainingRunner(OnPolicyRunner):
         """Keep the statistics of observations as they are."""
         self._frozen = True
         for model in (self.alg._raw_actor, self.alg._raw_critic):
-            _freeze(model)
+            model.obs_normalizer.until = 1  # pyright: ignore[reportAttributeAccessIssue]
 
     def fit_critic(self, seed: int) -> list[float]:
         """Fit the critic to the returns of the present policy; return the error of each round.
@@ -170,7 +160,7 @@ class TrainingRunner(OnPolicyRunner):
         actor: Any = self.alg._raw_actor
         if self.is_distributed:
             self.alg.broadcast_parameters()
-        _freeze(actor)
+        actor.obs_normalizer.until = 1
         self.env.reports = False
         errors = [self._fit_once() for _ in range(CRITIC_ROUNDS)]
         self.freeze_normalizers()
@@ -206,11 +196,6 @@ class TrainingRunner(OnPolicyRunner):
     @property
     def _on_gpu(self) -> bool:
         return self.device.startswith("cuda")
-
-
-def _freeze(model: Any) -> None:
-    """Freeze the statistics of a network's normalizer."""
-    model.obs_normalizer.until = 1
 
 
 def build_config(recipe: Recipe, seed: int, mirrors: Mirrors | None = None) -> dict[str, Any]:

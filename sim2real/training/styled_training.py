@@ -14,15 +14,15 @@ from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.style_file import list_styles, load_style
 from robots import Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.storage.files import atomic_path
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.starts.terrain import Terrain, build_terrain
 from sim2real.environment.styled.curve_library import build_library
-from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.environment.styled.style_task import StyleTask
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.pose_prior.rise_set import RiseSet
-from sim2real.training.config import StyleRecipe, TrainingFolderError
+from sim2real.training.config import StyleRecipe
 from sim2real.training.policy_parent import check_decoder, is_policy_file
 
 PRIOR, RISES = "prior.npz", "rises.npz"
@@ -35,16 +35,12 @@ def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: P
     """Find the folder with the prior of a training, and check its content.
 
     That is the one that is given, or else the parent's, or else the training's own.
-
-    Raises:
-        TrainingFolderError: if there is no prior, or another one than the parent's.
-        ValueError: if it is another robot's.
     """
     is_folder = parent is not None and not is_policy_file(parent)
     source = prior or (parent if is_folder and parent else folder)
     missing = [name for name in (PRIOR, RISES) if not (source / name).exists()]
     if missing:
-        raise TrainingFolderError(
+        raise ValueError(
             f"{source} has no {missing[0]}, expected --prior with the folder of `getup prior`"
         )
     for name in (PRIOR, RISES):
@@ -54,17 +50,12 @@ def check_prior(robot: Robot, prior: Path | None, parent: Path | None, folder: P
     if parent is not None and not is_folder:
         check_decoder(parent, found)
     elif parent is not None and (parent / PRIOR).read_bytes() != (source / PRIOR).read_bytes():
-        raise TrainingFolderError(f"{source / PRIOR} is another prior than that of {parent}")
+        raise ValueError(f"{source / PRIOR} is another prior than that of {parent}")
     return source
 
 
 def keep_prior(prior: Path, folder: Path) -> None:
-    """Copy the files of a pose prior into the folder of a training that has none yet.
-
-    Raises:
-        OSError: if a file cannot be read.
-        TrainingFolderError: if the training has another one.
-    """
+    """Copy the files of a pose prior into the folder of a training that has none yet."""
     for name in (PRIOR, RISES):
         kept = folder / name
         _check_kept(prior / name, kept)
@@ -74,21 +65,13 @@ def keep_prior(prior: Path, folder: Path) -> None:
 
 
 def _check_kept(file: Path, kept: Path) -> None:
-    """Check that a training's copy of a file, if there is one, is the same.
-
-    Raises:
-        TrainingFolderError: if it is not.
-    """
+    """Check that a training's copy of a file, if there is one, is the same."""
     if kept.exists() and kept.read_bytes() != file.read_bytes():
-        raise TrainingFolderError(f"{kept} is another file than {file}")
+        raise ValueError(f"{kept} is another file than {file}")
 
 
 def load_head(robot: Robot, action: ActionSpec, folder: Path) -> PriorHead:
-    """Load the pose prior of a training.
-
-    Raises:
-        ValueError: if its file holds no prior of this robot.
-    """
+    """Load the pose prior of a training."""
     return PriorHead(action, PosePrior.load(folder / PRIOR, robot))
 
 
@@ -102,11 +85,7 @@ def build_style_task(
     recipe: StyleRecipe,
     threads: int,
 ) -> StyleTask:
-    """Build the task of a training from the files in its folder.
-
-    Raises:
-        ValueError: if they are not of this robot.
-    """
+    """Build the task of a training from the files in its folder."""
     rises = RiseSet.load(folder / RISES, robot)
     library = build_library(robot, model, rises, list(list_named_curves(robot)), recipe.named)
     head = load_head(robot, action, folder)

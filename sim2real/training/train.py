@@ -20,26 +20,24 @@ from robots import Robot
 from robots.quaternion import Array
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
-from sim2real.environment.env_options import PHYSICS_STEP, EnvOptions
+from sim2real.environment.env_options import PHYSICS_STEP, RANDOMIZATIONS, EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.physics.training_world import build_training_world
 from sim2real.environment.rewards import REWARDS
-from sim2real.environment.starts.motion_frames import list_rises
-from sim2real.environment.starts.settled_falls import (
+from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.start_states import (
+    list_rises,
     make_backward_pool,
     make_pool,
     make_terrain_pool,
     pool_rng,
+    sample_terrain_stands,
 )
-from sim2real.environment.starts.stands import sample_terrain_stands
-from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.starts.terrain import Terrain
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import (
     RECIPE,
     Recipe,
-    TrainingFolderError,
     TrainingRecord,
     check_recipe,
 )
@@ -109,9 +107,6 @@ def train(
 
     Raises:
         OSError: if the parent cannot be read.
-        ActionExtensionError: if the parent's actions are not the first of these.
-        TrainingFolderError: if the folder holds another training.
-        CheckpointError: if its checkpoint is damaged.
         ValueError: if the recipe cannot be trained by so many processes.
     """
     process = DistributedProcess.from_environment(os.environ)
@@ -121,11 +116,7 @@ def train(
 
 
 def check_processes(recipe: Recipe, process: DistributedProcess) -> None:
-    """Check that several processes can train a recipe.
-
-    Raises:
-        ValueError: if they cannot.
-    """
+    """Check that several processes can train a recipe."""
     process.count_robots(recipe.robots)
     if process.of > 1 and recipe.overlap:
         raise ValueError(
@@ -152,9 +143,7 @@ def _train(
     source = check_inputs(robot, recipe, folder, parent, inputs.prior, device)
     folder.mkdir(parents=True, exist_ok=True)
     action = recipe.choose_actions(robot)
-    outputs = action.names
-    if source is not None:
-        outputs = load_head(robot, action, source).names
+    outputs = action.names if source is None else load_head(robot, action, source).names
     process.lead(lambda: write_recipe(robot, recipe, common_seed, folder / RECIPE, parent, outputs))
     if source is not None:
         keep_prior(source, folder)
@@ -205,7 +194,6 @@ def check_inputs(
 
     Raises:
         OSError: if a file cannot be read.
-        TrainingFolderError: if parent or prior are missing, or do not fit the recipe.
         ValueError: if the prior is another robot's, the robot has no rises to start along, or its
             model, or the device, is none for the recipe's physics.
     """
@@ -217,18 +205,14 @@ def check_inputs(
     if recipe.style is None:
         return None
     if recipe.style.height_map and parent is None:
-        raise TrainingFolderError(
+        raise ValueError(
             f"{folder}: a training with a height map continues one without, expected --parent"
         )
     return check_prior(robot, prior, parent, folder)
 
 
 def check_physics(robot: Robot, recipe: Recipe, device: str) -> None:
-    """Check that the engine of a recipe can step its robot in its scene.
-
-    Raises:
-        ValueError: if it cannot.
-    """
+    """Check that the engine of a recipe can step its robot in its scene."""
     options = build_options(recipe, 1, device)
     if options.physics.name == MUJOCO.name:
         return
@@ -245,12 +229,7 @@ def build_env(
     threads: int,
     device: str = "cpu",
 ) -> GetUpEnv:
-    """Build the environment of a training with the falls, and the prior, in its folder.
-
-    Raises:
-        FallError: if too few falls settle.
-        ValueError: if a file is of another robot.
-    """
+    """Build the environment of a training with the falls, and the prior, in its folder."""
     options, style = build_options(recipe, threads, device), recipe.style
     pool, terrain = prepare_pool(robot, recipe, seed, folder)
     if terrain is not None:
@@ -259,13 +238,8 @@ def build_env(
     if style is None:
         stands = make_stands(robot, seed, terrain) if terrain else None
         return GetUpEnv(robot, action, pool, options, stands=stands)
-    options = replace(
-        options,
-        falls=style.falls,
-        motions=style.motions,
-        restarts=style.restarts,
-        ends_early=0.0,
-    )
+    shares = {"falls": style.falls, "motions": style.motions, "restarts": style.restarts}
+    options = replace(options, **shares, ends_early=0.0)
     model = build_training_world(robot, FLAT_SCENE, PHYSICS_STEP).model
     task = build_style_task(
         robot, model, action, folder, robots=recipe.robots, recipe=style, threads=threads
@@ -278,12 +252,7 @@ def build_env(
 def prepare_pool(
     robot: Robot, recipe: Recipe, seed: int, folder: Path
 ) -> tuple[StartPool, Terrain | None]:
-    """Load the falls of a training, on its terrain if it has one; sample them if there are none.
-
-    Raises:
-        FallError: if too few falls settle.
-        ValueError: if the file is of another robot.
-    """
+    """Load the falls of a training, on its terrain if it has one; sample them if there are none."""
     terrain = make_terrain(robot, seed) if recipe.terrain else None
     return load_pool(robot, recipe, seed, folder / POOL, terrain), terrain
 
@@ -303,12 +272,7 @@ def write_recipe(
     parent: Path | None = None,
     outputs: tuple[str, ...] | None = None,
 ) -> None:
-    """Write the recipe file, or check that an existing one is the same.
-
-    Raises:
-        OSError: if the parent cannot be read.
-        TrainingFolderError: if the file is of another training, or the parent of another robot.
-    """
+    """Write the recipe file, or check that an existing one is the same."""
     record: dict[str, object] = {
         "robot": robot.name,
         "seed": seed,
@@ -328,7 +292,7 @@ def _describe_parent(robot: Robot, parent: Path) -> dict[str, str | int]:
         return {"policy": parent.stem, "sha256": hashlib.sha256(parent.read_bytes()).hexdigest()}
     record = TrainingRecord.load(parent)
     if record.robot != robot.name:
-        raise TrainingFolderError(
+        raise ValueError(
             f"{parent} is a training of robot '{record.robot}', expected '{robot.name}'"
         )
     file = parent / CHECKPOINT
@@ -347,10 +311,6 @@ def load_pool(
 
     On a terrain there are falls on each patch, the mirror images of none; a training backwards
     has frames of the robot's rises among them.
-
-    Raises:
-        FallError: if too few falls settle.
-        ValueError: if the file does not hold falls of this robot, or it has no rises.
     """
     scene = terrain.scene if terrain else FLAT_SCENE
     world = build_training_world(robot, scene, PHYSICS_STEP)

@@ -7,8 +7,7 @@ from small_humanoid import small_humanoid
 from robots.body.body_plan import BodyPlan
 from robots.model_import.anatomy import Anatomy, find_anatomy
 from robots.model_import.rebuild import Rebuilder
-from robots.model_import.rebuilt import RebuiltModel
-from robots.model_import.sites import SOLES, SitePlacer
+from robots.model_import.rebuilt import SOLES, RebuiltModel, SitePlacer
 from robots.model_import.source import ModelSource
 from robots.model_import.tree import find_tree
 
@@ -26,6 +25,6 @@ def small(anatomy: Anatomy) -> BodyPlan:
     """The small humanoid as rebuilt, with soles."""
     builder = Rebuilder(anatomy, keep_hulls=False, fixed=(), notes=[])
     rebuilt = RebuiltModel(Path("small.xml"), "small", anatomy, builder, fixed=())
-    SitePlacer(Path("small.xml"), anatomy, builder, []).add_sites(rebuilt.spec, rebuilt.look())
+    SitePlacer(rebuilt, [], {}).add_sites()
     rebuilt.compile()
     return rebuilt.describe(SOLES)

@@ -34,11 +34,6 @@ def write_desk(folder: Path, old: str = "", new: str = "") -> Path:
     return folder
 
 
-def make_arm(mass: float, arm: float):
-    joint = make_bench_joint(servo_models()["XL430-W250"], 1)
-    return make_bench([joint], baud=57_600, loads=[Load(mass=mass, arm=arm)])
-
-
 def test_a_folder_without_a_model_describes_servos_on_a_bench(tmp_path: Path):
     desk = load_robot(write_desk(tmp_path))
     assert desk.joint_names == ("servo_1", "arm")
@@ -75,7 +70,8 @@ def test_a_command_that_needs_a_body_refuses_a_bench(tmp_path: Path):
 
 
 def test_a_load_on_a_limp_servo_swings_down_and_its_weight_is_the_torque_that_holds_it():
-    bench = make_arm(mass=1.0, arm=0.1)
+    joint = make_bench_joint(servo_models()["XL430-W250"], 1)
+    bench = make_bench([joint], baud=57_600, loads=[Load(mass=1.0, arm=0.1)])
     with Twin(bench, without_imu=True) as twin:
         twin.place(replace(bench.standing, joint_pos=np.array([math.pi / 2])))
         for _ in range(round(10.0 / bench.control_period)):
@@ -104,13 +100,11 @@ def test_servos_of_a_command_line_are_models_with_their_ids():
     ("words", "expected"),
     [
         (("1", "XL430-W250:2"), "has '1', expected MODEL:ID"),
-        (("XL999:1",), "has 'XL999:1', expected MODEL:ID"),
         (("XL43-W250:1",), "MODEL:ID with a model of XL430-W250, "),
         (("ax12a:1",), "MODEL:ID with a model of AX-12A, "),
         (("XL430-W250:253",), "expected an id from 0 to 252"),
         (("XL430-W250:one",), "expected an id from 0 to 252"),
         (("XL430-W250:1", "1"), "has the id 1 twice"),
-        (("XL430-W250:0", "0"), "has the id 0 twice"),
     ],
 )
 def test_servos_that_do_not_exist_are_refused(words: tuple[str, ...], expected: str):

@@ -34,9 +34,8 @@ def test_axes_are_a_signed_permutation_and_lead_back(names, vector):
 
 def test_a_named_axis_is_that_of_the_sensor():
     """The site's x axis is the sensor's -y: what the sensor feels along y is felt along -x."""
-    assert SensorAxes.of(("-y", "x", "z")).to_site(np.array([1.0, 2.0, 3.0])) == pytest.approx(
-        [-2.0, 1.0, 3.0]
-    )
+    axes = SensorAxes.of(("-y", "x", "z"))
+    assert axes.to_site(np.array([1.0, 2.0, 3.0])).tolist() == [-2.0, 1.0, 3.0]
 
 
 def describe(robot: Path, table: str) -> None:
@@ -61,11 +60,7 @@ def test_a_board_on_the_bus_is_the_imu_unless_another_is_described(own_robot):
         ('kind = "bno055"\naxes = ["x", "y", "y"]', "expected each of x, y and z once"),
         ('kind = "bno055"\naxes = ["x", "y", "-z"]', "expected right-handed axes: turn the sign"),
         ('kind = "bno055"\naxes = [1, "y", "z"]', "expected three signs or three axes, not both"),
-        ('kind = "bno055"\ni2c_address = 300', "imu.i2c_address is 300, expected an integer from"),
-        (
-            'kind = "serial_line"\nformat = "gx gy gz ax ay"',
-            "imu.format is 'gx gy gz ax ay', expected gx gy gz ax ay az once each, in any order",
-        ),
+        ('kind = "serial_line"\nformat = "gx gy"', "imu.format is 'gx gy', expected gx gy gz ax"),
         ('kind = "serial_line"\ngyro_unit = "rpm"', "imu.gyro_unit is 'rpm', expected rad/s, deg/"),
     ],
 )
@@ -79,9 +74,8 @@ def test_a_board_by_its_addresses_is_accepted_and_overlaps_are_reported(own_robo
     spoil(own_robot, "powers_servos = true", "powers_servos = false")
     assert load_robot(own_robot).imu_kind == "board"
     spoil(own_robot, "accelerometer_address = 66", "accelerometer_address = 64")
-    assert "gyro_address is 60 and accelerometer_address 64, expected 6 bytes" in complaint(
-        own_robot
-    )
+    words = "gyro_address is 60 and accelerometer_address 64, expected 6 bytes"
+    assert words in complaint(own_robot)
 
 
 def test_a_robot_may_be_without_an_imu(own_robot: Path):

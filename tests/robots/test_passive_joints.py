@@ -12,8 +12,7 @@ from spoiling import complaint, spoil
 from drivers import Command, Twin
 from robots import Posture, Robot, load_robot
 from robots.body.joint_view import JointView
-from robots.kinematics import mirror_positions, place, read_posture
-from robots.passive_joints import rest_passive_joints
+from robots.kinematics import mirror_positions, place, read_posture, rest_passive_joints
 
 TOE = """<site name="l_sole" pos="0 0 -0.1"/>
         <body pos="0 0 -0.1">

@@ -16,95 +16,46 @@ LEG = '<joint name="l_hip" axis="0 1 0" range="-90 60"/>'
     ("old", "new", "words"),
     [
         ("period = 0.008", "period = -0.008", "control_period is -0.008 s, expected 0.001 to 1 s"),
-        ("period = 0.008", "period = 1e-320", "control_period is 1e-320 s, expected 0.001"),
-        ("period = 0.008", "period = 0", "control_period is 0 s, expected 0.001 to 1 s"),
         ("period = 0.008", "period = 8", "control_period is 8 s, expected 0.001 to 1 s"),
-        ("period = 0.008", "period = nan", "control_period is nan, expected 0.001 to 1 s"),
-        ("period = 0.008", "period = true", "control_period is True, expected"),
         ("period = 0.008", 'period = "8 ms"', "control_period is '8 ms', expected 0.001 to 1 s"),
-        (
-            "period = 0.008",
-            f"period = 0x{'f' * 9999}",
-            "control_period is an integer of 39996 bits",
-        ),
         ("voltage = 12.0", "voltage = -12", "supply_voltage is -12 V, expected above 0 V"),
         ("voltage = 12.0", "voltage = 9", "9 V, expected 10 to 14.8 V by the XM430-W350 of joint"),
-        ("voltage = 12.0", "voltage = 24", "supply_voltage is 24 V, expected 10 to 14.8 V by the"),
-        ('name = "tiny"', "name = 7", "name is 7, expected a text"),
-        ('name = "tiny"', 'name = "a\\nb"', r"name is 'a\nb', expected a text"),
         ('torso = "torso"\n', "", "torso is missing"),
         ('torso = "torso"', 'torso = "trunk"', "torso: unknown body 'trunk', expected torso"),
         ('torso = "torso"', 'torso = "l_leg"', "body 'l_leg' has no free joint in model.xml"),
         ('"neck"', '"nick"', "neck_site: unknown site 'nick', expected imu, neck, l_sole, r_sole"),
         ('"imu"', '"eye"', "imu_site: unknown site 'eye', expected imu, neck"),
+        ('imu_site = "imu"\n', "", "imu_site is missing, expected the site"),
         ('"r_sole"]', '"x_sole"]', "sole_sites: unknown site 'x_sole', expected imu, neck"),
-        ('["l_sole", "r_sole"]', "[]", "sole_sites is [], expected a list of texts"),
         ('["l_sole", "r_sole"]', '"l_sole"', "sole_sites is 'l_sole', expected a list of texts"),
-        ('"r_sole"]', '"l_sole"]', "sole_sites is ['l_sole', 'l_sole'], expected each name once"),
         ("[standing]", "[sitting]", "standing is missing, expected a table of joint names"),
-        (
-            "[standing]\nl_hip",
-            "[standing]\nq_hip",
-            "standing: unknown joint 'q_hip', expected 'l",
-        ),
+        ("]\nl_hip", "]\nq_hip", "standing: unknown joint 'q_hip', expected 'l_hip'"),
         ("l_hip = 0.0", "l_hip = nan", "standing.l_hip is nan, expected a finite angle in"),
-        ("l_hip = 0.0", 'l_hip = "0"', "standing.l_hip is '0', expected a finite angle in"),
         ("l_hip = 0.0", "l_hip = 1.2", "'l_hip' is +1.200 rad, expected [-1.571, +1.047] rad"),
-    ],
-)
-def test_a_wrong_field_is_reported_with_what_is_expected(own_robot, old, new, words):
-    spoil(own_robot, old, new)
-    assert words in complaint(own_robot)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
         ("id = 2, ", "", "joint 'r_hip': id is missing, expected an integer from 0 to 252"),
-        ("id = 2, ", 'id = "two", ', "joint 'r_hip': id is 'two', expected an integer from 0 to"),
-        ("id = 2, ", "id = 2.5, ", "joint 'r_hip': id is 2.5, expected an integer from 0 to 252"),
         ("id = 2, ", "id = 253, ", "joint 'r_hip': id is 253, expected an integer from 0 to 252"),
         ("id = 2, ", "id = 1, ", "joints 'l_hip', 'r_hip' have one servo id, 1, expected one id"),
-        (
-            'servo = "XM430-W350"',
-            'servo = "XM9"',
-            "joint 'r_hip': servo is 'XM9', expected XM430-W",
-        ),
-        (
-            'id = 2, servo = "XM430-W350"',
-            'id = 2, servo = "XM430-W350", p_gain = 20000',
-            "joint 'r_hip': p_gain is 20000, expected an integer from 1 to 16383",
-        ),
+        ('servo = "XM430-W350"', 'servo = "XM9"', "joint 'r_hip': servo is 'XM9', expected XM4"),
+        ("id = 2, ", "id = 2, p_gain = 20000, ", "joint 'r_hip': p_gain is 20000, expected an in"),
         ("sign = -1, zero", "sign = 2, zero", "joint 'r_hip': sign is 2, expected -1 or 1"),
-        ("ticks = 1000", "ticks = 0.5", "joint 'r_hip': zero_ticks is 0.5, expected an integer"),
-        (
-            "_sign = 1, segment",
-            "_sign = 0, segment",
-            "joint 'r_hip': mirror_sign is 0, expected -1",
-        ),
-        (
-            'segment = "foot"',
-            'segment = "tail"',
-            "joint 'r_hip': segment is 'tail', expected head,",
-        ),
+        ('segment = "foot"', 'segment = "tail"', "'r_hip': segment is 'tail', expected head,"),
         ('mirror = "r_hip"', 'mirror = "q_hip"', "joint 'l_hip': unknown mirror joint 'q_hip'"),
-        (
-            'mirror = "r_hip"',
-            'mirror = "l_hip"',
-            "joint 'r_hip': its mirror 'l_hip' has the mirror 'l_hip', expected 'r_hip'",
-        ),
-        (
-            'mirror = "r_hip", mirror_sign = 1',
-            'mirror = "r_hip", mirror_sign = -1',
-            "joint 'l_hip': mirror_sign is -1 and that of its mirror 'r_hip' is 1, expected the",
-        ),
+        ('mirror = "r_hip"', 'mirror = "l_hip"', "'l_hip' has the mirror 'l_hip', expected 'r_"),
+        ('r = "r_hip", mirror_sign = 1', 'r = "r_hip", mirror_sign = -1', "'l_hip': mirror_sign "),
         ('{ name = "r_hip", ', "{ ", "joint number 2: name is missing, expected a text"),
         ('name = "r_hip"', 'name = "l_hip"', "joint 'l_hip' is described 2 times, expected once"),
         ('name = "r_hip"', 'name = "q_hip"', "'q_hip' is not in model.xml, expected l_hip, r_hip"),
         ('name = "r_hip"', 'name = "root"', "joint 'root' is a free joint, expected a hinge"),
+        ("baud = 1_000_000", "baud = 1_000_001", "bus.baud is 1000001, expected 9600, 57"),
+        ("baud = 1_000_000", "watchdog = 9", "bus.watchdog is 9 s, expected above 0 s, at most 2"),
+        ("baud = 1_000_000", "baud = 57600\nports = 3", "bus.ports is 3, expected a table of port"),
+        ("[-1, -1, 1]", "[-1, 1]", "bus.board.imu_axes is [-1, 1], expected three signs"),
+        ("id = 200", "id = 2", "bus.board.id is 2, that of joint 'r_hip', expected an id of its"),
+        ("[bus.board]", '[bus.ports]\nlegs = ["l_hip"]\n[bus.board]', "'r_hip' is on 0 ports"),
+        ("[bus.board]", '[bus.ports]\nlegs = ["hip"]\n[bus.board]', "unknown joint 'hip'"),
     ],
 )
-def test_a_wrong_joint_is_named(own_robot, old, new, words):
+def test_a_wrong_value_is_reported_with_its_place_and_what_is_expected(own_robot, old, new, words):
     spoil(own_robot, old, new)
     assert words in complaint(own_robot)
 
@@ -116,11 +67,9 @@ def test_a_wrong_joint_is_named(own_robot, old, new, words):
         ('<geom type="box" size="0.02 0.05 0.05" mass="0.5"/>', "<gem/>", "unrecognized element"),
         ('<freejoint name="root"/>', "", "torso: body 'torso' has no free joint in model.xml"),
         (LEG, LEG.replace(' range="-90 60"', ""), "joint 'l_hip' has no range in model.xml"),
-        (LEG, LEG.replace("-90 60", "60 -90"), "joint 'l_hip' has no range in model.xml"),
         (LEG, LEG.replace("-90 60", "10 60"), "standing: joint 'l_hip' is +0.000 rad, expected [+"),
         (LEG, LEG.replace("<joint", '<joint type="slide"'), "'l_hip' is a slide joint, expected a"),
         (LEG, LEG + '<joint name="l_toe"/>', "hinge joint 'l_toe' of body 'l_leg' in model.xml"),
-        (LEG, LEG + '<joint axis="1 0 0"/>', "hinge joint '' of body 'l_leg' in model.xml has no"),
         (LEG, LEG + '<joint name="l_toe" type="ball"/>', "ball joint 'l_toe' of body 'l_leg' in"),
         (
             "</worldbody>",
@@ -168,29 +117,6 @@ def test_all_that_is_wrong_is_reported_at_once(own_robot):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("baud = 1_000_000", "baud = 1_000_001", "bus.baud is 1000001, expected 9600, 57"),
-        ("baud = 1_000_000", "watchdog = 9", "bus.watchdog is 9 s, expected above 0 s, at most 2"),
-        ("baud = 1_000_000", "baud = 57600\nports = 3", "bus.ports is 3, expected a table of port"),
-        ("[-1, -1, 1]", "[-1, 1]", "bus.board.imu_axes is [-1, 1], expected three signs"),
-        (
-            "id = 200",
-            "id = 2",
-            "bus.board.id is 2, that of joint 'r_hip', expected an id of its own",
-        ),
-        ("id = 200", "id = 253", "bus.board.id is 253, expected an integer from 0 to 252"),
-        ("powers_servos = true", "powers_servos = 1", "powers_servos is 1, expected true or false"),
-        ("[bus.board]", '[bus.ports]\nlegs = ["l_hip"]\n[bus.board]', "'r_hip' is on 0 ports"),
-        ("[bus.board]", '[bus.ports]\nlegs = ["hip"]\n[bus.board]', "unknown joint 'hip'"),
-    ],
-)
-def test_a_wrong_bus_is_reported_with_what_is_expected(own_robot, old, new, words):
-    spoil(own_robot, old, new)
-    assert words in complaint(own_robot)
-
-
-@pytest.mark.parametrize(
     ("content", "words"),
     [
         (b"joints = {\n", "not TOML (Invalid initial character for a key part (at line 1"),
@@ -206,3 +132,31 @@ def test_a_file_that_is_no_description_is_refused(own_robot, content, words):
 
 def test_every_segment_has_a_weight_in_the_metric():
     assert set(get_args(Segment)) == set(SEGMENT_WEIGHT)
+
+
+PERIOD = "control_period = 0.008"
+
+
+def test_without_a_word_one_joint_of_each_pair_of_limbs_rises(tiny, op3):
+    assert tiny.rising_joints == ("l_hip",)
+    mirror = op3.mirror_index
+    rows = [op3.joint_names.index(name) for name in op3.rising_joints]
+    assert len(rows) == 6
+    assert {int(mirror[row]) for row in rows}.isdisjoint(rows)
+    assert op3.spreading_joints == ("l_hip_roll",)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('spreading_joints = ["l_toe"]', "spreading_joints: unknown joint 'l_toe'"),
+        ('spreading_joints = ["r_hip"]', "'r_hip' is one of rising_joints, expected others"),
+        ("spreading_joints = []", "spreading_joints is [], expected a list of texts, at least one"),
+        ('rising_joints = ["l_toe"]', "rising_joints: unknown joint 'l_toe'"),
+        ('rising_joints = ["l_hip", "r_hip"]', "rising_joints: 'l_hip', expected one joint of a m"),
+        ("rising_joints = []", "rising_joints is [], expected a list of texts, at least one"),
+    ],
+)
+def test_wrong_rising_and_spreading_joints_are_reported(own_robot, line, words):
+    spoil(own_robot, PERIOD, f"{PERIOD}\n{line}")
+    assert words in complaint(own_robot)

@@ -11,8 +11,8 @@ from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import mirror_positions
 from sim2real.environment.physics.training_world import LONGEST_DELAY, build_training_world
-from sim2real.environment.starts.settled_falls import drop_falls
 from sim2real.environment.starts.start_pool import StartPool
+from sim2real.environment.starts.start_states import drop_falls
 
 PHYSICS_STEP = 0.004  # s
 

@@ -8,6 +8,7 @@ import pytest
 from policy_functions import remember_actions
 from records import make_record
 
+from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.policy.action import ActionSpec, choose_actions
@@ -23,7 +24,7 @@ from sim2real.perturbations import (
     make_parameters,
     summarize_rollouts,
 )
-from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts
+from sim2real.policy_evaluation import PolicyDriver, PolicyFigures
 
 SHORT = 3.5  # s: a held stand and a little
 SIZE = choose_actions(load_robot("op3"), wide=True).size
@@ -34,25 +35,17 @@ def idle(observations: np.ndarray) -> np.ndarray:
     return np.zeros((len(observations), SIZE))
 
 
-def hold_still(
-    op3: Robot, action: ActionSpec, trial: Perturbation, robots: int = 2
-) -> PolicyRollouts:
-    return try_policy(op3, PolicyDriver(action=action, act=idle), trial, robots, duration=SHORT)
-
-
-def try_policy(
-    op3: Robot, policy: PolicyDriver, perturbation: Perturbation, robots: int = 2, **options: Any
-) -> PolicyRollouts:
-    """Let a policy go on from a stand."""
-    trial = PolicyTrial(robot=op3, policy=policy, perturbation=perturbation, threads=1, **options)
-    return trial.run([op3.standing] * robots)
+def try_idle(op3: Robot, action: ActionSpec, **options: Any) -> PolicyTrial:
+    policy = PolicyDriver(action=action, act=idle)
+    return PolicyTrial(robot=op3, policy=policy, threads=1, **options)
 
 
 @pytest.mark.parametrize("physics", [None, *MODEL_VARIANTS])
 def test_a_robot_that_stands_and_does_nothing_stands_in_any_physics(
     op3: Robot, action: ActionSpec, physics: str | None
 ):
-    record = hold_still(op3, action, Perturbation(physics=physics))
+    trial = try_idle(op3, action, perturbation=Perturbation(physics=physics), duration=SHORT)
+    record = trial.run([op3.standing] * 2)
     assert record.outcome.stood.all()
     assert (record.outcome.stand_time <= 0.3).all()
     assert (record.outcome.standing_speed < 0.05).all()
@@ -109,6 +102,14 @@ def test_a_perturbation_is_in_the_model(op3: Robot, action: ActionSpec):
     assert np.linalg.norm(parameters.imu_tilt, axis=1) == pytest.approx(0.1)
 
 
+def conclude(op3: Robot, made: Record) -> PolicyFigures:
+    """Judge a record of N robots without style."""
+    outcome, n = RunningOutcome(op3), len(made.cycles)
+    outcome.add(made)
+    nothing, none = np.full((n, 3), np.nan), np.zeros(n, dtype=int)
+    return PolicyFigures(outcome=outcome.conclude(), style_error=nothing, restarts=none)
+
+
 def test_figures_count_by_class(op3: Robot):
     """Three robots of 4 s at 2 Hz: one stands from 0.5 s on, one falls, one never stands."""
     upright = np.array([[0, 1, 1, 1, 1, 1, 1, 1], [1] * 7 + [0], [0] * 8], dtype=bool)
@@ -126,16 +127,7 @@ def test_figures_count_by_class(op3: Robot):
         head_touch=touch,
         head_speed=np.array([[0.0], [1.5], [0.5]]) * np.eye(8)[0],
     )
-    outcome = RunningOutcome(op3)
-    outcome.add(made)
-    record = PolicyRollouts(
-        outcome=outcome.conclude(),
-        qpos=np.zeros((3, 1, 27)),
-        target=np.zeros((3, 1, 20)),
-        features=np.zeros((3, 1, 3)),
-        style_error=np.full((3, 3), np.nan),
-        restarts=np.zeros(3, dtype=int),
-    )
+    record = conclude(op3, made)
     falls = [Fall(posture=op3.standing, start_class=kind) for kind in ("prone", "prone", "left")]
     figures = summarize_rollouts(falls, record, ("prone", "left"))
     assert [figures.classes[kind].stood for kind in ("prone", "left")] == [1, 0]
@@ -148,18 +140,8 @@ def test_figures_count_by_class(op3: Robot):
 
 
 def test_a_robot_without_a_head_has_no_impact_of_it(op3: Robot):
-    outcome = RunningOutcome(op3)
-    outcome.add(make_record(op3, (2, 8), 0.5))
-    figures = outcome.conclude()
-    assert figures.head_impact is None
-    record = PolicyRollouts(
-        outcome=figures,
-        qpos=np.zeros((2, 1, 27)),
-        target=np.zeros((2, 1, 20)),
-        features=np.zeros((2, 1, 3)),
-        style_error=np.full((2, 3), np.nan),
-        restarts=np.zeros(2, dtype=int),
-    )
+    record = conclude(op3, make_record(op3, (2, 8), 0.5))
+    assert record.outcome.head_impact is None
     falls = [Fall(posture=op3.standing, start_class="prone")] * 2
     assert summarize_rollouts(falls, record, ()).all.head_impact_m_s.median is None
 
@@ -168,9 +150,7 @@ def test_robots_are_simulated_in_chunks_and_joined(
     op3: Robot, action: ActionSpec, monkeypatch: pytest.MonkeyPatch
 ):
     reports = []
-    trial = PolicyTrial(
-        robot=op3, policy=PolicyDriver(action=action, act=idle), duration=0.2, threads=1
-    )
+    trial = try_idle(op3, action, duration=0.2)
     starts = [op3.standing] * 3
     whole = trial.run(starts)
     monkeypatch.setattr(perturbations, "CHUNK", 2)

@@ -1,5 +1,7 @@
 """Evaluation of policies: a stand lasts three seconds, and diverged physics is no stand."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from policy_functions import remember_actions
@@ -7,15 +9,19 @@ from records import make_record
 
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.running_outcome import RunningOutcome
-from humanoid_getup.policy.action import build_posture_spec
+from humanoid_getup.policy.action import ActionSpec, build_posture_spec
 from humanoid_getup.policy.observation import StyleInput, list_terms
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from humanoid_getup.style.style_file import load_any_style
 from robots import load_robot
 from robots.kinematics import place
-from sim2real.environment.physics.randomization import ObservationNoise
+from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.policy_evaluation import PolicyDriver, PolicyRollouts, roll_out_policy
+
+
+def idle(action: ActionSpec) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda observations: np.zeros((len(observations), action.size))
 
 
 def test_a_robot_that_diverged_never_stood_and_the_others_did(
@@ -29,10 +35,7 @@ def test_a_robot_that_diverged_never_stood_and_the_others_did(
         if step == 2:
             sim.push(np.array([1]), np.full((1, 3), np.nan))
 
-    def idle(observations: np.ndarray) -> np.ndarray:
-        return np.zeros((len(observations), action.size))
-
-    driver = PolicyDriver(action=action, act=remember_actions(idle))
+    driver = PolicyDriver(action=action, act=remember_actions(idle(action)))
     rises = roll_out_policy(sim, driver, starts, duration=3.5, on_step=hit)
     assert rises.outcome.stood.tolist() == [True, False, True]
     assert not rises.outcome.upright[1].any()
@@ -133,10 +136,7 @@ def test_what_a_policy_asks_beyond_one_counts_as_one(action, world, falls, sign)
 def test_a_record_has_every_period_and_every_step(op3, action, world, falls):
     steps = []
 
-    def idle(observations: np.ndarray) -> np.ndarray:
-        return np.zeros((len(observations), action.size))
-
-    rollouts = roll_out(world, action, falls[:3], idle, on_step=steps.append)
+    rollouts = roll_out(world, action, falls[:3], idle(action), on_step=steps.append)
     count = round(0.3 / (action.cycles * op3.control_period))
     assert steps == list(range(count))
     periods = count * action.cycles

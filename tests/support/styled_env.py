@@ -5,12 +5,12 @@ import numpy as np
 from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.style.style_file import load_any_style
 from robots import Robot
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.env_options import EnvOptions
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.rewards import REWARDS
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.styled.curve_library import CurveLibrary
-from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.environment.styled.style_task import StyleTask
 
 SAMPLES = 5

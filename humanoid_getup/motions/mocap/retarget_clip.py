@@ -25,11 +25,10 @@ from humanoid_getup.motions.motion import (
     StartClass,
 )
 from robots import Robot, quaternion
-from robots.body.lengths import leg_length
 from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
-from robots.body.limb_solver import LimbSolver
+from robots.body.limb_solver import LimbSolver, Trunk
 from robots.body.limbs import Limbs
-from robots.body.trunk import Trunk
+from robots.body.parts import leg_length
 from robots.kinematics import lowest_points, place_postures
 from robots.quaternion import Array
 

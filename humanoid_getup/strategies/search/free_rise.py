@@ -18,7 +18,7 @@ from humanoid_getup.strategies.search.rise_search import (
     SearchTools,
 )
 from robots import Posture, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import read_posture
 from robots.quaternion import Array
 

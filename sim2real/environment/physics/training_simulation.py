@@ -21,7 +21,7 @@ from humanoid_getup.style.extraction import compute_features
 from humanoid_getup.style.features import measure_height_map
 from robots import quaternion
 from robots.quaternion import Array
-from sim2real.environment.physics.randomization import ObservationNoise
+from sim2real.environment.env_options import ObservationNoise
 from sim2real.environment.physics.training_world import SensorAddresses
 from sim2real.environment.privileged_state import PrivilegedState
 

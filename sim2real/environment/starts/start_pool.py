@@ -71,11 +71,7 @@ class StartPool:
 
     @staticmethod
     def load(file: Path, robot: Robot, width: int) -> StartPool:
-        """Read a robot's initial states, of ``width`` MuJoCo positions, from an .npz file.
-
-        Raises:
-            ValueError: if the file holds no initial states of this robot.
-        """
+        """Read a robot's initial states, of ``width`` MuJoCo positions, from an .npz file."""
         try:
             arrays = load_arrays(file, ("qpos", "robot"), optional=("level", "fallen"))
             check_robot(arrays["robot"], robot.name)

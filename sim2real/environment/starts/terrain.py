@@ -15,7 +15,7 @@ from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
 from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.scenes.start_region import StartRegion
 from robots import Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.quaternion import Array
 
 LEVELS = ("flat", *ROUGHNESS)

@@ -57,14 +57,9 @@ class CurveLibrary:
         named_share: float,
         states: tuple[Array, NDArray[np.int_], Array],
     ) -> CurveLibrary:
-        """Make a library.
+        """Make a library of C curves; a source tells where each rise comes from, "" for named ones.
 
-        Args:
-            curves: Curves of rises and named ones, C of them.
-            joint_target: Targets of their rises, (C, K, n).
-            sources: Where each rise comes from; empty for named curves.
-            named_share: Share of draws that are named curves, where both kinds begin near.
-            states: MuJoCo positions along the curves, curve and share of its duration of each.
+        The states are MuJoCo positions along the curves, and curve and share of each.
         """
         return CurveLibrary(
             named_share=named_share,
@@ -124,12 +119,9 @@ def build_library(
     named_share: float = 0.5,
 ) -> CurveLibrary:
     """Build the curves of a training: of rises and their mirror images, and named ones."""
-    curves: list[StyleCurves] = []
-    states: list[Array] = []
-    rows: list[int] = []
-    shares: list[float] = []
-    targets: list[Array] = []
-    sources: list[str] = []
+    curves, sources = list[StyleCurves](), list[str]()
+    states, targets = list[Array](), list[Array]()
+    rows, shares = list[int](), list[float]()
     placed = transfer_positions(robot, rises.model, model, rises.qpos)
     mirrored = mirror_positions(robot, model, placed)
     for rise in range(len(rises)):
@@ -140,7 +132,9 @@ def build_library(
             curve = rises.curves(rise)
         except ValueError:  # it ends as it leans or squats, on the way to its stand
             continue
-        target = _resample(rises.joint_target[first:end])
+        now, wanted = np.linspace(0.0, 1.0, end - first), np.linspace(0.0, 1.0, SAMPLES)
+        columns = rises.joint_target[first:end].T
+        target = np.stack([np.interp(wanted, now, column) for column in columns], axis=-1)
         targets += [target, robot.mirror_joints(target)]
         for qpos, own in ((placed, curve), (mirrored, curve.mirrored())):
             frames = np.arange(first, end, FRAMES_APART)
@@ -152,16 +146,6 @@ def build_library(
             curves.append(own)
             sources.append(rises.sources[rise])
     targets += [np.full_like(targets[0], np.nan)] * len(named)
-    return CurveLibrary.of(
-        [*curves, *named],
-        np.array(targets),
-        [*sources, *[""] * len(named)],
-        named_share,
-        (np.array(states), np.array(rows), np.array(shares)),
-    )
-
-
-def _resample(rows: Array) -> Array:
-    """Resample rows, (T, n), to `SAMPLES` equally spaced ones."""
-    now, wanted = np.linspace(0.0, 1.0, len(rows)), np.linspace(0.0, 1.0, SAMPLES)
-    return np.stack([np.interp(wanted, now, column) for column in rows.T], axis=-1)
+    along = np.array(states), np.array(rows), np.array(shares)
+    sources += [""] * len(named)
+    return CurveLibrary.of([*curves, *named], np.array(targets), sources, named_share, along)

@@ -13,11 +13,11 @@ from humanoid_getup.style.curves import SavedArrays, SavedState
 from humanoid_getup.style.features import UNKNOWN
 from robots import Robot
 from robots.quaternion import Array
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.privileged_state import PrivilegedState
+from sim2real.environment.rewards import StyleReward, reward_style
 from sim2real.environment.styled.curve_library import CurveLibrary
-from sim2real.environment.styled.prior_head import PriorHead
-from sim2real.environment.styled.style_reward import StyleReward, reward_style
 
 STAND_TIME = 3.0  # s that an episode continues after its curve has ended
 TERMINATION_REWARD = 0.1  # of the task, below which a robot deviates too much from its curves

@@ -11,15 +11,18 @@ from torch import nn
 from humanoid_getup.policy.action import ActionSpec
 from humanoid_getup.policy.observation import UPRIGHT, Term
 from robots.quaternion import Array
-from sim2real.environment.styled import ankle_balance
-from sim2real.environment.styled.ankle_balance import BEGIN, FULL, LARGEST, AnkleBalance
-from sim2real.environment.styled.prior_head import (
+from sim2real.environment.action_heads import (
+    BEGIN,
     FILTER_SHARE,
+    FULL,
+    GAINS,
+    LARGEST,
     LEAST_SCALE,
     MOST_OUTPUT,
     OFFSET_SCALE,
     STANCE_ANGLE,
     STANCE_HEIGHT,
+    AnkleBalance,
 )
 from sim2real.pose_prior.pose_prior import Network, PosePrior
 
@@ -66,7 +69,7 @@ class StyledNetwork(nn.Module):
             "standing": np.array([1.0, 0.0, 0.0]),
             "stance_range": np.array([STANCE_HEIGHT, STANCE_ANGLE, STANCE_ANGLE]),
             "ankles": AnkleBalance(prior.robot).ankles,
-            "gains": ankle_balance.GAINS,
+            "gains": GAINS,
             "home": action.home,
             "scale": action.scale,
         }

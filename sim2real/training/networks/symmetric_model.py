@@ -92,11 +92,7 @@ class SymmetricNetwork(nn.Module):
     def __init__(
         self, inputs: Exchange, outputs: Exchange, hidden: list[int], activation: str = "elu"
     ) -> None:
-        """Build the layers; their hidden units are even numbers.
-
-        Raises:
-            ValueError: if a hidden layer has an odd number of units.
-        """
+        """Build the layers; their hidden units are even numbers."""
         super().__init__()
         if any(units % 2 for units in hidden):
             raise ValueError(f"hidden layers have {hidden} units, expected pairs")

@@ -17,7 +17,7 @@ from humanoid_getup.scenes.start_region import StartRegion
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 
 SLOPE = np.radians(15.0)

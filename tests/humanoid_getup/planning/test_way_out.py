@@ -24,7 +24,7 @@ from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.standing_places import StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 PERIOD = 0.008
 FASTEST = 1.001 * SPEED * PERIOD

@@ -8,7 +8,7 @@ from humanoid_getup.scenes.named_scenes import (
     load_scene,
 )
 from robots import Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 X, Y = np.meshgrid(np.linspace(-0.6, 0.6, 25), np.linspace(-0.6, 0.6, 25))
 

@@ -10,7 +10,7 @@ from paths import REPOSITORY
 
 from humanoid_getup.scenes.named_scenes import BoxTable, load_scene, read_scene
 from robots import Robot, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 FULL = """
 about = "everything"

@@ -7,7 +7,7 @@ from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.standing_places import ROOM, StandingPlaces
 from humanoid_getup.simulation.world import World
 from robots import Robot
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 LOW = np.array([0.0, 0.0, 0.05])
 

@@ -13,7 +13,7 @@ from humanoid_getup.style.style_file import (
     read_style,
     write_style,
 )
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 LINE = "[0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]"
 RIGHT = "[90, 90, 90, 90, 90, 90, 90, 90, 90]"

@@ -1,34 +1,6 @@
 """The plan of a body: hinges by what they are, and sides that contradict each other."""
 
-import copy
-from dataclasses import replace
-
-import numpy as np
-
-from robots.body.body_plan import BodyPlan
-from robots.body.roles import list_rising, list_segments
-
-
-def names(small: BodyPlan, hinges: tuple[int, ...]) -> list[str]:
-    return [small.joint_names[k].removesuffix("_joint") for k in hinges]
-
-
-def test_limbs_are_listed_from_the_torso_on(small: BodyPlan):
-    leg = ["hip_yaw", "hip_roll", "thigh", "shank", "ankle", "foot"]
-    assert names(small, small.legs[0]) == [f"left_{part}" for part in leg]
-    ((left, right),) = small.arms
-    assert names(small, left) == ["left_shoulder", "left_upper_arm", "left_forearm"]
-    assert names(small, right) == ["right_shoulder", "right_upper_arm", "right_forearm"]
-    assert names(small, small.head) == ["head"]
-
-
-def test_a_knee_that_bends_the_other_way_is_named(small: BodyPlan):
-    model = copy.copy(small.model)
-    knee = model.joint("left_shank_joint").id
-    model.jnt_range[knee] = np.radians([-140.0, 0.0])
-    (message,) = replace(small, model=model).find_contradictions()
-    assert "left_shank_joint and right_shank_joint mirror each other, but not" in message
-    assert "-140 to 0 deg and 0 to 140 deg" in message
+from robots.body.body_plan import BodyPlan, list_rising, list_segments
 
 
 def test_segments_are_head_feet_and_the_rest(small: BodyPlan):

@@ -1,16 +1,42 @@
-"""How far a posture is from standing balanced on flat soles, by hand."""
+"""Legs and soles of the small humanoid, by hand: lengths, knees, and errors of a stand."""
 
 import numpy as np
 import pytest
 
 from robots.body.body_plan import BodyPlan
 from robots.body.flat_soles import FlatSoles, Foot, fit_posture
-from robots.body.leg import Leg
+from robots.body.limb import BEND, Leg
+
+
+def stretch(small: BodyPlan) -> np.ndarray:
+    angles = np.zeros(len(small.joint_names))
+    small.view.look(angles)
+    return angles
+
+
+def test_a_stretched_leg_is_as_long_as_its_links(small: BodyPlan):
+    """By hand: the soles are 30 cm below the hips, 1.5 cm in front of the ankles at -0.27 m."""
+    stretch(small)
+    foot = np.hypot(0.015, 0.03)
+    assert small.left_leg.measure_stretched() == pytest.approx(0.27 + foot, abs=1e-6)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_bent_knee_leads_the_way_and_the_sole_stays_level(small: BodyPlan, way: float):
+    angles = stretch(small)
+    length = small.left_leg.measure_stretched()
+    small.left_leg.bend_knee(angles, way)
+    small.view.look(angles)
+    assert small.left_leg.measure_stretched() == pytest.approx(length), "it is as long"
+    # By hand: thigh and shank of 14 and 13 cm, each turned by half of the bend.
+    lead = way * 0.14 * np.sin(BEND / 2.0) * 2.0 * 0.13 / 0.27
+    assert small.left_leg.measure_knee_lead() == pytest.approx(lead, rel=0.1)
+    assert small.left_leg.sole_axes[:, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
 
 
 def test_errors_are_shares_of_a_leg(small: BodyPlan):
     """By hand: legs that should be a tenth longer than they are, soles flat below the hips."""
-    small.view.look(np.zeros(len(small.joint_names)))
+    stretch(small)
     leg = small.left_leg
     soles = FlatSoles(view=small.view, feet=[Foot.stand(leg)], length=0.3)
     lean, errors = soles.measure(0.33)
@@ -23,7 +49,7 @@ def test_errors_are_shares_of_a_leg(small: BodyPlan):
 
 
 def test_a_foot_in_front_of_the_other_is_off_by_the_stride(small: BodyPlan):
-    small.view.look(np.zeros(len(small.joint_names)))
+    stretch(small)
     legs = [
         Leg(small.view, joints, small.model.site(sole).id)
         for joints, sole in zip(small.legs, small.soles, strict=True)

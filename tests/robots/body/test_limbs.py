@@ -1,4 +1,4 @@
-"""Limbs: which joints they are, where they point, and the angles that point them back."""
+"""Limbs and trunk: which joints they are, where they point, and the angles that point them back."""
 
 from pathlib import Path
 
@@ -6,72 +6,118 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from spoiling import spoil
+from tiny_robots import LEGS, limb, make_robot
 
 from robots import Robot, load_robot
-from robots.body.limb_solver import LimbSolver
+from robots.body.limb import Limb, LimbName
+from robots.body.limb_solver import LimbSolver, Trunk
 from robots.body.limbs import Limbs
+
+SIDES: tuple[tuple[LimbName, LimbName], ...] = (
+    ("left_arm", "right_arm"),
+    ("left_leg", "right_leg"),
+)
+
+
+def ends(robot: Robot, found: Limb) -> list[str | None]:
+    """Name the joints at which the parts of a limb begin and end."""
+    places = (found.start, found.middle, found.end)
+    return [None if k is None else robot.joint_names[k] for k in places]
+
+
+def arm_of(folder: Path, *joints: tuple[str, str, str], at: str = "0 0.3 0.15") -> list[str | None]:
+    """Build a robot with a left arm of joints (name, place in the last one, axis).
+
+    Its first joint is at a place. Return the joints at which its parts begin and end.
+    """
+    inside = ""
+    for name, place, axis in reversed(joints):
+        inside = limb(name, place, axis, inside)
+    robot = make_robot(folder, LEGS + inside.replace(f'pos="{joints[0][1]}"', f'pos="{at}"', 1))
+    found = Limbs(robot).all["left_arm"]
+    assert [robot.joint_names[k] for k in found.joints] == [name for name, *_ in joints]
+    return ends(robot, found)
+
+
+PITCH, ROLL, ALONG = "0 1 0", "1 0 0", "0 0 1"
+HERE, BELOW = "0 0 0", "0 0 -0.1"
+
+
+SHIPPED = {
+    "op3": (["l_sho_roll", "l_el", None], ["l_hip_pitch", "l_knee", "l_ank_pitch"]),
+    "wolfgang": (["LShoulderRoll", "LElbow", None], ["LHipPitch", "LKnee", "LAnklePitch"]),
+    "toddlerbot": (
+        ["left_shoulder_roll", "left_elbow_roll", "left_wrist_pitch"],
+        ["left_hip_roll", "left_knee", "left_ankle_pitch"],
+    ),
+    "human": (["l_sho_roll", "l_elbow", "l_wrist_roll"], ["l_hip_pitch", "l_knee", "l_ankle_yaw"]),
+}
+"""Where the left arm and the left leg of each begin, bend and end."""
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_limbs_of_both_sides_are_mirror_images(name: str):
+    """They begin, bend and end where they should."""
+    robot = load_robot(name)
+    found, image = Limbs(robot).all, robot.mirror_index
+    assert set(found) == {limb for side in SIDES for limb in side}
+    assert (ends(robot, found["left_arm"]), ends(robot, found["left_leg"])) == SHIPPED[name]
+    for one, other in SIDES:
+        left, right = found[one], found[other]
+        assert [image[k] for k in left.joints] == list(right.joints)
+        assert (image[left.start], image[left.middle]) == (right.start, right.middle)
+        assert (left.end is None) == (right.end is None)
+        if left.end is not None:
+            assert image[left.end] == right.end
+
+
+def test_a_robot_may_lack_arms_and_legs_may_hang_on_a_waist(tmp_path: Path):
+    """Joints of the head are not an arm; the sole of each leg is on its own chain."""
+    head = limb("pan", "0 0 0.2", axis="0 0 1", inside=limb("tilt", "0 0 0"))
+    waist = limb("waist", "0 0 0", axis="0 0 1", inside=LEGS)
+    limbs = Limbs(make_robot(tmp_path, waist + head, head=("pan", "tilt")))
+    assert set(limbs.all) == {"left_leg", "right_leg"}
+    legs = limbs.all["left_leg"], limbs.all["right_leg"]
+    assert [limbs.model.site(leg.sole).name for leg in legs] == ["l_sole", "r_sole"]
+    assert limbs.robot.joint_names.index("waist") not in legs[0].joints
+
+
+def test_of_several_arms_on_a_side_the_outermost_counts(tmp_path: Path):
+    """High shoulders near the middle are on their own sides as well."""
+    arms = [
+        limb(name, f"0 {y} 0.15", inside=limb(f"{name}_elbow", BELOW))
+        for name, y in (("inner", 0.1), ("outer", 0.3), ("middle", 0.2), ("right", -0.03))
+    ]
+    robot = make_robot(tmp_path, LEGS + "".join(arms))
+    found = Limbs(robot).all
+    assert robot.joint_names[found["left_arm"].start] == "outer"
+    assert robot.joint_names[found["right_arm"].start] == "right"
+
+
+def test_the_upper_part_begins_where_the_last_joint_bends_it(tmp_path: Path):
+    """Not at the joint that twists it, above the elbow."""
+    arm = (("pitch", HERE, PITCH), ("twist", HERE, ALONG), ("elbow", BELOW, PITCH))
+    assert arm_of(tmp_path, *arm) == ["pitch", "elbow", None]
+
+
+def test_the_middle_is_farthest_from_both_ends_and_a_wrist_ends_the_lower_part(tmp_path: Path):
+    arm = (
+        ("pitch", HERE, PITCH),
+        ("roll", HERE, ROLL),
+        ("elbow", BELOW, PITCH),
+        ("wrist", "0 0 -0.08", PITCH),
+    )
+    assert arm_of(tmp_path, *arm) == ["roll", "elbow", "wrist"]
+
+
+def test_a_robot_without_two_legs_with_knees_is_refused(tiny: Robot):
+    with pytest.raises(ValueError, match="robot 'tiny' has no two legs with a knee"):
+        Limbs(tiny)
 
 
 @pytest.fixture(scope="module")
 def limbs(op3: Robot) -> Limbs:
     return Limbs(op3)
-
-
-def names(limbs: Limbs, limb: str) -> list[str]:
-    return [limbs.robot.joint_names[k] for k in limbs.all[limb].joints]  # type: ignore[index]
-
-
-def test_arms_and_legs_of_op3_are_found_from_the_torso_on(limbs: Limbs):
-    assert set(limbs.all) == {"left_arm", "right_arm", "left_leg", "right_leg"}
-    leg = ["hip_yaw", "hip_roll", "hip_pitch", "knee", "ank_pitch", "ank_roll"]
-    assert names(limbs, "left_leg") == [f"l_{name}" for name in leg]
-    assert names(limbs, "right_arm") == ["r_sho_pitch", "r_sho_roll", "r_el"]
-    found = limbs.all["left_leg"]
-    bends = [limbs.robot.joint_names[k] for k in (found.start, found.middle, found.end or 0)]
-    assert bends == ["l_hip_pitch", "l_knee", "l_ank_pitch"]
-
-
-def test_a_robot_may_lack_arms(own_folder: Path):
-    """Joints that are of the head alone are not an arm."""
-    text = (own_folder / "robot.toml").read_text("utf-8").splitlines(keepends=True)
-    arm = ("_sho_", '_el"')
-    rows = [
-        line.replace('"other"', '"head"') if line.startswith("  {") and arm[0] in line else line
-        for line in text
-    ]
-    rows = [line.replace('"other"', '"head"') if '_el", id' in line else line for line in rows]
-    (own_folder / "robot.toml").write_text("".join(rows), "utf-8")
-    assert set(Limbs(load_robot(own_folder)).all) == {"left_leg", "right_leg"}
-
-
-def test_legs_below_a_waist_joint_have_a_sole_each(own_folder: Path):
-    """A pelvis on a waist joint carries both legs: the sole of each is on its own chain."""
-    model = (own_folder / "model.xml").read_text("utf-8")
-    at = model.index('      <body name="l_hip_yaw_link"')
-    end = model.index("    </body>\n  </worldbody>")
-    pelvis = (
-        '      <body name="waist_link"><joint name="waist" axis="0 0 1" range="-30 30"/>'
-        '<geom type="box" size="0.01 0.01 0.01" mass="0.1" contype="0" conaffinity="0"/>\n'
-    )
-    model = model[:at] + pelvis + model[at:end] + "      </body>\n" + model[end:]
-    (own_folder / "model.xml").write_text(model, "utf-8")
-    waist = (
-        '{ name = "waist", id = 21, servo = "XM430-W350", sign = 1, zero_ticks = 2048, '
-        'mirror = "waist", mirror_sign = -1, segment = "other" },\n]\n\n# Standing'
-    )
-    spoil(own_folder, "]\n\n# Standing", waist)
-    found = Limbs(load_robot(own_folder))
-    soles = [found.model.site(found.all[leg].sole).name for leg in ("left_leg", "right_leg")]
-    assert soles == ["l_sole", "r_sole"]
-    assert "waist" not in names(found, "left_leg")
-
-
-@pytest.fixture
-def own_folder(tmp_path: Path, op3: Robot) -> Path:
-    for name in ("robot.toml", "model.xml"):
-        (tmp_path / name).write_text((op3.folder / name).read_text("utf-8"), "utf-8")
-    return tmp_path
 
 
 @settings(max_examples=15)
@@ -98,3 +144,34 @@ def test_the_mass_is_shifted_as_far_forward_as_asked_for(limbs: Limbs):
     shifted = LimbSolver(limbs).solve_balance(before + 0.05, stance)
     after = limbs.measure_balance(shifted)
     assert after == pytest.approx(before + 0.05, abs=0.01)
+
+
+NECK = '<site name="neck" pos="0 0 0.1"/>'
+
+
+def with_neck_on(folder: Path, bodies: str) -> Robot:
+    """Make a robot whose neck is on what hangs on its torso."""
+    make_robot(folder, LEGS + bodies.replace('"neck"', '"top"'))
+    toml = folder / "robot.toml"
+    toml.write_text(toml.read_text("utf-8").replace('neck_site = "neck"', 'neck_site = "top"'))
+    return load_robot(folder)
+
+
+def test_the_chest_is_turned_where_it_is_asked_to(tmp_path: Path):
+    """A torso with a waist that yaws and a chest that pitches, with the neck on it."""
+    chest = limb("waist", "0 0 0.1", axis="0 0 1", inside=limb("chest", "0 0 0.02", inside=NECK))
+    robot = with_neck_on(tmp_path, chest)
+    trunk, wanted = Trunk(robot), robot.standing.joint_pos.copy()
+    wanted[trunk.joints] = [0.4, -0.3]
+    found = trunk.solve(trunk.measure(wanted), robot.standing.joint_pos)
+    assert found[trunk.joints] == pytest.approx([0.4, -0.3], abs=0.01)
+    others = [k for k in range(robot.n) if k not in trunk.joints]
+    assert len(others) == 4
+    assert found[others] == pytest.approx(wanted[others])
+
+
+def test_a_chest_whose_own_frame_is_turned_is_upright_at_rest(tmp_path: Path):
+    chest = limb("chest", '0 0 0.1" euler="20 0 0', axis="1 0 0", inside=NECK)
+    trunk = Trunk(with_neck_on(tmp_path, chest))
+    found = trunk.solve(np.eye(3), np.full(5, 0.2))
+    assert found[trunk.joints] == pytest.approx([0.0], abs=1e-3)

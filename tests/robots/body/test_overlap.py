@@ -1,5 +1,7 @@
 """Self-overlap by pairs of links, against the ground truth of a twin."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -37,45 +39,24 @@ def deepest_by_hand(twin: Twin) -> float:
     return max(own, default=0.0)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_the_deepest_pair_is_as_deep_as_the_robot_is_in_itself(world: World, op3: Robot, seed: int):
-    posture = cross(op3, seed)
-    twin = Twin(world, posture)
-    depth = overlaps_at(
-        world.model, place(world.robot, world.model, posture), mujoco.MjData(world.model)
-    )
-    assert depth.max() == pytest.approx(twin.truth.self_penetration, abs=1e-12)
-    assert depth.max() == pytest.approx(deepest_by_hand(twin), abs=1e-12)
-    np.testing.assert_array_equal(depth, measure_pair_overlaps(twin.truth.model, twin.truth.data))
-    np.testing.assert_array_equal(depth, np.triu(depth, k=1))
+def test_the_deepest_pair_is_as_deep_as_the_robot_is_in_itself(world: World, op3: Robot):
+    for seed in range(8):
+        posture = cross(op3, seed)
+        twin, depth = Twin(world, posture), find(world, posture)
+        assert depth.max() == pytest.approx(twin.truth.self_penetration, abs=1e-12), seed
+        assert depth.max() == pytest.approx(deepest_by_hand(twin), abs=1e-12), seed
+        by_twin = measure_pair_overlaps(twin.truth.model, twin.truth.data)
+        np.testing.assert_array_equal(depth, by_twin)
+        np.testing.assert_array_equal(depth, np.triu(depth, k=1))
 
 
-def test_overlap_is_of_the_links_that_cross(world: World, op3: Robot):
+def test_overlap_is_of_the_links_that_cross_and_not_of_the_ground(world: World, op3: Robot):
     joint_pos = op3.standing.joint_pos.copy()
+    in_the_ground = replace(op3.standing, position=np.zeros(3))
+    assert find(world, in_the_ground).max() == 0.0
     joint_pos[op3.joint_names.index("l_hip_roll")] = 0.3
     joint_pos[op3.joint_names.index("r_hip_roll")] = -0.3
-    posture = Posture(
-        position=np.array([0.0, 0.0, 1.0]),
-        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-        joint_pos=joint_pos,
-    )
-    depth = overlaps_at(
-        world.model, place(world.robot, world.model, posture), mujoco.MjData(world.model)
-    )
+    depth = find(world, replace(in_the_ground, joint_pos=joint_pos))
     pairs = {tuple(world.model.body(link).name for link in pair) for pair in np.argwhere(depth)}
     assert pairs
     assert all(first.startswith("l_") and second.startswith("r_") for first, second in pairs)
-
-
-def test_the_ground_is_no_overlap(world: World, op3: Robot):
-    below = Posture(
-        position=np.array([0.0, 0.0, 0.0]),
-        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-        joint_pos=op3.standing.joint_pos,
-    )
-    assert (
-        overlaps_at(
-            world.model, place(world.robot, world.model, below), mujoco.MjData(world.model)
-        ).max()
-        == 0.0
-    )

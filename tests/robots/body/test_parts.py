@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from tiny_robots import LEGS, limb, make_robot
 
-from robots import Robot
+from robots import Robot, RobotError
 from robots.body.links import Link
-from robots.body.parts import BodyParts, find_arm_joints, find_robot_parts
+from robots.body.parts import BodyParts, find_arm_joints, find_robot_parts, leg_length
 
 L_ARM = limb("l_arm", "0 0.08 0.15", inside=limb("l_elbow", "0 0 -0.1"))
 R_ARM = limb("r_arm", "0 -0.08 0.15", inside=limb("r_elbow", "0 0 -0.1"))
@@ -86,3 +86,13 @@ def test_arm_joints_are_those_of_arms_that_a_rise_moves(op3: Robot):
     model = op3.spec().compile()
     found = {n for n, a in zip(op3.joint_names, find_arm_joints(op3, model), strict=True) if a}
     assert found == {f"{side}_{name}" for side in "lr" for name in ("sho_pitch", "sho_roll", "el")}
+
+
+def test_a_leg_is_as_long_as_from_its_hip_to_its_sole(tmp_path: Path):
+    assert leg_length(make_robot(tmp_path, LEGS)) == pytest.approx(0.2)
+
+
+def test_a_sole_on_the_torso_is_on_no_leg(tmp_path: Path):
+    legs = LEGS.replace('<site name="l_sole" pos="0 0 -0.1"/>', "")
+    with pytest.raises(RobotError, match="no leg that ends in site 'l_sole'"):
+        leg_length(make_robot(tmp_path, legs + '<site name="l_sole" pos="0 0 -0.2"/>'))

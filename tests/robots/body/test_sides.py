@@ -5,40 +5,57 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from nonempty import nonempty
 
 from robots import Robot, load_robot
 from robots.body.joint_view import JointView
-from robots.body.sides import JointSides
+from robots.body.sides import JointSides, remove_side, side_of, swap_side
+
+PAIRS = [
+    ("l_knee", "r_knee", "knee"),
+    ("left_hip_pitch", "right_hip_pitch", "hip_pitch"),
+    ("hip_pitch_left", "hip_pitch_right", "hip_pitch"),
+    ("hip_pitch_l", "hip_pitch_r", "hip_pitch"),
+    ("LHipPitch", "RHipPitch", "HipPitch"),
+    ("hipPitchL", "hipPitchR", "hipPitch"),
+    ("LeftAnkle-roll", "RightAnkle-roll", "Ankle-roll"),
+    ("left.wrist2", "right.wrist2", "wrist2"),
+    ("leftKnee", "rightKnee", "Knee"),
+    ("J_L_KNEE", "J_R_KNEE", "J_KNEE"),
+    ("leg_left_2", "leg_right_2", "leg_2"),
+]
+
+
+def test_a_pair_is_recognized_by_its_names_and_its_left_joint_by_its_name(tiny: Robot):
+    for left, right, bare in nonempty(PAIRS):
+        assert (swap_side(left), swap_side(right)) == (right, left)
+        assert (side_of(left), side_of(right)) == (1, -1), left
+        assert remove_side(left, right) == remove_side(right, left) == bare
+        # The description's second joint is on the right: here its name alone says otherwise.
+        for names in ((left, right), (right, left)):
+            sides = JointSides(rename(tiny, *names))
+            (joint,) = sides.left
+            assert names[joint] == left
+            assert sides.by_name == {bare: joint, left: joint}
+            assert sides.name(joint) == bare
+
+
+@given(
+    words=st.lists(st.sampled_from(["hip", "knee", "roll", "link", "2"]), min_size=1, max_size=4),
+    side=st.sampled_from(["l", "r", "left", "right", "L", "R", "Left", "RIGHT"]),
+    separator=st.sampled_from(["_", "-", "."]),
+)
+def test_swapping_twice_gives_the_name_back(words: list[str], side: str, separator: str):
+    name = separator.join([side, *words])
+    assert swap_side(swap_side(name)) == name != swap_side(name)
+    assert side_of(swap_side(name)) == -side_of(name)
 
 
 def rename(robot: Robot, *names: str) -> Robot:
     joints = [replace(j, name=name) for j, name in zip(robot.joints, names, strict=True)]
     return replace(robot, joints=tuple(joints))
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "pair"),
-    [
-        ("l_hip_pitch", "r_hip_pitch", "hip_pitch"),
-        ("left_hip_pitch", "right_hip_pitch", "hip_pitch"),
-        ("LHipPitch", "RHipPitch", "HipPitch"),
-        ("LeftHipPitch", "RightHipPitch", "HipPitch"),
-        ("leftKnee", "rightKnee", "Knee"),
-        ("hip_pitch_l", "hip_pitch_r", "hip_pitch"),
-        ("hip-left", "hip-right", "hip"),
-        ("KneeL", "KneeR", "Knee"),
-        ("J_L_KNEE", "J_R_KNEE", "J_KNEE"),
-        ("leg_left_2", "leg_right_2", "leg_2"),
-    ],
-)
-def test_a_name_tells_the_side_and_the_pair(left: str, right: str, pair: str, tiny: Robot):
-    # The description's second joint is on the right: here its name alone says otherwise.
-    for names in ((left, right), (right, left)):
-        sides = JointSides(rename(tiny, *names))
-        (joint,) = sides.left
-        assert names[joint] == left
-        assert sides.by_name == {pair: joint, left: joint}
-        assert sides.name(joint) == pair
 
 
 def with_names(folder: Path, left: str, right: str) -> Robot:

@@ -9,12 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_robots import LEGS, make_robot
 
-from robots import Robot
-from robots.body.soles import (
-    find_sole,
-    measure_support_margin,
-    measure_tilt,
-)
+from robots import Robot, quaternion
+from robots.body.soles import find_sole, measure_support_margin, measure_tilt
 
 BOX = '<geom type="box" size="0.05 0.03 0.01" pos="0.02 0 -0.04"/>'
 STUDS = "".join(
@@ -60,14 +56,8 @@ def test_a_ball_and_a_body_without_shapes_have_no_sole(shapes: str):
 def test_a_face_is_tilted_as_far_as_it_was_turned(angle: float, way: float):
     angle *= way
     corners = np.array([[x, y, z] for x in (-5, 5) for y in (-3, 3) for z in (-1, 1)]) * 0.01
-    turn = np.array(
-        [
-            [np.cos(angle), 0.0, np.sin(angle)],
-            [0.0, 1.0, 0.0],
-            [-np.sin(angle), 0.0, np.cos(angle)],
-        ]
-    )
-    assert measure_tilt(corners @ turn.T) == pytest.approx(abs(angle), abs=0.01)
+    turn = quaternion.from_axis_angle(np.array([0.0, 1.0, 0.0]), angle)
+    assert measure_tilt(quaternion.rotate(turn, corners)) == pytest.approx(abs(angle), abs=0.01)
 
 
 def test_a_high_foot_stands_on_what_looks_down_and_not_on_its_larger_side():

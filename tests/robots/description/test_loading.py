@@ -79,14 +79,12 @@ def test_a_robot_may_have_any_control_period(own_robot, period, step):
         assert twin.read().time == pytest.approx(period)
 
 
-@pytest.mark.parametrize("name", ["nao", "", "../..", "/nowhere/at/all", "a\nb"])
-def test_an_unknown_robot_is_named_with_what_is_expected(name):
-    with pytest.raises(
-        RobotError,
-        match=r"unknown robot '.*': expected human, op3, toddlerbot, wolfgang, or a folder",
-    ) as caught:
-        load_robot(name)
-    assert "\n" not in str(caught.value)
+def test_an_unknown_robot_is_named_with_what_is_expected():
+    words = r"unknown robot '.*': expected human, op3, toddlerbot, wolfgang, or a folder"
+    for name in ("nao", "", "../..", "/nowhere/at/all", "a\nb"):
+        with pytest.raises(RobotError, match=words) as caught:
+            load_robot(name)
+        assert "\n" not in str(caught.value), name
 
 
 def test_a_name_too_long_for_a_folder_is_reported_in_one_line():

@@ -1,6 +1,7 @@
 """Servo types: the package's own, and those of a robot's folder."""
 
 import pytest
+from nonempty import nonempty
 from spoiling import complaint, spoil
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named, types_of
@@ -46,13 +47,9 @@ def test_a_folders_types_add_to_and_override_the_packages(own_robot):
     ("old", "new", "words"),
     [
         ("torque = 4.8", "torque = 0", "servos.toml: 'XM430-W350': stall_torque is 0 N·m, exp"),
-        ("torque = 4.8", "torque = 4800", "stall_torque is 4800 N·m, expected above 0 N·m, at m"),
-        ("torque = 4.8", 'torque = "4.8"', "stall_torque is '4.8', expected above 0 N·m"),
         ("friction = 0.0", "friction = -0.1", "'home-made': friction is -0.1 N·m, expected 0 to"),
         ("stall_current = 1.0\n", "", "'home-made': stall_current is missing, expected above 0 A"),
         ("friction = 0.0", "fricton = 0.0", "'home-made': unknown key 'fricton', expected nomin"),
-        ("p_gain = 640", "p_gain = 0", "'home-made': p_gain is 0, expected an integer from 1 to"),
-        ("mass = 0.05\n", "", "'home-made': mass is missing, expected above 0 kg, at most 5 kg"),
         ("limit = 70", "limit = 343", "temperature_limit is 343 °C, expected 40 to 150 °C"),
         ("friction = 0.0", 'name = "x"', "servos.toml: 'home-made': unknown key 'name', expected"),
         ("max_voltage = 13.0", "max_voltage = 9", "min_voltage is 10 V, expected at most max_vol"),
@@ -66,27 +63,27 @@ def test_a_wrong_type_is_reported_with_what_is_expected(own_robot, old, new, wor
     assert words in complaint(own_robot)
 
 
-@pytest.mark.parametrize("name", servo_models())
-def test_figures_of_the_packages_types_make_sense(name: str):
-    model = servo_models()[name]
-    assert model.min_voltage <= model.nominal_voltage <= model.max_voltage
-    # An ideal motor has V / speed N·m/A; a servo loses some to friction, none gains a fifth.
-    # The STS3215 for 12 V loses most, of what its data sheet says.
-    assert 0.4 < model.torque_per_ampere / model.motor_constant < 1.2
-    assert 0.005 < model.friction / model.stall_torque < 0.1
+def test_figures_of_the_packages_types_make_sense():
+    for name, model in nonempty(servo_models().items()):
+        assert model.min_voltage <= model.nominal_voltage <= model.max_voltage, name
+        # An ideal motor has V / speed N·m/A; a servo loses some to friction, none gains a fifth.
+        # The STS3215 for 12 V loses most, of what its data sheet says.
+        assert 0.4 < model.torque_per_ampere / model.motor_constant < 1.2, name
+        assert 0.005 < model.friction / model.stall_torque < 0.1, name
 
 
-@pytest.mark.parametrize("name", list_guessed())
-def test_figures_that_a_control_table_has_too_are_the_same(name: str):
+def test_figures_that_a_control_table_has_too_are_the_same():
     """Its registers as they leave the factory are the other source of these figures."""
-    model, table = servo_models()[name], table_named(name)
-    assert model.p_gain == table["position_p_gain"].default
-    assert model.temperature_limit == table["temperature_limit"].default
-    assert model.has_current_mode == (OperatingMode.CURRENT_BASED_POSITION in table.modes)
-    if model.has_current_mode:
-        assert model.current_step == table["present_current"].scale
-    upper = table["max_voltage_limit"].upper
-    assert upper is not None and 10.0 * model.max_voltage <= upper
+    for name, model in nonempty(list_guessed().items()):
+        table = table_named(name)
+        assert model.p_gain == table["position_p_gain"].default, name
+        assert model.temperature_limit == table["temperature_limit"].default, name
+        has_current = OperatingMode.CURRENT_BASED_POSITION in table.modes
+        assert model.has_current_mode == has_current, name
+        if has_current:
+            assert model.current_step == table["present_current"].scale, name
+        upper = table["max_voltage_limit"].upper
+        assert upper is not None and 10.0 * model.max_voltage <= upper, name
 
 
 def test_every_type_has_a_control_table_whose_counts_are_its_own():

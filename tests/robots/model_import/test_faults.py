@@ -13,9 +13,14 @@ import pytest
 from small_humanoid import small_humanoid, small_urdf
 
 from robots import load_robot
-from robots.model_import.importer import ImportOptions, import_model
+from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
 from robots.model_import.robot_folder import write_robot
 from robots.model_import.source import ModelImportError
+
+
+def imported(path: Path, content: str) -> ImportedRobot:
+    path.write_text(content)
+    return import_model(path, ImportOptions(name="small"))
 
 
 def problems_of(path: Path, content: str | bytes, **options) -> tuple[str, ...]:
@@ -58,7 +63,6 @@ def point_feet(spec: mujoco.MjSpec) -> None:
     ("change", "message"),
     [
         (cut("right_hip_yaw"), "expected two legs of at least 3 hinges"),
-        (cut("left_hip_yaw", "right_hip_yaw"), "expected two legs"),
         (cut("left_thigh", "right_thigh"), "expected two legs"),
         (change_joint("left_shank_joint", mujoco.mjtJoint.mjJNT_BALL), "is a ball joint"),
         (change_joint("left_shank_joint", mujoco.mjtJoint.mjJNT_SLIDE), "is a slide joint"),
@@ -74,9 +78,7 @@ def test_a_model_that_is_not_a_humanoid_is_refused(tmp_path: Path, change, messa
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "not XML"),
         (b"\xff\x00", "not XML"),
-        (b"<mujoco", "not XML"),
         (b"<?xml version='1.0' encoding='nonsense'?><robot/>", "unknown encoding: nonsense"),
         (b"<?xml version='1.0' encoding='utf-7'?><robot/>", "multi-byte encodings"),
         (b"<sdf/>", "its root is <sdf>, expected <mujoco> (MJCF) or <robot> (URDF)"),
@@ -121,8 +123,7 @@ def test_what_no_robot_folder_can_hold_is_refused(tmp_path: Path, before, after,
 
 
 def test_a_full_disk_leaves_nothing_and_one_line(tmp_path: Path):
-    (tmp_path / "model.xml").write_text(small_humanoid())
-    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    robot = imported(tmp_path / "model.xml", small_humanoid())
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     with pytest.raises(ModelImportError, match=r"--out is .*: File too large"):
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
@@ -147,8 +148,7 @@ def test_what_was_said_must_fit_the_model(tmp_path: Path, options, message: str)
 
 
 def test_the_root_of_a_urdf_floats(tmp_path: Path):
-    (tmp_path / "model.urdf").write_text(small_urdf())
-    robot = import_model(tmp_path / "model.urdf", ImportOptions(name="small"))
+    robot = imported(tmp_path / "model.urdf", small_urdf())
     assert not robot.notes  # the root of a URDF is not fixed: no joint is said of it
     assert robot.spec.compile().jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
     assert set(robot.servos.types) == {"XM430-W350"}  # 4.1 N·m at 12 V, as its URDF says
@@ -170,8 +170,7 @@ def test_a_root_of_three_slides_that_turns_freely_floats(
             for axis, letter in zip(np.eye(3)[:number], "xyz"[:number], strict=True):
                 torso.add_joint(name=f"{name}_{letter}", type=kind, axis=axis.tolist())
 
-    (tmp_path / "model.xml").write_text(small_humanoid(change=hold))
-    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    robot = imported(tmp_path / "model.xml", small_humanoid(change=hold))
     assert f"three slides and {said} are replaced by a free joint" in robot.notes[0]
     assert len(robot.joints) == 19
     assert not [name for name in robot.joints if name.startswith(tuple(kinds))]
@@ -181,8 +180,7 @@ def test_ranges_that_contradict_their_mirror_images_are_reported(tmp_path: Path)
     def turn(spec: mujoco.MjSpec) -> None:
         spec.joint("left_shank_joint").range = np.radians([-140.0, 0.0]) * 180.0 / np.pi
 
-    (tmp_path / "model.xml").write_text(small_humanoid(change=turn))
-    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    robot = imported(tmp_path / "model.xml", small_humanoid(change=turn))
     (note,) = [note for note in robot.notes if "mirror" in note]
     assert "left_shank_joint and right_shank_joint" in note
     assert "-140 to 0 deg and 0 to 140 deg" in note
@@ -206,14 +204,12 @@ def test_a_range_of_equal_ends_is_none_and_that_is_said(tmp_path: Path, suffix: 
     text = re.sub(r'(name="head_joint".*? lower=")[^"]*(" upper=")[^"]*', r"\g<1>0\g<2>0", text)
     if suffix == "xml":
         text = re.sub(r'(name="head_joint" range=")[^"]*', r"\g<1>0.5 0.5", small_humanoid())
-    file.write_text(text)
-    robot = import_model(file, ImportOptions(name="small"))
+    robot = imported(file, text)
     assert "-180 to 180 deg for joints without range, or of equal ends: head_joint" in robot.notes
 
 
 def test_a_folder_is_complete_or_not_there(tmp_path: Path):
-    (tmp_path / "model.xml").write_text(small_humanoid())
-    robot = import_model(tmp_path / "model.xml", ImportOptions(name="small"))
+    robot = imported(tmp_path / "model.xml", small_humanoid())
     broken = replace(robot, segments=robot.segments[:-1])  # a mistake while it is written
     with pytest.raises(IndexError):
         write_robot(broken, tmp_path / "robots" / "small")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from robots.model_import.reading import read_model
+from robots.model_import.importer import read_model
 from robots.model_import.source import ModelImportError, ModelSource
 
 LEGS = """<mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>
@@ -26,7 +26,10 @@ def read(folder: Path, more: str = "", knee: str = "") -> ModelSource:
         ('<motor joint="hip" forcerange="-3 2"/>', 3.0),
         ('<motor joint="hip" ctrlrange="-4 4" gear="2"/>', 8.0),
         ('<motor joint="hip" forcerange="-3 3" gear="-2"/>', 6.0),
+        ('<motor joint="hip" gear="-5" ctrlrange="-2 2"/>', 10.0),
         ('<position joint="hip" kp="10" forcerange="-1 1"/>', 1.0),
+        ('<position joint="hip" kp="9" gear="3" forcerange="-4 4"/>', 12.0),
+        ('<general joint="hip" gear="2" gainprm="3" ctrlrange="-1 1" ctrllimited="true"/>', 6.0),
         ('<position joint="hip" kp="10" ctrlrange="-1 1"/>', None),  # a range of angles
         ('<motor joint="hip"/>', None),
     ],
@@ -89,20 +92,12 @@ def test_a_joint_without_range_has_that_of_its_position_actuator(
     assert source.notes == (() if hinge or expected is None else message)
 
 
-@pytest.mark.parametrize(
-    ("keys", "hip"),
-    [
-        ('<key name="first" qpos="0 0 0 1 0 0 0 .1 0"/>', 0.1),
-        (
-            '<key name="first" qpos="0 0 0 1 0 0 0 .1 0"/>'
-            '<key name="Standing" qpos="0 0 0 1 0 0 0 .2 0"/>',
-            0.2,
-        ),
-    ],
-)
-def test_the_stance_is_a_keyframe_by_its_name_or_the_first(tmp_path: Path, keys: str, hip: float):
-    source = read(tmp_path, f"<keyframe>{keys}</keyframe>")
-    assert source.stance == {"hip": pytest.approx(hip), "knee": 0.0}
+def test_the_stance_is_a_keyframe_by_its_name_or_the_first(tmp_path: Path):
+    keys = ""
+    for name, hip in (("first", 0.1), ("Standing", 0.2)):
+        keys += f'<key name="{name}" qpos="0 0 0 1 0 0 0 {hip} 0"/>'
+        source = read(tmp_path, f"<keyframe>{keys}</keyframe>")
+        assert source.stance == {"hip": pytest.approx(hip), "knee": 0.0}
 
 
 @pytest.mark.parametrize("anchor", ["0 0 -0.4", "0.03 0.02 -0.37"])
@@ -134,8 +129,6 @@ XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filen
     [
         ("a.xacro", XACRO, "it is a xacro source, expected the URDF made of it: xacro a.xacro > "),
         ("a.XML", "<mujoco/>", "an MJCF file that ends in '.XML', expected .xml: rename it"),
-        ("a.mjcf", "<mujoco/>", "an MJCF file that ends in '.mjcf', expected .xml: rename it"),
-        ("a.sdf", "<sdf/>", "its root is <sdf>, expected <mujoco> (MJCF) or <robot> (URDF)"),
     ],
 )
 def test_files_of_other_kinds_are_refused(tmp_path: Path, name: str, content: str, message: str):

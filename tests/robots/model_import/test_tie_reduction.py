@@ -1,5 +1,6 @@
 """Gears and closed loops: the hinge of a motor is welded, the output stays with its torque."""
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from robots import load_robot
 from robots.body.joint_view import JointView
 from robots.description.servo_catalog import servo_models
 from robots.model_import.importer import ImportedRobot, ImportOptions, import_model
-from robots.model_import.robot_folder import write_robot
+from robots.model_import.robot_folder import describe_robot, write_robot
 
 GEAR = 2.5  # turns of the motor to one of the knee
 TORQUE = 1.6  # N·m of the motor
@@ -32,14 +33,15 @@ def add_motor(spec: mujoco.MjSpec) -> None:
     )
 
 
-def add_gear(spec: mujoco.MjSpec) -> None:
+def tie(spec: mujoco.MjSpec, joint: str, leader: str, ratio: float) -> None:
+    """Let a joint turn so much for each turn of another one."""
+    data = [0.0, ratio, *[0.0] * 10]
+    spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=joint, name2=leader, data=data)
+
+
+def add_gear(spec: mujoco.MjSpec, ratio: float = 1.0 / GEAR) -> None:
     add_motor(spec)
-    spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        name1="left_shank_joint",
-        name2="motor",
-        data=[0.0, 1.0 / GEAR, *[0.0] * 10],
-    )
+    tie(spec, "left_shank_joint", "motor", ratio)
 
 
 def add_rod(spec: mujoco.MjSpec) -> None:
@@ -72,6 +74,23 @@ def test_a_geared_knee_has_the_motors_servo_and_its_gear(tmp_path: Path):
     assert any("left_shank_joint driven by motor through gears" in g for g in robot.guesses)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_is_written_is_what_is_loaded(tmp_path: Path, sign: int):
+    """A gear that reverses turns the servo's sign."""
+    robot = imported(tmp_path, lambda spec: add_gear(spec, sign / GEAR))
+    rows = {row["name"]: row for row in tomllib.loads(describe_robot(robot))["joints"]}
+    row = rows["left_shank_joint"]
+    assert (row["sign"], row["gear"]) == (sign, pytest.approx(GEAR))
+    write_robot(robot, tmp_path / "small")
+    loaded = load_robot(tmp_path / "small")
+    assert loaded.joint_names == robot.joints
+    assert loaded.standing.joint_pos == pytest.approx(robot.stance.joint_pos, abs=1e-4)
+    assert tuple(loaded.mirror_index) == robot.mirror
+    assert tuple(joint.segment for joint in loaded.joints) == robot.segments
+    servo = loaded.joints[loaded.joint_names.index("left_shank_joint")].servo
+    assert (servo.sign, servo.gear) == (sign, pytest.approx(GEAR))
+
+
 def test_a_loop_is_reported(tmp_path: Path):
     notes = imported(tmp_path, add_rod).notes
     assert any("closed loop that joins rod and left_shank is open" in note for note in notes)
@@ -80,12 +99,7 @@ def test_a_loop_is_reported(tmp_path: Path):
 def test_a_tie_beside_a_gear_is_reported_too(tmp_path: Path):
     def change(spec: mujoco.MjSpec) -> None:
         add_gear(spec)
-        spec.add_equality(
-            type=mujoco.mjtEq.mjEQ_JOINT,
-            name1="right_forearm_joint",
-            name2="right_upper_arm_joint",
-            data=[0.0, 1.0, *[0.0] * 10],
-        )
+        tie(spec, "right_forearm_joint", "right_upper_arm_joint", 1.0)
 
     robot = imported(tmp_path, change)
     assert [each.joints for each in robot.folds] == [("left_shank_joint",)]
@@ -109,13 +123,8 @@ def mimicking(tmp_path: Path) -> Path:
 def test_what_follows_a_motors_shaft_is_separate(tmp_path: Path):
     def follow_shaft(spec: mujoco.MjSpec) -> None:
         add_motor(spec)
-        for name, ratio in (("left_shank_joint", 1.0 / GEAR), ("left_foot_joint", 0.2)):
-            spec.add_equality(
-                type=mujoco.mjtEq.mjEQ_JOINT,
-                name1=name,
-                name2="motor",
-                data=[0.0, ratio, *[0.0] * 10],
-            )
+        tie(spec, "left_shank_joint", "motor", 1.0 / GEAR)
+        tie(spec, "left_foot_joint", "motor", 0.2)
 
     robot = imported(tmp_path, follow_shaft)
     assert robot.passive_joints == ()

@@ -8,7 +8,7 @@ from tiny_robots import LEGS, build_skeleton, limb, make_robot
 
 from robots import BodyError, Robot
 from robots.quaternion import Array
-from robots.reshaping.limb_directions import find_directions
+from robots.reshaping.reshape_model import find_directions
 
 DOWN, AHEAD = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robots import Body, BodyError, Robot, load_robot, reshape
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 
 ALL = ("shoulders", "arms", "torso", "legs")
 NEARLY_ONE = 1.0 + 1e-9
@@ -258,10 +258,3 @@ def test_a_mesh_is_stretched_point_by_point(chested: Robot):
 
     expected = points(chested) * [1.0, 1.0, 2.0]
     assert points(reshape(chested, Body(arms=2.0))) == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_limb_without_length_is_refused(tmp_path: Path):
-    at_joint = '<geom type="cylinder" pos="0 0 -.05" size=".01 .05" mass=".1"/>'
-    robot = make_robot(tmp_path, CHESTED.replace(at_joint, at_joint.replace("-.05", "0")))
-    with pytest.raises(BodyError, match="the limb 'r_arm' has no length"):
-        reshape(robot, Body(arms=1.6))

@@ -5,13 +5,91 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tiny_robots import LEGS, build_skeleton, limb, make_robot
 
 from robots.reshaping.skeleton import Skeleton
-from robots.reshaping.stretch import AxialStretch
-from robots.reshaping.stretching import make_explicit, stretch_geom, stretch_link
+from robots.reshaping.stretching import (
+    AxialStretch,
+    Inertia,
+    make_explicit,
+    stretch_geom,
+    stretch_link,
+)
 
 UP = np.array([0.0, 0.0, 1.0])
+
+
+def box(mass: float, center, half) -> Inertia:
+    """A uniform box with its edges along the axes."""
+    return Inertia(mass, np.array(center), np.diag(mass * np.array(half) ** 2 / 3.0))
+
+
+def turned(seed: int) -> np.ndarray:
+    """A random rotation matrix."""
+    matrix = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return matrix * np.sign(np.linalg.det(matrix))
+
+
+def test_a_stretched_box_is_the_longer_box():
+    stretched = box(2.0, [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]).stretched(
+        AxialStretch(np.zeros(3), UP, 1.6)
+    )
+    longer = box(3.2, [0.1, 0.2, 0.48], [0.1, 0.2, 0.48])
+    assert stretched.mass == pytest.approx(longer.mass)
+    assert stretched.center == pytest.approx(longer.center)
+    assert stretched.spread == pytest.approx(longer.spread)
+    moments, _ = stretched.principal()  # 1/12 m (a² + b²), edges 0.2, 0.4 and 0.96
+    by_hand = 3.2 / 12.0 * np.array([0.4**2 + 0.96**2, 0.2**2 + 0.96**2, 0.2**2 + 0.4**2])
+    assert sorted(moments) == pytest.approx(sorted(by_hand))
+
+
+@given(seed=st.integers(0, 10_000), factor=st.floats(0.25, 4.0))
+def test_the_second_moment_of_any_body_becomes_f_a_s_a(seed: int, factor: float):
+    rng, axes = np.random.default_rng(seed), turned(seed)
+    half, center, origin = rng.uniform(0.01, 0.1, 3), rng.normal(size=3), rng.normal(size=3)
+    u = axes @ np.array([0.6, 0.0, 0.8])
+    spread = axes @ np.diag(half**2) @ axes.T
+    found = Inertia(1.5, center, spread).stretched(AxialStretch(origin, u, factor))
+    A = np.eye(3) + (factor - 1.0) * np.outer(u, u)
+    assert found.mass == pytest.approx(1.5 * factor)
+    assert found.center == pytest.approx(origin + A @ (center - origin))
+    assert found.spread == pytest.approx(factor * A @ spread @ A.T, abs=1e-9)
+
+
+def test_a_box_that_is_stretched_above_its_middle_alone_is_two_boxes():
+    stretch = AxialStretch(np.array([0.0, 0.0, 0.05]), UP, 2.0, beyond=True)
+    found = box(1.0, [0.0, 0.0, 0.05], [0.02, 0.05, 0.05]).stretched(stretch)
+    # Below: 0.5 kg from z = 0 to 0.05; above: 1 kg from 0.05 to 0.15. Mean 0.025 and 0.10.
+    center = (0.5 * 0.025 + 1.0 * 0.10) / 1.5
+    spread = 0.5 * (0.05**2 / 12 + (0.025 - center) ** 2)
+    spread += 1.0 * (0.10**2 / 12 + (0.10 - center) ** 2)
+    assert found.mass == pytest.approx(1.5)
+    assert found.center == pytest.approx([0.0, 0.0, center], rel=1e-3)
+    assert found.spread[2, 2] == pytest.approx(spread, rel=1e-3)
+
+
+def test_only_the_material_that_is_chosen_is_stretched():
+    sideways = AxialStretch(np.zeros(3), np.array([0.0, 1.0, 0.0]), 2.0)
+    found = box(1.0, [0.0, 0.0, 0.0], [0.1, 0.1, 0.1]).stretched(
+        sideways, where=lambda points: points[:, 2] > 0.0
+    )
+    assert found.mass == pytest.approx(1.5)
+    assert found.center == pytest.approx([0.0, 0.0, 0.05 / 3.0], rel=1e-3, abs=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_principal_moments_and_axes_give_the_inertia_back(seed: int):
+    axes, half = turned(seed), np.random.default_rng(seed).uniform(0.01, 0.1, 3)
+    inertia = Inertia(1.0, np.zeros(3), axes @ np.diag(half**2) @ axes.T)
+    moments, quat = inertia.principal()
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quat)
+    again = Inertia.from_principal(1.0, inertia.center, matrix.reshape(3, 3), moments)
+    assert again.spread == pytest.approx(inertia.spread, abs=1e-12)
+
+
 ARM = limb("arm", "0 0.1 0.15", inside=limb("elbow", "0 0 -0.1") + '<site name="tip" pos="0 0 0"/>')
 ONE = """<mujoco><worldbody><body name="b"><freejoint/>
   <geom name="g" type="{kind}" size="{size}" density="800"/></body></worldbody></mujoco>"""

@@ -1,11 +1,8 @@
 """When episodes are over, and which of them count as a success."""
 
 import numpy as np
-import pytest
 
-pytest.importorskip("gymnasium")
-
-from sim2real.environment.episodes import Episodes
+from sim2real.environment.episodes import TO_OPEN, Episodes, LevelCurriculum
 
 LONGEST, HELD = 120, 30  # policy steps
 NONE, ALL = np.zeros(3, dtype=bool), np.ones(3, dtype=bool)
@@ -66,3 +63,19 @@ def test_deviating_ends_an_episode_and_it_may_go_on_as_another_of_its_own_length
     episodes.limit(outcome.ended, np.array([3.5]))
     ends = [episodes.advance(NONE, NONE, NONE, HELD).ended.tolist() for _ in range(4)]
     assert ends == [[], [], [], [1]]
+
+
+def test_levels_open_one_by_one_after_enough_successes():
+    levels = np.array([0, 1, 2, 3])
+    curriculum = LevelCurriculum(levels)
+    curriculum.note(np.array([1, 2]), np.array([True, True]))
+    assert (curriculum.open, curriculum.successes) == (0, 0)  # only those of level 0 count
+    for _ in range(TO_OPEN):
+        curriculum.note(np.array([0, 0]), np.array([True, False]))
+    assert curriculum.open == 1
+    for level in (1, 2, 3):
+        curriculum.note(np.full(3 * TO_OPEN, level), np.ones(3 * TO_OPEN, dtype=bool))
+    assert curriculum.open == 3
+    again = LevelCurriculum(levels)
+    again.restore_state(curriculum.save_state())
+    assert (again.open, again.successes) == (curriculum.open, curriculum.successes)

@@ -11,12 +11,10 @@ pytest.importorskip("gymnasium")
 from gymnasium.vector import AutoresetMode
 
 from robots.kinematics import place
-from sim2real.environment.env_options import EnvOptions
-from sim2real.environment.episodes import HELD
+from sim2real.environment.env_options import RANDOMIZATIONS, EnvOptions
+from sim2real.environment.episodes import HELD, TO_OPEN
 from sim2real.environment.get_up_env import GetUpEnv
-from sim2real.environment.physics.randomization import RANDOMIZATIONS
 from sim2real.environment.rewards import Reward, action_change, haste, stands
-from sim2real.environment.starts.level_curriculum import TO_OPEN
 from sim2real.environment.starts.start_pool import StartPool
 
 FALLEN = EnvOptions(robots=8, falls=1.0, ends_early=0.0, threads=1)
@@ -135,7 +133,7 @@ def test_the_critic_sees_the_observation_and_then_the_truth(op3, action, pool):
     observation, _, _, _, info = env.step(np.zeros((8, action.size)))
     known, size = info["critic"], observation.shape[1]
     assert np.array_equal(known[:, :size], observation)
-    assert known.shape[1] == len(env.mirror_of_critic().index)
+    assert known.shape[1] == len(env.mirrors[1].index)
     neck, left, right, distance, upright, foreign = known[0, size : size + 6]
     assert neck == pytest.approx(1.0, abs=0.02)
     assert [left, right] == pytest.approx([0.0, 0.0], abs=0.02)

@@ -31,7 +31,7 @@ def make_pairs(op3, action, qpos):
 
 def test_mirrored_falls_look_mirrored_to_actor_and_critic(op3, action, falls):
     env, seen, known = make_pairs(op3, action, falls)
-    mirror, critic = env.mirror_of_observation(), env.mirror_of_critic()
+    mirror, critic, _ = env.mirrors
     assert mirror(seen[:8]) == pytest.approx(seen[8:], abs=1e-5)
     assert critic(known[:8]) == pytest.approx(known[8:], abs=1e-5)
     assert np.abs(known[:8] - known[8:]).max() > 0.5
@@ -47,7 +47,7 @@ def test_mirrored_actions_have_mirrored_consequences(op3, action, world, falls):
     spread[[left, right]] += (-0.4, 0.4)  # the soles 0.28 m apart
     flying[:, op3.layout(world.model).qpos] = spread
     env, _, _ = make_pairs(op3, action, flying)
-    mirror, critic = env.mirror_of_observation(), env.mirror_of_critic()
+    mirror, critic, _ = env.mirrors
     sign, rng = action.mirror_sign(op3), np.random.default_rng(0)
     largest = 0.0
     for _ in range(6):

@@ -13,15 +13,6 @@ from sim2real.environment.registration import NAME
 SMALL = {"num_envs": 4, "falls": 4, "threads": 1}
 
 
-@pytest.fixture(scope="module")
-def env():
-    made = gymnasium.make_vec(
-        NAME, vectorization_mode="vector_entry_point", robot="op3", randomization="all", **SMALL
-    )
-    yield made
-    made.close()
-
-
 def test_a_user_who_imported_nothing_else_gets_it():
     program = (
         f"import gymnasium\n"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nonempty import nonempty
 
 from robots.kinematics import place
 from sim2real.environment.physics.training_simulation import TrainingSim
@@ -14,6 +15,7 @@ from sim2real.environment.rewards import (
     SOLES_LOW,
     UNDER_TORSO,
     RewardInputs,
+    StyleReward,
     action_change,
     at_ease,
     demanding,
@@ -23,13 +25,13 @@ from sim2real.environment.rewards import (
     joint_speed,
     over_feet,
     restless,
+    reward_style,
     score,
     stance,
     stands,
     torque,
     way_up,
 )
-from sim2real.environment.styled.style_reward import StyleReward
 
 STANDING = RewardInputs(
     height=np.array([1.0]),
@@ -87,6 +89,18 @@ def change(**fields: object) -> RewardInputs:
     return replace(STANDING, **{name: np.atleast_1d(value) for name, value in fields.items()})
 
 
+COSTS = {
+    torque: change(torque=[[1.0, 0.0]]),
+    head_strike: change(head_fall=2.0, height=0.0),
+    dropping: change(fall_speed=2.0),
+    haste: change(requested=[[1.0, 0.0]]),
+    demanding: change(requested=[[1.0, 0.0]]),
+    action_change: change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]),
+    joint_speed: change(joint_speed=[[0.5, -0.5]]),
+    restless: change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]),
+}
+
+
 @pytest.mark.parametrize(
     ("term", "moment", "value"),
     [
@@ -110,19 +124,19 @@ def change(**fields: object) -> RewardInputs:
         (at_ease, SITTING, 0.0),
         (at_ease, change(away=[[0.0, -np.pi / 4.0]]), 0.5 * (1.0 + 0.75)),
         (at_ease, change(away=[[4.0, 4.0]]), 0.0),
-        (haste, change(requested=[[1.0, 0.0]]), 0.5),
+        (haste, COSTS[haste], 0.5),
         (haste, change(requested=[[MOST_REQUESTED + 5.0, -MOST_REQUESTED]]), MOST_REQUESTED**2),
-        (demanding, change(requested=[[1.0, 0.0]]), 0.5),
+        (demanding, COSTS[demanding], 0.5),
         (demanding, replace(SITTING, requested=ONE_MOVES), 0.0),
         (stance, SITTING, 0.0),
-        (action_change, change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]), 2.0),
-        (joint_speed, change(joint_speed=[[0.5, -0.5]]), 0.25),
-        (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]), 0.3),
+        (action_change, COSTS[action_change], 2.0),
+        (joint_speed, COSTS[joint_speed], 0.25),
+        (restless, COSTS[restless], 0.3),
         (restless, change(joint_speed=[[0.5, -0.1]], away=[[0.2, 0.1]]), 0.25),  # one comes home
         (restless, replace(SITTING, joint_speed=ONE_MOVES, away=ONE_MOVES), 0.0),
-        (torque, change(torque=[[1.0, 0.0]]), 0.5),
-        (dropping, change(fall_speed=2.0), 4.0),
-        (head_strike, change(head_fall=2.0, height=0.0), 4.0),
+        (torque, COSTS[torque], 0.5),
+        (dropping, COSTS[dropping], 4.0),
+        (head_strike, COSTS[head_strike], 4.0),
         (head_strike, change(head_fall=2.0, height=NECK_LOW), 4.0 / np.e),
         (head_strike, change(head_fall=3.0, height=2.0 * NECK_LOW), 9.0 / np.e**4),
         (head_strike, STANDING, 0.0),
@@ -132,35 +146,22 @@ def test_a_term_worked_out_by_hand(term, moment, value):
     assert term(moment) == pytest.approx([value])
 
 
-@pytest.mark.parametrize("name", sorted(REWARDS))
-def test_sitting_earns_less_than_standing_and_more_than_lying(name):
-    standing, sitting, lying = (
-        score(REWARDS[name], moment)[0].item() for moment in (STANDING, SITTING, LYING)
-    )
-    assert standing > 2.0 * sitting
-    assert sitting > lying
+def test_sitting_earns_less_than_standing_and_more_than_lying():
+    for name, rewards in nonempty(REWARDS.items()):
+        standing, sitting, lying = (
+            score(rewards, moment)[0].item() for moment in (STANDING, SITTING, LYING)
+        )
+        assert standing > 2.0 * sitting, name
+        assert sitting > lying, name
 
 
-COSTS = {
-    torque: change(torque=[[1.0, 0.0]]),
-    head_strike: change(head_fall=2.0, height=0.0),
-    dropping: change(fall_speed=2.0),
-    haste: change(requested=[[1.0, 0.0]]),
-    demanding: change(requested=[[1.0, 0.0]]),
-    action_change: change(action=[[1.0, 0.0]], last_action=[[-1.0, 0.0]]),
-    joint_speed: change(joint_speed=[[0.5, -0.5]]),
-    restless: change(joint_speed=[[0.5, -0.1]], away=[[0.2, -0.1]]),
-}
-
-
-@pytest.mark.parametrize("name", sorted(REWARDS))
-def test_costs_cost_and_rewards_pay_in_every_recipe(name):
-    for reward in REWARDS[name]:
-        inputs = COSTS.get(reward.term, STANDING)
-        part = score((reward,), inputs)[0].item()
-        assert part < 0.0 if reward.term in COSTS else part > 0.0
-    charged = {reward.term for reward in REWARDS[name]} & COSTS.keys()
-    assert len(charged) == {"quick": 2, "styled": 6}.get(name, 8)
+def test_costs_cost_and_rewards_pay_in_every_recipe():
+    for name, rewards in nonempty(REWARDS.items()):
+        for reward in nonempty(rewards):
+            part = score((reward,), COSTS.get(reward.term, STANDING))[0].item()
+            assert part < 0.0 if reward.term in COSTS else part > 0.0, (name, reward.term)
+        charged = {reward.term for reward in rewards} & COSTS.keys()
+        assert len(charged) == {"quick": 2, "styled": 6}.get(name, 8)
 
 
 def place_one(op3, world, qpos: np.ndarray, **qvel: float | np.ndarray) -> TrainingSim:
@@ -196,3 +197,37 @@ def test_a_rising_torso_and_servos_torque_in_the_robots_measures(op3, world, fal
     sim.follow(target, target + 0.2)
     assert np.abs(sim.torque).max() > 0.5
     assert sim.measure_privileged_state().torque == pytest.approx(sim.torque / op3.max_torque)
+
+
+def follow_curve(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
+    target = np.array([[wanted, np.pi / 2, np.pi / 2]])
+    return reward_style(
+        target + np.array([[height, side, front]]),
+        target,
+        np.array([[speed, 0.0]]),
+        np.array([[away, away]]),
+        np.full((1, 20), offset),
+    )
+
+
+def test_the_reward_is_that_of_the_paper_by_hand():
+    assert follow_curve().total == pytest.approx([1.0])
+    assert follow_curve(height=-0.2).total == pytest.approx([np.exp(-0.5)])  # 2.5 per neck height
+    assert follow_curve(side=0.2, front=-0.4).total == pytest.approx([np.exp(-0.9)])  # equation (6)
+    # While the curve asks for half the height, (8) is exp(-10): speed and posture do not count.
+    assert follow_curve(speed=9.0, away=2.0).task == pytest.approx([1.0], abs=1e-4)
+    # At the end it is 1: (7) is exp(-0.05 |w|), (9) is exp(-0.1 sum |q|).
+    assert follow_curve(wanted=1.0, speed=9.0).task == pytest.approx([np.exp(-0.45)])
+    assert follow_curve(wanted=1.0, away=2.0).task == pytest.approx([np.exp(-0.4)])
+    # The end is that of the curve, wherever the robot is.
+    low, early = (
+        follow_curve(height=-0.4, wanted=1.0, speed=9.0),
+        follow_curve(height=0.5, speed=9.0),
+    )
+    assert (low.stillness, early.stillness) == (
+        pytest.approx([np.exp(-0.45)]),
+        pytest.approx([1.0], abs=1e-4),
+    )
+    # (3): the naturalness falls with the square of the mean offset, to 0 at 0.2 rad.
+    assert follow_curve(offset=0.1).natural == pytest.approx([0.75])
+    assert follow_curve(offset=0.5).total == pytest.approx([0.0])

@@ -1,17 +1,66 @@
-"""Discovery keeps a motion only if the preflight passes it."""
+"""Discovery of motions in the rises of a policy: kinds, preflight, and the command."""
+
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from humanoid_getup.cli.main import main
+from humanoid_getup.motions.build import ATTITUDES
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.playback.preflight import Reason, ReasonKind, Verdict
 from humanoid_getup.simulation.world import World
-from robots import Robot
+from robots import Posture, Robot, quaternion
 from robots.kinematics import place
 from sim2real.motion_discovery import discovery
+from sim2real.motion_discovery.discovery import Replay, group_rises, name_kind
 from sim2real.motion_discovery.policy_rise import PolicyRise
-from sim2real.motion_discovery.replay import Replay
+
+
+def make_replay(world: World, sides: list[str], bend: float = 0.0) -> Replay:
+    """Make a rise that lies on sides for 0.4 s each, its joints bent by so much [rad]."""
+    robot = world.robot
+    rows = []
+    for side in sides:
+        axis, angle = ATTITUDES[side]
+        posture = Posture(
+            position=np.array([0.0, 0.0, 0.3]),
+            orientation=quaternion.from_axis_angle(np.array(axis), angle),
+            joint_pos=robot.standing.joint_pos + bend,
+        )
+        rows += [place(robot, world.model, posture)] * round(0.4 / robot.control_period)
+    qpos = np.array(rows)
+    rise = PolicyRise(
+        start_class=sides[0],  # type: ignore[arg-type]
+        start=qpos[0],
+        target=np.zeros((len(qpos), robot.n)),
+        stand_time=len(qpos) * robot.control_period,
+    )
+    return Replay(
+        rise=rise,
+        target=rise.target,
+        qpos=qpos,
+        stood=np.ones(2, dtype=bool),
+        stand_time=rise.stand_time,
+        rms_torque=1.0,
+    )
+
+
+def test_a_kind_names_the_sides_passed_but_for_the_first(op3):
+    world = World(op3)
+    assert name_kind(world, make_replay(world, ["supine", "standing"])) == "learned"
+    over = make_replay(world, ["supine", "left", "prone", "squat"])
+    assert name_kind(world, over) == "learned, over left, prone"
+
+
+def test_rises_over_other_sides_or_with_other_angles_are_grouped_apart(op3):
+    world = World(op3)
+    straight = [make_replay(world, ["supine", "squat"], bend) for bend in (0.0, 0.02, 1.0)]
+    over = make_replay(world, ["supine", "prone", "squat"])
+    groups = group_rises(world, [*straight, over])
+    assert groups == [straight[:2], [straight[2]], [over]]
 
 
 @pytest.mark.parametrize("passes", [True, False])
@@ -47,3 +96,35 @@ def test_what_the_preflight_refuses_is_not_kept(
     assert (found.learned, found.replayed, found.best_share) == (1, 1, 1.0)
     assert len(seen) == 1
     assert list(found.motions) == (seen if passes else [])
+
+
+@pytest.fixture
+def bare(op3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of OP3 with its policies and without motions."""
+    shutil.copytree(op3.folder, tmp_path / "bare", ignore=shutil.ignore_patterns("motions"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "bare"
+
+
+@pytest.mark.slow
+def test_motions_are_discovered_from_every_side_and_can_be_played(
+    bare: Path, capsys: pytest.CaptureFixture[str]
+):
+    options = ("--robot", "bare", "--rises", "12", "--most", "1")
+    assert main(["motions", "discover", "quick", *options]) == 0
+    out = capsys.readouterr().out
+    files = sorted((bare / "motions").iterdir())
+    assert [file.stem for file in files] == ["left_quick_1", "prone_quick_1", "supine_quick_1"]
+    for motion in map(Motion.load, files):
+        assert motion.provenance["disturbed_success"] >= 0.8
+        assert motion.provenance["policy"] == "quick"
+        assert f"motion '{motion.name}' ({motion.strategy}) stands" in out
+    assert main(["play", "prone_quick_1", "--robot", "bare", "--out", "played"]) == 0
+    assert main(["motions", "discover", "quick", *options]) == 2
+    assert "are there already: left_quick_1, prone_quick_1" in capsys.readouterr().err
+
+
+def test_a_policy_with_style_curves_is_refused(bare: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["motions", "discover", "styled", "--robot", "bare"]) == 2
+    assert "follows style curves, expected one without" in capsys.readouterr().err
+    assert not (bare / "motions").exists()

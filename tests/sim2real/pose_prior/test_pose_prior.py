@@ -105,12 +105,8 @@ def spoil(file: Path, **changes: object) -> None:
         ({"robot": "wolf"}, "it is of robot 'wolf', expected 'op3'"),
         ({"joints": "a\nb"}, "its joints are .* not those of 'op3'"),
         ({"pos_std": np.ones(3)}, "pos_std"),
-        ({"feature_std": np.zeros(3)}, "feature_std holds 0, expected above 0"),
         ({"pos_std": np.full(20, -0.1)}, "pos_std holds -0.1, expected above 0"),
-        (
-            {"latent_sign": np.array([1.0, -1.0, 7.0])},
-            "latent_sign holds another number than 1 and -1",
-        ),
+        ({"latent_sign": np.array([1.0, -1.0, 7.0])}, "latent_sign holds another number than 1"),
         ({"decoder_weight1": np.full((64, 64), np.nan)}, "decoder_weight1 holds nan"),
     ],
 )

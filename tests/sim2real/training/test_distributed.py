@@ -43,12 +43,7 @@ def test_each_process_of_torchrun_has_robots_and_a_gpu_of_its_own():
     ]
     processes = [DistributedProcess.from_environment(environment) for environment in environments]
     assert [process.seed(7) for process in processes] == [7, 8, 9, 10]
-    assert [process.device("cuda") for process in processes] == [
-        "cuda:0",
-        "cuda:1",
-        "cuda:0",
-        "cuda:1",
-    ]
+    assert [process.device("cuda") for process in processes] == ["cuda:0", "cuda:1"] * 2
     assert [process.device("cpu") for process in processes] == ["cpu"] * 4
     assert [process.leads for process in processes] == [True, False, False, False]
     assert [process.count_robots(512) for process in processes] == [128] * 4

@@ -21,9 +21,9 @@ from humanoid_getup.policy.observation import list_terms
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot
-from sim2real.training.checkpoint import CHECKPOINT, CheckpointError
+from sim2real.training.checkpoint import CHECKPOINT
 from sim2real.training.config import RECIPE, RECIPES, Recipe, TrainingRecord
-from sim2real.training.export import MOST_BYTES, ExportError, export_policy
+from sim2real.training.export import MOST_BYTES, export_policy
 from sim2real.training.ppo import AVERAGE, UPDATES
 from sim2real.training.runner import build_config
 from sim2real.training.train import write_recipe
@@ -64,13 +64,6 @@ def make_training(folder: Path, robot: Robot, recipe: Recipe = MINE) -> Training
     state = {"actor_state_dict": newest, AVERAGE: actor.state_dict(), UPDATES: 42, "iter": 41}
     torch.save(state, folder / CHECKPOINT)
     return training
-
-
-def test_a_training_is_read_as_it_was_written_down(op3: Robot, tmp_path: Path):
-    write_recipe(op3, MINE, SEED, tmp_path / RECIPE)
-    training = TrainingRecord.load(tmp_path)
-    assert (training.recipe, training.seed, training.robot) == (MINE, SEED, "op3")
-    assert training.actions == MINE.choose_actions(op3).names
 
 
 @pytest.mark.parametrize("name", ["quick", "gentle"])
@@ -130,7 +123,7 @@ def test_a_checkpoint_that_is_none_of_the_training_is_refused(
     spoil(training, change)
     file = tmp_path / "policy.onnx"
     file.write_text("an earlier one")
-    with pytest.raises((ExportError, CheckpointError), match=message):
+    with pytest.raises(ValueError, match=message):
         export_policy(training, op3, file)
     assert file.read_text() == "an earlier one"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["policy.onnx", "training"]

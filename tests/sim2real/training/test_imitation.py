@@ -13,9 +13,9 @@ from tensordict import TensorDict
 
 from humanoid_getup.policy.action import build_posture_spec
 from robots import Robot
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.styled.prior_head import PriorHead
 from sim2real.training import imitation
 from sim2real.training.imitation import find_outputs, imitate
 from sim2real.training.library_threads import torch_threads

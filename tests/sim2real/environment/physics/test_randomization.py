@@ -6,7 +6,7 @@ import pytest
 from humanoid_getup.experiments.disturbances.disturbance import MOST_DELAY
 from humanoid_getup.simulation.domain_parameters import DomainParameters
 from robots.servo import CURRENT, PWM
-from sim2real.environment.physics.randomization import ALL as R
+from sim2real.environment.env_options import ALL as R
 
 N = 400
 

@@ -14,8 +14,8 @@ from robots import Robot
 from robots.drive import KP, VMAX
 from robots.kinematics import place
 from robots.servo import PWM
+from sim2real.environment.env_options import ALL, ObservationNoise
 from sim2real.environment.physics.model_variants import backlash
-from sim2real.environment.physics.randomization import ALL, ObservationNoise
 from sim2real.environment.physics.training_simulation import BACKLASH_TORQUE, TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
 

@@ -9,7 +9,7 @@ from humanoid_getup.simulation.physics_engine import MUJOCO, PhysicsEngine
 from humanoid_getup.simulation.world import World
 from robots import Robot
 from robots.kinematics import place
-from sim2real.environment.physics.randomization import ALL
+from sim2real.environment.env_options import ALL
 from sim2real.environment.physics.training_simulation import TrainingSim
 
 pytestmark = pytest.mark.warp

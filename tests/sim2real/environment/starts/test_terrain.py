@@ -11,18 +11,11 @@ pytest.importorskip("gymnasium")
 from humanoid_getup.scenes.named_scenes import ROUGHNESS, TILE
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion
-from robots.body.lengths import leg_length
+from robots.body.parts import leg_length
 from robots.kinematics import place
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.environment.starts.settled_falls import make_terrain_pool
-from sim2real.environment.starts.stands import sample_terrain_stands
-from sim2real.environment.starts.start_pool import StartPool
-from sim2real.environment.starts.terrain import (
-    LEVELS,
-    SLOPES,
-    Terrain,
-    build_terrain,
-)
+from sim2real.environment.starts.start_states import make_terrain_pool, sample_terrain_stands
+from sim2real.environment.starts.terrain import LEVELS, SLOPES, Terrain, build_terrain
 
 PHYSICS_STEP = 0.006  # s
 UP = np.array([0.0, 0.0, 1.0])
@@ -72,23 +65,6 @@ def test_robots_fall_on_each_patch_and_lie_on_it(op3, terrain, terrain_world):
             over = z - terrain.scene.ground.height(x, y)
             assert -0.05 < over < 0.25
     assert TILE * leg_length(op3) > 0.1
-
-
-def test_only_falls_of_open_levels_are_drawn():
-    pool = StartPool.of(np.zeros((40, 7)), np.arange(40) % 4)
-    rng = np.random.default_rng(0)
-    for highest in range(4):
-        drawn = pool.level[pool.draw(500, rng, highest)]
-        assert set(drawn.tolist()) == set(range(highest + 1))
-
-
-def test_levels_are_drawn_alike_however_hard_they_are():
-    pool = StartPool.of(np.zeros((40, 7)), np.repeat([0, 1], [4, 36]))
-    pool.success[:4] = 1.0
-    pool.success[4:22] = 1.0  # half of level 1
-    drawn = pool.draw(4000, np.random.default_rng(0), 1)
-    assert np.mean(drawn < 4) == pytest.approx(0.5, abs=0.04)
-    assert np.mean(drawn >= 22) == pytest.approx(0.5 / 1.15, abs=0.04)
 
 
 def test_standing_robots_stand_upright_and_with_their_soles_on_the_terrain(

@@ -14,11 +14,10 @@ from styled_env import make_library, make_styled_env
 
 from humanoid_getup.policy.action import build_posture_spec
 from robots import Robot
+from sim2real.environment.action_heads import PriorHead
 from sim2real.environment.get_up_env import GetUpEnv
 from sim2real.environment.starts.start_pool import StartPool
 from sim2real.environment.styled.curve_library import NEAR, CurveLibrary
-from sim2real.environment.styled.prior_head import PriorHead
-from sim2real.environment.styled.style_reward import reward_style
 from sim2real.environment.styled.style_task import GRACE, HEAD_UP, TERMINATION_TIME, StyleTask
 
 RIGHT = np.pi / 2
@@ -39,37 +38,6 @@ def step_on(env: GetUpEnv) -> StyleTask:
     """Advance the curves by a policy step in which the robots stay as they are."""
     env.style.follow(env.sim, env.sensed, env.memory)
     return env.style
-
-
-def reward(height=0.0, side=0.0, front=0.0, *, wanted=0.5, speed=0.0, away=0.0, offset=0.0):
-    target = np.array([[wanted, RIGHT, RIGHT]])
-    return reward_style(
-        target + np.array([[height, side, front]]),
-        target,
-        np.array([[speed, 0.0]]),
-        np.array([[away, away]]),
-        np.full((1, 20), offset),
-    )
-
-
-def test_the_reward_is_that_of_the_paper_by_hand():
-    assert reward().total == pytest.approx([1.0])
-    assert reward(height=-0.2).total == pytest.approx([np.exp(-0.5)])  # 2.5 per neck height
-    assert reward(side=0.2, front=-0.4).total == pytest.approx([np.exp(-0.9)])  # equation (6)
-    # While the curve asks for half the height, (8) is exp(-10): speed and posture do not count.
-    assert reward(speed=9.0, away=2.0).task == pytest.approx([1.0], abs=1e-4)
-    # At the end it is 1: (7) is exp(-0.05 |w|), (9) is exp(-0.1 sum |q|).
-    assert reward(wanted=1.0, speed=9.0).task == pytest.approx([np.exp(-0.45)])
-    assert reward(wanted=1.0, away=2.0).task == pytest.approx([np.exp(-0.4)])
-    # The end is that of the curve, wherever the robot is.
-    low, early = reward(height=-0.4, wanted=1.0, speed=9.0), reward(height=0.5, speed=9.0)
-    assert (low.stillness, early.stillness) == (
-        pytest.approx([np.exp(-0.45)]),
-        pytest.approx([1.0], abs=1e-4),
-    )
-    # (3): the naturalness falls with the square of the mean offset, to 0 at 0.2 rad.
-    assert reward(offset=0.1).natural == pytest.approx([0.75])
-    assert reward(offset=0.5).total == pytest.approx([0.0])
 
 
 def test_outputs_that_lead_to_a_posture_lead_there(op3, head):

@@ -11,7 +11,7 @@ from humanoid_getup.policy.action import build_posture_spec
 from humanoid_getup.policy.observation import UPRIGHT, StyleInput, list_terms
 from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.styled.prior_head import PriorHead
+from sim2real.environment.action_heads import PriorHead
 from sim2real.pose_prior.pose_prior import PosePrior
 from sim2real.training.networks.styled_network import StyledNetwork
 

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from tensordict import TensorDict
 
 from humanoid_getup.policy.observation import Mirror
-from sim2real.training.networks.input_extension import extend_inputs
+from sim2real.training.networks.extension import extend_inputs
 from sim2real.training.networks.symmetric_model import SymmetricModel, as_exchange
 
 INPUTS = Mirror(np.array([1, 0, 2, 3]), np.array([1.0, 1.0, -1.0, 1.0]))

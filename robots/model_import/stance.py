@@ -1,4 +1,4 @@
-"""Stances: balanced on flat soles, torso upright, knees slightly bent, arms down."""
+"""The stance of an imported robot: balanced on flat soles, high, its arms clear of its body."""
 
 from __future__ import annotations
 
@@ -6,11 +6,68 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 
 from robots.body.body_plan import BodyPlan
 from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
+from robots.body.joint_view import JointView
+from robots.body.links import list_way_up
+from robots.body.overlap import Pair, find_overlaps
 from robots.quaternion import Array
+
+POSES = 60
+ALWAYS = 0.5  # share of random poses from which on a pair is said to overlap always
+NEAR = 3  # hinges between bodies up to which shapes that overlap are brackets of each other
+COMPACT = 0.1  # of the robot's extent by which such hinges may be apart, as those of a hip are
+
+
+def find_own_overlaps(view: JointView, joint_pos: Array) -> dict[Pair, float]:
+    """Find bodies that penetrate each other, and how deep [m], at joint angles (n,)."""
+    view.look(joint_pos)
+    return find_overlaps(view.model, view.data.qpos.copy())
+
+
+def find_brackets(view: JointView, stance: Array, rng: np.random.Generator) -> list[Pair]:
+    """Find pairs of bodies whose shapes overlap by construction.
+
+    They overlap in most of random poses; or, with only a few hinges in one place between them, with
+    all joints at zero or in the stance. A forearm that touches the torso is none.
+    """
+    count: dict[Pair, int] = {}
+    lower, upper = view.model.jnt_range[view.ids].T
+    for _ in range(POSES):
+        pose = stance + 0.5 * rng.uniform(-1.0, 1.0, len(stance)) * (upper - lower) / 2.0
+        for pair in find_own_overlaps(view, np.clip(pose, lower, upper)):
+            count[pair] = count.get(pair, 0) + 1
+    always = {pair for pair, times in count.items() if times >= ALWAYS * POSES}
+    for pose in (np.clip(np.zeros(len(stance)), lower, upper), stance):
+        found = find_own_overlaps(view, pose)
+        always |= {pair for pair in found if _is_joined(view.model, *pair)}
+    return sorted(always)
+
+
+def exclude_brackets(spec: mujoco.MjSpec, view: JointView, stance: Array) -> str:
+    """Switch off the contacts that `find_brackets` finds; return their names, or ""."""
+    model = view.model
+    pairs = [
+        (model.body(first).name, model.body(second).name)
+        for first, second in find_brackets(view, stance, np.random.default_rng(0))
+    ]
+    for first, second in pairs:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    return ", ".join(f"{first} with {second}" for first, second in pairs)
+
+
+def _is_joined(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Tell whether only a few hinges at one place join two bodies."""
+    moved = {*list_way_up(model, first)} ^ {*list_way_up(model, second)}
+    hinges = np.flatnonzero(np.isin(model.jnt_bodyid, [*moved])).tolist()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    size = np.ptp(data.xanchor[hinges], axis=0)
+    return len(hinges) <= NEAR and bool(np.linalg.norm(size) < COMPACT * model.stat.extent)
+
 
 EXTENSION = 0.94  # of the longest leg
 LOOSE = 0.3  # weight of the arms' direction
@@ -62,16 +119,13 @@ class StanceSolver:
 
     def solve(self, extension: float = EXTENSION, spread: float = SPREADS[0]) -> BalancedStance:
         """Find a stance with legs bent to a share of their length, arms sloping outwards."""
-        tries = [self._solve_from(bend, extension, spread) for bend in self._list_bends()]
-        solved = [stance for stance in tries if stance.is_solved]
-        return max(solved, key=self._measure_knee) if solved else min(tries, key=lambda s: s.error)
-
-    def _list_bends(self) -> list[Array]:
-        """List start angles of the search: the given ones, and both ways of bending the knees."""
-        bends = [self._before, self._before.copy(), self._before.copy()]
+        bends = [self._before, self._before.copy(), self._before.copy()]  # the knees both ways
         for angles, way in zip(bends[1:], (1.0, -1.0), strict=True):
             self._leg.bend_knee(angles, way)
-        return [bends[0], *map(self._mirrored, bends[1:])]
+        starts = [bends[0], *map(self._mirrored, bends[1:])]
+        tries = [self._solve_from(start, extension, spread) for start in starts]
+        solved = [stance for stance in tries if stance.is_solved]
+        return max(solved, key=self._measure_knee) if solved else min(tries, key=lambda s: s.error)
 
     def _solve_from(self, start: Array, extension: float, spread: float) -> BalancedStance:
         free, reach = self._free, extension * self.leg_length
@@ -139,3 +193,41 @@ def _narrow(body: BodyPlan) -> tuple[Array, Array]:
 
 def _unit(vector: Array) -> Array:
     return vector / max(float(np.linalg.norm(vector)), 1e-9)
+
+
+EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)
+"""Shares of the stretched leg that are tried for the stance, in turn."""
+
+
+def find_stance(body: BodyPlan, before: Array, notes: list[str]) -> BalancedStance:
+    """Find a balanced stance on flat soles, or what comes closest; a note says so then.
+
+    The search begins from joint angles (n,) [rad].
+    """
+    solver, best = StanceSolver(body, before), None
+    for extension in EXTENSIONS:
+        stance = solver.solve(extension)
+        best = stance if best is None or stance.error < best.error else best
+        if stance.is_solved:
+            return _free_arms(body, solver, stance, extension)
+    assert best is not None  # there is at least one extension
+    notes.append(
+        f"no balanced stance on flat soles was found (off by {best.error:.2f} leg lengths): "
+        "write [standing] by hand, then getup robots check"
+    )
+    return best
+
+
+def _free_arms(
+    body: BodyPlan, solver: StanceSolver, stance: BalancedStance, extension: float
+) -> BalancedStance:
+    """Spread the arms until they touch only what they touch in any posture."""
+    always = {*find_brackets(body.view, stance.joint_pos, np.random.default_rng(0))}
+    moved = [body.view.ids[k] for pair in body.arms for limb in pair for k in limb[1:]]
+    arms = set(body.model.jnt_bodyid[moved].tolist())  # but for those of their first hinges
+    for spread in SPREADS:
+        tried = solver.solve(extension, spread)
+        touching = find_own_overlaps(body.view, tried.joint_pos).keys() - always
+        if tried.is_solved and not any(set(pair) & arms for pair in touching):
+            return tried
+    return stance

@@ -1,4 +1,4 @@
-"""Props: postures on flat soles and both hands, which are in front of the feet or behind them."""
+"""Balanced postures drawn at random: crouches on flat soles, and props on the hands as well."""
 
 from __future__ import annotations
 
@@ -6,13 +6,87 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.body.both_legs import BothLegs, find_overlaps_but_arms
-from robots.body.flat_soles import CLOSE, MARGIN, ROUGH, FlatSoles, Foot, fit_posture
+from robots.body.flat_soles import (
+    CLOSE,
+    MARGIN,
+    ROUGH,
+    BothLegs,
+    FlatSoles,
+    Foot,
+    find_overlaps_but_arms,
+    fit_posture,
+)
 from robots.body.limb import ARMS, LEGS
+from robots.body.limb_solver import Trunk
 from robots.body.limbs import Limbs
-from robots.body.trunk import Trunk
 from robots.quaternion import Array
-from robots.robot import Robot
+
+CROUCH_EXTENSIONS = (0.2, 0.98)  # shares of the stretched leg
+CROUCH_LEANS = (-0.5, 1.0)  # sines of the torso's lean forward
+STRIDES, CROUCH_WIDTHS = (-0.25, 0.25), (-0.05, 0.3)
+"""Leg lengths by which feet are further apart than in the stance."""
+STRIDING = 0.3  # probability that one foot is in front of the other
+CROUCH_LEAN = 1.0  # weight of the wanted lean
+CROUCH_SOLVED = 0.015  # largest residual, in leg lengths and unit vectors
+MOST_SPREAD = 0.8  # of the arms' way from the stance to a random posture
+
+
+def draw_crouches(limbs: Limbs, count: int, rng: np.random.Generator) -> Array:
+    """Draw balanced crouches that do not overlap themselves, (C, n) [rad]; arms are anywhere."""
+    sampler = _CrouchSampler(limbs)
+    drawn = [sampler.draw(rng) for _ in range(count)]
+    return np.array([each for each in drawn if each is not None]).reshape(-1, limbs.robot.n)
+
+
+class _CrouchSampler:
+    """Fits legs to random crouches."""
+
+    def __init__(self, limbs: Limbs) -> None:
+        self._limbs, self._robot, self._both = limbs, limbs.robot, BothLegs(limbs)
+        self._usual = find_overlaps_but_arms(limbs, self._robot.standing.joint_pos)
+
+    def draw(self, rng: np.random.Generator) -> Array | None:
+        """Draw one crouch; None if the legs cannot take it, or it overlaps itself."""
+        robot, both = self._robot, self._both
+        anywhere = rng.uniform(robot.lower, robot.upper)
+        home, share = robot.standing.joint_pos, rng.uniform(0.0, MOST_SPREAD)
+        base = home + share * (robot.symmetrize(anywhere) - home)
+        base[both.joints] = home[both.joints]
+        stride = rng.uniform(*STRIDES) if rng.random() < STRIDING else 0.0
+        wide = rng.uniform(*CROUCH_WIDTHS) * both.length
+        feet = [
+            Foot(foot.leg, foot.width + side * wide, foot.yaw)
+            for foot, side in zip(both.feet, (0.5, -0.5), strict=True)
+        ]
+        soles = FlatSoles(
+            view=self._limbs,
+            feet=feet,
+            length=both.length,
+            stride=both.stride + stride * both.length,
+        )
+        angles = self._fit(soles, base, rng.uniform(*CROUCH_EXTENSIONS), rng.uniform(*CROUCH_LEANS))
+        if angles is None or find_overlaps_but_arms(self._limbs, angles) - self._usual:
+            return None
+        return angles
+
+    def _fit(self, soles: FlatSoles, base: Array, extension: float, lean: float) -> Array | None:
+        reach, both = extension * soles.length, self._both
+
+        def measure() -> Array:
+            back, errors = soles.measure(reach)
+            return np.concatenate([CROUCH_LEAN * (back + lean), CLOSE * errors])
+
+        bent = both.bend_knees(base, 1.0)
+        angles = fit_posture(
+            lambda values: both.look(base, values),
+            measure,
+            bent,
+            base[both.joints],
+            both.bounds,
+            ROUGH,
+        )
+        return angles if np.abs(soles.measure(reach)[1]).max() < CROUCH_SOLVED else None
+
 
 EXTENSIONS = (0.15, 0.98)  # shares of the stretched leg
 LEANS = (-1.2, 1.8)  # rad by which the torso leans forward
@@ -54,7 +128,9 @@ class _PropSampler:
         self._limbs, self._robot, self._both = limbs, limbs.robot, BothLegs(limbs)
         robot, arm, leg = limbs.robot, limbs.all[ARMS[0]], limbs.all[LEGS[0]]
         self._arm, self._legs = arm, len(leg.joints)
-        self._joints = np.array([*leg.joints, *arm.joints, *_list_spine(robot)])
+        own, sign = robot.mirror_index, robot.mirror_sign
+        spine = [k for k in Trunk(robot).joints if own[k] == k and sign[k] > 0.0]  # that pitch
+        self._joints = np.array([*leg.joints, *arm.joints, *spine])
         self._partners = robot.mirror_index[self._joints]
         lower, upper = robot.lower[self._joints], robot.upper[self._joints]
         margin = np.minimum(MARGIN, 0.25 * (upper - lower))
@@ -66,9 +142,7 @@ class _PropSampler:
         both, home = self._both, self._robot.standing.joint_pos
         foot, wide = both.feet[0], 0.5 * rng.uniform(*WIDTHS) * both.length
         soles = FlatSoles(
-            view=self._limbs,
-            feet=[Foot(foot.leg, foot.width + wide, foot.yaw)],
-            length=both.length,
+            view=self._limbs, feet=[Foot(foot.leg, foot.width + wide, foot.yaw)], length=both.length
         )
         reach = rng.uniform(*EXTENSIONS) * both.length
         lean, share = rng.uniform(*LEANS), MOST_SHARE * rng.random() ** 2
@@ -85,17 +159,14 @@ class _PropSampler:
         errors = self._measure_errors(soles, soles.measure(reach)[1], share)
         if foot.leg.sole_axes[2, 2] < -MOST_DOWN or np.abs(errors).max() > SOLVED:
             return None
-        if abs(self._measure_hand(soles)[0]) < NEAREST or not self._is_in_range(angles):
+        # The right limbs must be able to take what the left ones do.
+        is_in_range = np.all((angles >= self._robot.lower) & (angles <= self._robot.upper))
+        if abs(self._measure_hand(soles)[0]) < NEAREST or not is_in_range:
             return None
         if find_overlaps_but_arms(self._limbs, angles) - self._usual:
             return None
         self._limbs.look(angles)
         return Prop(joint_pos=angles, share=share, hands=self._locate_hands())
-
-    def _is_in_range(self, angles: Array) -> bool:
-        """Tell whether the right limbs can take what the left ones do."""
-        robot = self._robot
-        return bool(np.all((angles >= robot.lower) & (angles <= robot.upper)))
 
     def _look(self, values: Array) -> Array:
         """Look at the stance with other angles of the left limbs, mirrored; return all, (n,)."""
@@ -126,9 +197,3 @@ class _PropSampler:
             turn = limbs.data.xmat[body].reshape(3, 3)
             hands.append((body, turn.T @ (limbs.find_end(limb) - limbs.data.xpos[body])))
         return tuple(hands)
-
-
-def _list_spine(robot: Robot) -> list[int]:
-    """List the joints that bend the trunk forwards or backwards, in the robot's order."""
-    own, sign = robot.mirror_index, robot.mirror_sign
-    return [joint for joint in Trunk(robot).joints if own[joint] == joint and sign[joint] > 0.0]

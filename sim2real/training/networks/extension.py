@@ -1,4 +1,4 @@
-"""Action-space extension: a trained policy becomes the initial policy of a larger action space."""
+"""Extension of trained networks: more action components, or more inputs, of zero weight."""
 
 from __future__ import annotations
 
@@ -16,28 +16,16 @@ FIRST_STD = 0.3  # initial standard deviation of new action components
 Weights = dict[str, torch.Tensor]
 
 
-class ActionExtensionError(ValueError):
-    """The action space of a policy cannot be extended to the requested one."""
-
-
 def extend_actions(
-    checkpoint: dict[str, Any],
-    terms: tuple[Term, ...],
-    before: tuple[str, ...],
-    action: ActionSpec,
+    checkpoint: dict[str, Any], terms: tuple[Term, ...], before: tuple[str, ...], action: ActionSpec
 ) -> dict[str, Any]:
     """Add action components to the outputs of an actor and to the inputs of actor and critic.
 
     New weights are zero: the extended policy behaves as before and explores the new components
-    by noise alone.
-
-    Raises:
-        ActionExtensionError: if the components ``before`` are not the first of the new ones.
+    by noise alone. The components ``before`` must be the first of the new ones.
     """
     if action.names[: len(before)] != before:
-        raise ActionExtensionError(
-            f"actions {', '.join(action.names)} do not begin with {', '.join(before)}"
-        )
+        raise ValueError(f"actions {', '.join(action.names)} do not begin with {', '.join(before)}")
     more = action.size - len(before)
     names = [term.name for term in terms]
     at = sum(term.size for term in terms[: names.index(LAST_ACTION)]) + len(before)
@@ -77,3 +65,22 @@ def _extend_output(state: Weights, more: int) -> Weights:
 def insert_columns(values: torch.Tensor, at: int, new: torch.Tensor) -> torch.Tensor:
     """Insert columns before column ``at``."""
     return torch.cat((values[:, :at], new.to(values), values[:, at:]), dim=1)
+
+
+def extend_inputs(state: Weights, network: Any, at: int, std: float) -> Weights:
+    """Insert inputs of zero weight before input ``at`` of a symmetric network's state.
+
+    As many as ``network`` has more, whose exchange of left and right is taken as well. They are
+    normalized by mean 0 and ``std``.
+    """
+    state, new = dict(state), network.state_dict()
+    more = len(new["obs_normalizer.index"]) - len(state["obs_normalizer.index"])
+    for part in ("kept", "turned"):
+        weight, combinations = f"mlp.{part}.0.weight", f"mlp.inputs_{part}"
+        whole = state[weight] @ state[combinations]
+        whole = insert_columns(whole, at, torch.zeros(len(whole), more))
+        state[weight], state[combinations] = whole @ new[combinations].T, new[combinations]
+    for name, value in (("_mean", 0.0), ("_var", std**2), ("_std", std)):
+        key = f"obs_normalizer.normalizer.{name}"
+        state[key] = insert_columns(state[key], at, torch.full((1, more), value))
+    return state | {key: new[key] for key in ("obs_normalizer.index", "obs_normalizer.sign")}

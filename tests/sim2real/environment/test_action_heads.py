@@ -10,7 +10,7 @@ from humanoid_getup.simulation.world import World
 from humanoid_getup.style.features import mirror_features, torso_angles
 from robots import Robot, quaternion
 from robots.kinematics import place
-from sim2real.environment.styled.ankle_balance import BEGIN, LARGEST, AnkleBalance
+from sim2real.environment.action_heads import BEGIN, LARGEST, AnkleBalance
 
 RIGHT = np.pi / 2
 STANCE = np.array([[1.0, RIGHT, RIGHT]])

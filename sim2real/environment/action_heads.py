@@ -1,15 +1,60 @@
-"""The head of a styled policy: outputs become postures, which a pose prior decodes."""
+"""Action heads: convert a network's outputs to actions, with a memory of the last ones."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from humanoid_getup.playback.balance import find_ankles
 from humanoid_getup.policy.action import ActionSpec
-from humanoid_getup.policy.observation import UPRIGHT, Mirror
+from humanoid_getup.policy.observation import UPRIGHT, Mirror, mirror_of_actions
+from humanoid_getup.simulation.world import World
 from humanoid_getup.style.curve_tracker import CurveTracker
+from robots import Robot
 from robots.quaternion import Array
-from sim2real.environment.styled.ankle_balance import AnkleBalance
 from sim2real.pose_prior.pose_prior import PosePrior
+
+
+class DirectHead:
+    """The outputs are the actions, and the memory is the last of them."""
+
+    limit = 1.0
+
+    def __init__(self, robot: Robot, action: ActionSpec) -> None:
+        self.names = action.names
+        self.mirror = mirror_of_actions(robot, action)
+
+    def act(
+        self, outputs: Array, _memory: Array, _tracker: CurveTracker | None
+    ) -> tuple[Array, Array]:
+        """Clip the outputs."""
+        action = np.clip(outputs, -1.0, 1.0)
+        return action, action
+
+
+# Correction of the ankles per error of the side and of the front angle. Larger ones stand on
+# steeper ground, and oscillate where targets are delayed by 0.06 s.
+GAINS = np.array([0.3, 0.8])
+LARGEST = 0.35  # rad
+BEGIN, FULL = 0.80, 0.95  # neck heights from which it acts, and acts as a whole
+
+
+class AnkleBalance:
+    """Corrects the joint targets of robots that have nearly risen.
+
+    An addition to [Frezzato22], whose policy moves ankles by itself: on ground that slopes under
+    the feet, a robot that follows its curves with the ankles of level ground topples at their end.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.ankles = find_ankles(World(robot, "flat"))
+        """Changes of the joint angles per rotation of the torso to the side and front, (2, n)."""
+
+    def correct(self, wanted: Array, measured: Array) -> Array:
+        """Compute corrections of joint targets [rad], (N, n), from style features (N, 3)."""
+        share = np.clip((measured[:, :1] - BEGIN) / (FULL - BEGIN), 0.0, 1.0)
+        turn_back = np.clip(GAINS * (wanted - measured)[:, 1:], -LARGEST, LARGEST)
+        return share * turn_back @ self.ankles
+
 
 FILTER_SHARE = 0.4  # of a new output in the filtered one, each policy step
 MOST_OUTPUT = 3.0  # largest output: latent parameters are standard normal over the postures
@@ -37,11 +82,7 @@ class PriorHead:
     def act(
         self, outputs: Array, memory: Array, tracker: CurveTracker | None
     ) -> tuple[Array, Array]:
-        """Filter the outputs, decode the posture, add offsets and the ankle balance.
-
-        Raises:
-            ValueError: without curves.
-        """
+        """Filter the outputs, decode the posture, add offsets and the ankle balance."""
         if tracker is None:
             raise ValueError("postures are decoded for style curves, expected a tracker of them")
         return self.decode(outputs, memory, tracker.wanted, tracker.features)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robots import Robot, load_robot, quaternion
+from robots.body.drawn_postures import MOST_DOWN, Prop, draw_props
 from robots.body.limbs import Limbs
-from robots.body.props import MOST_DOWN, draw_props
 from robots.body.statics import Statics
 from robots.kinematics import place
 
@@ -18,10 +18,15 @@ def limbs(op3: Robot) -> Limbs:
     return Limbs(op3)
 
 
+@pytest.fixture(scope="module")
+def props(limbs: Limbs) -> list[Prop]:
+    return draw_props(limbs, 40, np.random.default_rng(0))
+
+
 def test_props_have_soles_and_hands_on_the_ground_and_their_weight_between(
-    op3: Robot, limbs: Limbs
+    op3: Robot, limbs: Limbs, props: list[Prop]
 ):
-    props, statics = draw_props(limbs, 40, np.random.default_rng(0)), Statics(op3)
+    statics = Statics(op3)
     model = op3.spec().compile()
     data, length = mujoco.MjData(model), limbs.thigh_and_shank
     assert len(props) > 5
@@ -54,18 +59,18 @@ def test_a_trunk_bends_for_a_prop():
     assert all(np.abs(prop.joint_pos[bends] - home).max() > 0.05 for prop in props)
 
 
-def test_a_prop_that_one_side_cannot_take_is_left_out(op3: Robot):
-    both = draw_props(Limbs(op3), 30, np.random.default_rng(0))
+def test_a_prop_that_one_side_cannot_take_is_left_out(op3: Robot, props: list[Prop]):
     upper, elbow = op3.upper.copy(), op3.joint_names.index("r_el")
-    upper[elbow] = np.median([prop.joint_pos[elbow] for prop in both])
+    upper[elbow] = np.median([prop.joint_pos[elbow] for prop in props])
     joints = [replace(j, upper=float(u)) for j, u in zip(op3.joints, upper, strict=True)]
-    one = draw_props(Limbs(replace(op3, joints=tuple(joints))), 30, np.random.default_rng(0))
-    assert 0 < len(one) < len(both)
+    one = draw_props(Limbs(replace(op3, joints=tuple(joints))), 40, np.random.default_rng(0))
+    assert 0 < len(one) < len(props)
     assert all(prop.joint_pos[elbow] <= upper[elbow] for prop in one)
 
 
-def test_targets_of_a_prop_ask_less_of_the_legs_the_more_the_hands_carry(op3: Robot, limbs: Limbs):
-    props = draw_props(limbs, 40, np.random.default_rng(0))
+def test_targets_of_a_prop_ask_less_of_the_legs_the_more_the_hands_carry(
+    op3: Robot, props: list[Prop]
+):
     prop = max(props, key=lambda each: each.share)
     statics, legs = Statics(op3), [k for k, name in enumerate(op3.joint_names) if "knee" in name]
     lead = {

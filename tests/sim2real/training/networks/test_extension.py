@@ -13,7 +13,7 @@ from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
 from sim2real.training.config import RECIPES
-from sim2real.training.networks.action_extension import (
+from sim2real.training.networks.extension import (
     FIRST_STD,
     extend_actions,
 )

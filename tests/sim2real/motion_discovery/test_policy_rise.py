@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from humanoid_getup.motions.keyframes import SPEED_SHARE
 from robots import Robot
-from sim2real.motion_discovery.policy_rise import PolicyRise
-from sim2real.motion_discovery.shaping import BALANCING, SMOOTHINGS, shape
+from sim2real.motion_discovery.policy_rise import BALANCING, SMOOTHINGS, PolicyRise, shape
 
 
 def make_rise(robot: Robot, seed: int, step: float, stand_time: float = 1.0) -> PolicyRise:

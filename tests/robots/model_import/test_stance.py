@@ -1,0 +1,137 @@
+"""Stances: balanced on flat soles at the height that is asked for, the arms hanging."""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from robots.body.body_plan import BodyPlan
+from robots.body.joint_view import JointView
+from robots.model_import.stance import (
+    StanceSolver,
+    exclude_brackets,
+    find_brackets,
+    find_own_overlaps,
+    find_stance,
+)
+
+CHAIN = """<mujoco><worldbody><body name="torso"><freejoint/><geom size="0.05" mass="1"/>
+  <body name="bracket" pos="0 0 0.1"><joint name="a" axis="0 1 0" range="-60 60"/>
+    <geom size="0.01" mass="0.1"/>
+    <body name="link"><joint name="b" axis="1 0 0" range="-60 60"/>
+      <geom type="capsule" fromto="0 0 DEPTH 0 0 0.3" size="0.02" mass="0.1"/>
+      <body name="hand" pos="0 0 0.33"><joint name="c" axis="0 1 0" range="-60 60"/>
+        <geom size="0.008" mass="0.1"/></body></body></body>
+</body></worldbody></mujoco>"""
+
+
+def build(depth: float) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """Build a chain whose long link begins so much above its joint [m]."""
+    spec = mujoco.MjSpec.from_string(CHAIN.replace("DEPTH", str(depth)))
+    return spec, spec.compile()
+
+
+def view(model: mujoco.MjModel) -> JointView:
+    """View all hinges of a model."""
+    return JointView(model, range(1, model.njnt))
+
+
+def test_links_that_always_overlap_are_brackets():
+    _, model = build(-0.04)  # its end is 3 cm deep in the torso, two hinges away
+    pairs = find_brackets(view(model), np.zeros(3), np.random.default_rng(0))
+    assert [tuple(model.body(b).name for b in pair) for pair in pairs] == [("torso", "link")]
+
+
+def test_their_contacts_are_switched_off():
+    spec, model = build(-0.04)
+    assert exclude_brackets(spec, view(model), np.zeros(3)) == "torso with link"
+    changed = spec.compile()
+    data = mujoco.MjData(changed)
+    mujoco.mj_forward(changed, data)
+    assert data.ncon == 0
+
+
+ARM = """<mujoco><worldbody><body name="torso"><freejoint/>
+  <geom type="box" size="0.05 0.1 0.2" mass="1"/>
+  <body name="shoulder" pos="0 0.13 0.15"><joint axis="0 1 0" range="-60 60"/>
+    <geom size="0.01" mass="0.1"/>
+    <body name="upper_arm" pos="0 0.01 0"><joint axis="1 0 0" range="-60 60"/>
+      <geom type="capsule" fromto="0 0 -0.03 0 0 -0.12" size="0.02" mass="0.1"/>
+      <body name="forearm" pos="0 0 -0.15"><joint axis="0 1 0" range="-60 60"/>
+        <geom type="capsule" fromto="0 0 -0.03 0 IN -0.15" size="0.02" mass="0.1"/></body></body>
+  </body></body></worldbody></mujoco>"""
+
+
+def test_a_forearm_that_touches_the_torso_is_none():
+    """Three hinges are between them, as between pelvis and thigh, but far from each other."""
+    model = mujoco.MjModel.from_xml_string(ARM.replace("IN", "-0.05"))
+    touching = find_own_overlaps(view(model), np.zeros(3))
+    assert [tuple(model.body(b).name for b in pair) for pair in touching] == [("torso", "forearm")]
+    assert find_brackets(view(model), np.zeros(3), np.random.default_rng(0)) == []
+
+
+def test_arms_hang_beside_the_body_and_further_out_if_asked(small: BodyPlan):
+    """The rest of a stance is a law of whole imports, in test_symmetries."""
+    solver, arm = StanceSolver(small, np.zeros(len(small.joint_names))), small.arms[0][0]
+    stance = solver.solve(0.9)
+    assert np.all((stance.joint_pos >= small.lower) & (stance.joint_pos <= small.upper))
+
+    def slope(angles: np.ndarray) -> float:
+        small.view.look(angles)
+        way = small.view.end(arm[-1]) - small.view.anchor(arm[0])
+        return float(way[1] / -way[2])
+
+    near, far = slope(stance.joint_pos), slope(solver.solve(0.9, 0.6).joint_pos)
+    assert near == pytest.approx(0.1, abs=0.1)
+    assert far == pytest.approx(0.6, abs=0.1)
+
+
+def test_a_leg_cannot_be_longer_than_stretched(small: BodyPlan):
+    solver = StanceSolver(small, np.zeros(len(small.joint_names)))
+    assert not solver.solve(1.2).is_solved
+
+
+def search(small: BodyPlan) -> tuple[np.ndarray, list[str]]:
+    notes: list[str] = []
+    return find_stance(small, np.zeros(len(small.joint_names)), notes).joint_pos, notes
+
+
+def thicken(small: BodyPlan, by: float) -> BodyPlan:
+    """Make the thighs' boxes wider and taller by so much to all sides [m]."""
+    model = copy.copy(small.model)
+    for side in ("left", "right"):
+        geom = model.body(f"{side}_thigh").geomadr[0]
+        model.geom_size[geom, 1:] += by
+        model.geom_aabb[geom, 4:] += by
+        model.geom_rbound[geom] += 2.0 * by
+    return replace(small, model=model)
+
+
+def test_arms_hang_further_out_beside_thick_thighs(small: BodyPlan):
+    thick = thicken(small, 0.045)
+    angles, _ = search(thick)
+    usual, notes = search(small)
+    assert notes == []
+    assert not find_own_overlaps(small.view, usual)
+    touching = {small.model.body(b).name for p in find_own_overlaps(thick.view, angles) for b in p}
+    assert not {name for name in touching if "forearm" in name}
+    roll = small.joint_names.index("left_upper_arm_joint")
+    assert angles[roll] > usual[roll] + 0.05
+
+
+def limit(small: BodyPlan, joint: str, degrees: float) -> BodyPlan:
+    """Leave the joints of a pair a narrow range about 0."""
+    model = copy.copy(small.model)
+    for side in ("left", "right"):
+        model.jnt_range[model.joint(f"{side}_{joint}_joint").id] = np.radians([-degrees, degrees])
+    return replace(small, model=model)
+
+
+def test_stiff_ankles_leave_a_note_on_what_to_do(small: BodyPlan):
+    stiff = limit(limit(small, "ankle", 0.5), "thigh", 0.5)
+    _, notes = search(limit(stiff, "shank", 0.5))
+    (note,) = notes
+    assert note.startswith("no balanced stance on flat soles was found (off by ")
+    assert note.endswith("write [standing] by hand, then getup robots check")

@@ -73,9 +73,9 @@ def test_a_collada_file_that_cannot_be_used_is_refused(tmp_path: Path, content: 
 def test_a_mesh_of_too_many_corners_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Corners that faces share count once."""
     file = write_text_stl(tmp_path / "part.stl")
-    monkeypatch.setattr("MOST_POINTS", 4)
+    monkeypatch.setattr(urdf_shapes, "MOST_POINTS", 4)
     assert len(read_corners(file)) == 4
-    monkeypatch.setattr("MOST_POINTS", 3)
+    monkeypatch.setattr(urdf_shapes, "MOST_POINTS", 3)
     with pytest.raises(ValueError, match="it has 4 corners, expected at most 3"):
         read_hull(file)
 

@@ -58,11 +58,7 @@ class TorqueCap:
 def make_caps(
     robot: Robot, by: LimitMode | None = None, shares: tuple[float, ...] = SHARES
 ) -> list[TorqueCap]:
-    """Make the caps of a robot, rounded to three digits.
-
-    Raises:
-        ValueError: if its servos do not limit torque in that way, or not so low.
-    """
+    """Make the caps of a robot, rounded to three digits."""
     stall = float(robot.max_torque.max())
     values = [None if share == 1.0 else float(f"{share * stall:.3g}") for share in shares]
     return [
@@ -231,11 +227,7 @@ class Whole:
 
 
 def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:
-    """Sample equally many falls of each class; skip classes in which the robot never lies.
-
-    Raises:
-        FallError: if it lies in none.
-    """
+    """Sample equally many falls of each class; skip classes in which the robot never lies."""
     try:
         falls = sample_falls(world, dict.fromkeys(CLASSES, each), np.random.default_rng(seed))
         return FallsByClass(falls=falls, classes=CLASSES, missing={})

@@ -20,6 +20,8 @@ SECTIONS = {
     "look": ("studio", "replay", "log", "bench"),
 }
 """Commands in the order of `getup --help`; each section has a folder of its own in ``cli``."""
+DEFAULTS = {"robots": "robots list"}
+"""Default commands of groups."""
 
 
 class TableEntry(NamedTuple):
@@ -53,20 +55,20 @@ COMMANDS = {
         "rise.run_policy",
         json=True,
     ),
-    "plan": TableEntry("Plan a path only, without physics.", "options.plan.Plan", "plan.plan"),
+    "plan": TableEntry("Plan a path only, without physics.", "options.motions.Plan", "plan.plan"),
     "sit": TableEntry(
-        "Sit and lie down from a stand.", "requests.rise.SitRequest", "stand.sit", json=True
+        "Sit and lie down from a stand.", "requests.rise.SitRequest", "rise.sit", json=True
     ),
     "hold": TableEntry(
         "Hold a robot in its stand until a key is pressed.",
         "requests.rise.HoldRequest",
-        "stand.hold",
+        "rise.hold",
         json=True,
     ),
     "fall": TableEntry(
         "Drop a limp robot, and write how it lies as a posture file.",
         "requests.rise.FallRequest",
-        "fall.fall",
+        "rise.fall",
         json=True,
     ),
     "prior": TableEntry(
@@ -82,7 +84,7 @@ COMMANDS = {
     "eval": TableEntry(
         "Evaluate a policy on settled falls.",
         "requests.learning.EvaluateRequest",
-        "evaluate.evaluate",
+        "policies.evaluate",
         json=True,
     ),
     "export": TableEntry(
@@ -91,13 +93,13 @@ COMMANDS = {
     "policy": TableEntry("Import and check policies of other projects."),
     "policy import": TableEntry(
         "Make a policy that was trained elsewhere run here.",
-        "requests.policies.ImportPolicyRequest",
+        "requests.learning.ImportPolicyRequest",
         "policies.import_policy",
         json=True,
     ),
     "policy check": TableEntry(
         "Compare an imported policy with a trace from where it was trained.",
-        "requests.policies.CheckPolicyRequest",
+        "requests.learning.CheckPolicyRequest",
         "policies.check_policy",
         json=True,
     ),
@@ -159,7 +161,7 @@ COMMANDS = {
     ),
     "first-steps": TableEntry(
         "Lead from a port to the first rise, step by step.",
-        "options.first_steps.FirstSteps",
+        "options.hardware.FirstSteps",
         "first_steps.first_steps",
     ),
     "doctor": TableEntry(
@@ -218,7 +220,7 @@ COMMANDS = {
     ),
     "watch": TableEntry(
         "Show a limp robot while a person turns it by hand.",
-        "requests.watch.WatchRequest",
+        "requests.rise.WatchRequest",
         "watch.watch",
         json=True,
     ),
@@ -229,19 +231,19 @@ COMMANDS = {
         json=True,
     ),
     "studio": TableEntry(
-        "Pose, plan and look in the browser.", "requests.studio.StudioRequest", "studio.studio"
+        "Pose, plan and look in the browser.", "requests.look.StudioRequest", "studio.studio"
     ),
     "replay": TableEntry(
         "Replay a flight log and compare.",
-        "requests.replay.ReplayRequest",
+        "requests.look.ReplayRequest",
         "replay.replay_log",
         json=True,
     ),
     "log": TableEntry("Export flight logs for other programs."),
     "log export": TableEntry(
         "Write a flight log as a ROS 2 bag.",
-        "requests.logs.ExportLogRequest",
-        "export_log.export_log",
+        "requests.look.ExportLogRequest",
+        "replay.export_log",
         json=True,
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),
@@ -276,13 +278,13 @@ COMMANDS = {
     ),
     "scenes": TableEntry(
         "List or draw the scenes.",
-        "requests.scenes.ScenesRequest",
-        "scenes.list_scenes",
+        "requests.style.ScenesRequest",
+        "style.list_scenes",
         json=True,
     ),
     "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
     "robots list": TableEntry(
-        "List the installed robots.", "options.robots.ListRobots", "list_robots.list_robots"
+        "List the installed robots.", "options.hardware.ListRobots", "list_robots.list_robots"
     ),
     "robots import": TableEntry(
         "Make a robot folder from an MJCF or URDF file.",
@@ -292,7 +294,7 @@ COMMANDS = {
     ),
     "robots check": TableEntry(
         "Check a robot's description, and what its body can do.",
-        "options.robots.CheckRobot",
+        "options.hardware.CheckRobot",
         "check_robot.check_robot",
     ),
     "robots export": TableEntry(
@@ -302,5 +304,3 @@ COMMANDS = {
         json=True,
     ),
 }
-DEFAULTS = {"robots": "robots list"}
-"""Default commands of groups."""

@@ -40,11 +40,7 @@ class Invocation:
 
 
 def parse(arguments: Sequence[str]) -> Invocation:
-    """Read a command line; exit after help.
-
-    Raises:
-        BadInputError: naming every option that is unknown or missing, or whose value does not fit.
-    """
+    """Read a command line; exit after help."""
     name, rest = find_command(arguments)
     if name not in COMMANDS or not COMMANDS[name].options:
         return _explain(name, rest)
@@ -65,11 +61,7 @@ def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 
 def _explain(group: str, rest: Sequence[str]) -> Any:
-    """Print the commands of a group, or of all; or completions, or the version.
-
-    Raises:
-        BadInputError: if neither was asked for.
-    """
+    """Print the commands of a group, or of all; or completions, or the version."""
     if any(word.startswith("--tyro-") for word in rest):
         _read(list_commands(), "getup", rest, DESCRIPTION)
     if rest and rest[0] == VERSION and not group:
@@ -157,10 +149,7 @@ def list_commands(group: str = "") -> Any:
 
 
 def _load_group(name: str) -> Any:
-    """Return the commands of a group with their options.
-
-    A union of one type is that type, so a single command is returned without a name of its own.
-    """
+    """Return the commands of a group with their options."""
     members = [member for member in COMMANDS if member.startswith(f"{name} ")]
     return load_options(members[0]) if len(members) == 1 else list_commands(name)
 

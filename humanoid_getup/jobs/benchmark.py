@@ -22,7 +22,7 @@ from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_world, make_torque_limit
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
+from humanoid_getup.jobs.pieces import make_worker_request, starting
 from humanoid_getup.jobs.requests.bench import BenchRise
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
@@ -113,11 +113,7 @@ _get_planner = lru_cache(maxsize=1)(partial(make_planner, threads=1))
 
 
 def _open_ledger(request: BenchRise, planner: PlannedRise) -> Ledger | None:
-    """Open the ledger of a request, if it names one.
-
-    Raises:
-        ValueError: if it is damaged, or that of another benchmark.
-    """
+    """Open the ledger of a request, if it names one."""
     if request.ledger is None:
         return None
     recipe = {

@@ -15,8 +15,7 @@ from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
+from humanoid_getup.jobs.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,
@@ -93,11 +92,7 @@ def is_begun(request: BuildRequest) -> bool:
 
 
 def check_folders(robot: Robot) -> None:
-    """Refuse a robot in whose folder nothing can be written.
-
-    Raises:
-        BadInputError: naming the folder.
-    """
+    """Refuse a robot in whose folder nothing can be written."""
     for folder in (MOTION_FOLDER, UNFINISHED):
         if problems := find_folder_problems(robot.folder / folder, ()):
             raise BadInputError("; ".join(problems))
@@ -232,12 +227,7 @@ class _Watch:
 
 
 def build_piece(request: BuildRequest, piece: BuildPiece) -> Build | str:
-    """Build a motion, in a worker; return the reason if that fails.
-
-    Raises:
-        BadInputError: if the worker does not share the robot's folder.
-        CancelledError: if the folder is released meanwhile.
-    """
+    """Build a motion, in a worker; return the reason if that fails."""
     piece.folder.check()
     robot, keyframes = load_robot(request), piece.keyframes
 

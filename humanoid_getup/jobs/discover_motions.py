@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.engines.executor import do_pieces, is_here
+from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
-from humanoid_getup.jobs.pieces.searches import spread_searches
+from humanoid_getup.jobs.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import (
     MotionSearch,
@@ -21,7 +25,9 @@ from humanoid_getup.jobs.search_motions import (
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.posture_chains.search_file import read_simulated
+from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import PostureRow, draw_motions
 from humanoid_getup.simulation.world import World
@@ -224,3 +230,83 @@ def _describe(found: Discovery) -> list[str]:
             "more --rises)"
         )
     return lines
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchPiece:
+    """The search for motions of one robot, which writes into its folder."""
+
+    request: DiscoverRequest
+    before: float | None
+    """Simulated time before the budget begins to count [s]; None for a new search."""
+    prefix: str
+    """What its reports begin with."""
+    folder: SharedFolder
+    """The search ends when it is released."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SearchEnd:
+    """What a search found."""
+
+    motions: tuple[Motion, ...]
+    wanting: tuple[str, ...]
+    """Sides without a motion."""
+    nearest: tuple[NearestStand, ...]
+
+
+def spread_searches(
+    robots: Sequence[Robot], request: DiscoverRequest, monitor: ProgressMonitor
+) -> list[SearchEnd]:
+    """Search for motions of robots, for each of which `check_begin` was called."""
+    several, found = len(robots) > 1, dict[str, SearchEnd]()
+
+    def end(name: str, result: SearchEnd) -> None:
+        found[name] = result
+        if several:
+            wanting = f", none from {', '.join(result.wanting)}" if result.wanting else ""
+            monitor.tell(f"{name}: {len(result.motions)} motions{wanting}")
+
+    with ExitStack() as stack:
+        stack.enter_context(refusing())
+        executor = stack.enter_context(starting(request, len(robots)))
+        pieces = {
+            robot.name: SearchPiece(
+                request=_share(robot, request),
+                before=read_simulated(path)
+                if (path := MotionSearch.file(robot)).exists()
+                else None,
+                prefix=f"{robot.name}: " if several else "",
+                folder=stack.enter_context(sharing(robot, request)),
+            )
+            for robot in robots
+        }
+        # Searches write into the folders of their robots: these are no version.
+        work = partial(search_piece, 0 if is_here(executor) else 1)
+        do_pieces(work, pieces, executor, ended=end, monitor=monitor)
+    return [found[robot.name] for robot in robots]
+
+
+def _share(robot: Robot, request: DiscoverRequest) -> DiscoverRequest:
+    """Make the request of one robot."""
+    return make_worker_request(DiscoverRequest, request, robot=str(robot.folder), picture=None)
+
+
+def search_piece(threads: int, piece: SearchPiece) -> SearchEnd:
+    """Search for motions of a robot, in a worker."""
+    request = piece.request
+    piece.folder.check()
+
+    def show(progress: Progress) -> None:
+        field = "message" if progress.message else "phase"
+        report(replace(progress, **{field: f"{piece.prefix}{getattr(progress, field)}"}))
+
+    monitor = ProgressMonitor(show, piece.folder.is_released)
+    robot = load_robot(request)
+    searching = MotionSearch(robot, request, monitor, before=piece.before, threads=threads)
+    searching.run()
+    return SearchEnd(
+        motions=tuple(motion for each in searching.sides for motion in each.kept),
+        wanting=searching.list_wanting(),
+        nearest=searching.list_nearest(),
+    )

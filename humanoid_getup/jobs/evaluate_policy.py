@@ -3,33 +3,57 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
+import numpy as np
 from msgspec import UNSET, UnsetType
 
+from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.experiments.judging.summary import PolicySummary
-from humanoid_getup.experiments.starts.falls import CLASSES, FallSet, FallSetError, sample_fall_set
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.jobs.pieces.policy_rollouts import (
-    NEAREST,
-    EvaluatedPolicy,
-    Grounds,
-    Rollouts,
-    SeededScene,
-    cut_falls,
-    load_followed,
+from humanoid_getup.experiments.starts.falls import (
+    CLASSES,
+    Fall,
+    FallSet,
+    FallSetError,
+    sample_fall_set,
 )
-from humanoid_getup.jobs.pieces.spreading import starting
-from humanoid_getup.jobs.policies import name_robot
+from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.jobs.inputs import load_robot, load_world, make_torque_limit
+from humanoid_getup.jobs.pieces import make_absolute, make_worker_request, starting
+from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
-from humanoid_getup.scenes.named_scenes import is_random, seed_grounds
+from humanoid_getup.policy.style_follower import StyleChoice
+from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.worker import report
+from humanoid_getup.scenes.named_scenes import is_random, load_scene, seed_grounds
+from humanoid_getup.scenes.scene import Scene
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.styled_rise import PLANNED
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.extraction import ExtractionError
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import load_any_style, load_style
+from robots import Robot
+
+if TYPE_CHECKING:  # torch is slow to import
+    from sim2real.perturbations import Perturbation
+    from sim2real.policy_evaluation import PolicyFigures
+NEAREST = "nearest"
+"""Style without a choice: the nearest of all named ones."""
+PLAN_SHARE = 0.9
+"""Of the time that a planned rise takes, where a policy follows the curves of its plan."""
+Curves = list[StyleCurves | None]
+Piece = TypeVar("Piece")
+Result = TypeVar("Result")
 
 
 class EvaluatedCase(msgspec.Struct, frozen=True, kw_only=True):
@@ -137,11 +161,17 @@ def _count_pieces(
 
 
 def _find_scenes(request: EvaluateRequest) -> list[str]:
-    names = request.scene.split(",")
-    if len(set(names)) < len(names):
-        raise BadInputError(f"--scene is {request.scene}, expected each scene once")
+    names = _split("--scene", request.scene, "scene")
     if len(names) > 1 and request.falls is not None:
         raise BadInputError(f"--falls is {request.falls}, expected one --scene with it")
+    return names
+
+
+def _split(option: str, text: str, noun: str) -> list[str]:
+    """Split the value of an option into names."""
+    names = text.split(",")
+    if len(set(names)) < len(names):
+        raise BadInputError(f"{option} is {text}, expected each {noun} once")
     return names
 
 
@@ -162,9 +192,7 @@ def _find_styles(request: EvaluateRequest, policy: OnnxPolicy) -> list[str | Non
                 "style curves"
             )
         return [None]
-    names = (NEAREST if request.style is None else request.style).split(",")
-    if len(set(names)) < len(names):
-        raise BadInputError(f"--style is {request.style}, expected each style once")
+    names = _split("--style", NEAREST if request.style is None else request.style, "style")
     with refusing():
         for name in names:
             load_followed(name, policy.robot)
@@ -212,3 +240,221 @@ def _find_falls(request: EvaluateRequest, world: World, monitor: ProgressMonitor
         if request.falls is not None:
             falls.save(request.falls)
     return falls
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeededScene:
+    """A scene, with the seed of its ground if that is random."""
+
+    name: str
+    """Its name, or file."""
+    seed: int
+
+    def load(self, robot: Robot) -> Scene:
+        """Load the scene for a robot."""
+        return load_scene(self.name, robot, self.seed)
+
+
+Grounds = list[tuple[SeededScene, FallSet]]
+"""Each ground with the falls on it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutPiece:
+    """Rollouts of a policy from some falls on one ground, at once."""
+
+    ground: SeededScene
+    falls: tuple[Fall, ...]
+    first: int
+    """Number of the first of the falls among those on this ground."""
+    style: str | None
+    """Name or file of the style that it follows; None for a policy without style curves."""
+    seed: int
+    """Of what is random about its robots."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RolledOut:
+    """Figures of some rollouts."""
+
+    figures: PolicyFigures
+    planned: int
+    """Number of rises that followed the curves of a plan."""
+
+
+class EvaluatedPolicy:
+    """The policy of a request on its robots; what is sent to a worker loads it there."""
+
+    def __init__(self, request: EvaluateRequest, threads: int = 0) -> None:
+        """Load the policy of a request, whose physics takes a number of threads."""
+        self.request, self.threads = request, threads
+        self.robot = load_robot(request)
+        self.limit = make_torque_limit(request, self.robot)
+        self.policy = load_policy(self.robot, request.policy, self.limit.value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return EvaluatedPolicy, (self.shared, 1)
+
+    @property
+    def shared(self) -> EvaluateRequest:
+        """Return the request of workers: pieces name scene, style and falls."""
+        policy = make_absolute(self.request.policy)
+        changes = {"policy": policy, "scene": "flat", "style": None, "falls": None}
+        return make_worker_request(EvaluateRequest, self.request, **changes)
+
+    @cached_property
+    def perturbation(self) -> Perturbation:
+        """Make the perturbation of the request."""
+        from sim2real.perturbations import Perturbation
+
+        request = self.request
+        return Perturbation(
+            torque_limit=self.limit.value,
+            limit_by=request.limit_by,
+            delay=request.delay / 1000.0,
+            voltage=request.voltage,
+            friction=request.friction,
+            mass=request.mass,
+            backlash=math.radians(request.backlash),
+            weak_servo=request.weak_servo,
+            push=request.push,
+            imu_tilt=math.radians(request.imu_tilt),
+            gyro_bias=math.radians(request.gyro_bias),
+            noise=request.noise,
+            physics=request.variant,
+        )
+
+    def sample_falls(self, ground: SeededScene) -> FallSet:
+        """Sample a fall of each class on a ground."""
+        world = World(self.robot, ground.load(self.robot))
+        with refusing():
+            return sample_fall_set(world, dict.fromkeys(CLASSES, 1), ground.seed)
+
+    def roll_out(self, piece: RolloutPiece) -> RolledOut:
+        """Let the policy get up from falls, and report robots as they are done."""
+        from sim2real.perturbations import PolicyTrial
+        from sim2real.policy_evaluation import PolicyDriver
+
+        choice, planned = self._choose_curves(piece)
+        trial = PolicyTrial(
+            robot=self.robot,
+            policy=PolicyDriver.of(self.policy, choice, sees_ground=self.request.height_map),
+            perturbation=self.perturbation,
+            seed=piece.seed,
+            scene=piece.ground.load(self.robot),
+            threads=self.threads,
+        )
+        share = 1.0 - PLAN_SHARE if piece.style == PLANNED else 1.0
+        starts = [fall.posture for fall in piece.falls]
+        rollouts = trial.run(starts, lambda robots: report(Progress(done=share * robots)))
+        return RolledOut(figures=rollouts.figures, planned=planned)
+
+    def _choose_curves(self, piece: RolloutPiece) -> tuple[StyleChoice | None, int]:
+        """Make the choice of curves; count rises that follow a plan's curves."""
+        if piece.style is None:
+            return None, 0
+        with refusing():
+            style = load_followed(piece.style, self.robot)
+        if piece.style != PLANNED:
+            return lambda _row, features: style.choose(features), 0
+        curves = self._plan_curves(piece)
+        found = sum(each is not None for each in curves)
+        return lambda row, features: curves[row] or style.choose(features), found
+
+    def _plan_curves(self, piece: RolloutPiece) -> Curves:
+        """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
+        world = World(self.robot, piece.ground.load(self.robot))
+        planner = PlannedRise(world, options=PlannerOptions(threads=self.threads))
+        found: Curves = []
+        for number, fall in enumerate(piece.falls, piece.first):
+            rng = np.random.default_rng([self.request.seed, number])
+            plan = planner.plan(fall.posture, rng)
+            found.append(None)
+            if isinstance(plan, MotionPlan) and plan.motion.rises:
+                with suppress(ExtractionError):
+                    found[-1] = read_curves(world, plan.motion)
+            report(Progress(done=PLAN_SHARE))
+        return found
+
+
+def load_followed(name: str, robot: Robot) -> Style:
+    """Load a style to follow, by name; for curves of plans, that of falls without one."""
+    return load_any_style(robot) if name in (NEAREST, PLANNED) else load_style(name, robot)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rollouts:
+    """Rollouts of a policy on the engine of a request."""
+
+    evaluated: EvaluatedPolicy
+    """Does them in this process."""
+    executor: Executor
+    monitor: ProgressMonitor
+
+    def sample_falls(self, grounds: Sequence[SeededScene], phase: str) -> Grounds:
+        """Sample a fall of each class on each ground."""
+        count = self.monitor.count(phase, len(grounds) * len(CLASSES))
+        pieces = {str(ground.seed): ground for ground in grounds}
+
+        def end(_name: str, falls: FallSet) -> None:
+            count(len(falls.falls))
+
+        found = self._do(self.evaluated.sample_falls, pieces, end)
+        return list(zip(grounds, found.values(), strict=True))
+
+    def roll_out(self, pieces: Sequence[RolloutPiece], phase: str) -> list[RolledOut]:
+        """Let the policy get up from all falls."""
+        total = sum(len(piece.falls) for piece in pieces)
+        count = self.monitor.count(phase, total)
+        named = {str(number): piece for number, piece in enumerate(pieces)}
+        ended, reported = 0, 0.0
+
+        def receive(progress: Progress) -> None:
+            nonlocal reported
+            done = min(progress.done, total - reported)  # a piece that is done again reports again
+            reported += done
+            count(done)
+
+        def end(name: str, _result: RolledOut) -> None:
+            nonlocal ended
+            ended += len(named[name].falls)
+            if ended > reported:  # workers elsewhere report nothing
+                receive(Progress(done=ended - reported))
+
+        return list(self._do(self.evaluated.roll_out, named, end, receive).values())
+
+    def _do(
+        self,
+        work: Callable[[Piece], Result],
+        pieces: Mapping[str, Piece],
+        end: Callable[[str, Result], None],
+        receive: Callable[[Progress], None] | None = None,
+    ) -> dict[str, Result]:
+        return do_pieces(
+            work,
+            pieces,
+            self.executor,
+            ended=end,
+            monitor=self.monitor,
+            robot=self.evaluated.shared.robot,
+            receive=receive,
+        )
+
+
+def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> list[RolloutPiece]:
+    """Cut the falls on grounds into pieces of at most a number of robots, with seeds."""
+    parts = [
+        (ground, falls.falls, first)
+        for ground, falls in grounds
+        for first in range(0, len(falls.falls), most)
+    ]
+    return [
+        RolloutPiece(
+            ground=replace(ground, name=make_absolute(ground.name)),
+            falls=falls[first : first + most],
+            first=first,
+            style=style and make_absolute(style),
+            seed=seed * len(parts) + number,
+        )
+        for number, (ground, falls, first) in enumerate(parts)
+    ]

@@ -8,7 +8,7 @@ from pathlib import Path
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot_of
-from humanoid_getup.jobs.requests.logs import ExportLogRequest
+from humanoid_getup.jobs.requests.look import ExportLogRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots.storage.files import atomic_folder, describe
 

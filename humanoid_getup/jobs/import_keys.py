@@ -59,11 +59,7 @@ def import_keys(
 
 
 def find_target(request: NewKeysOptions, robot: Robot) -> Path:
-    """Return the file to which new keys are added.
-
-    Raises:
-        BadInputError: if it cannot be written.
-    """
+    """Return the file to which new keys are added."""
     path = request.out or robot.folder / KEYFRAMES
     if problems := find_file_problems(path):
         raise BadInputError("; ".join(problems))

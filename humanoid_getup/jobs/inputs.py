@@ -101,10 +101,7 @@ def find_start(
 def _find_sampled(
     world: World, path: Path, posture: Posture, rng: np.random.Generator
 ) -> Fall | None:
-    """Sample the fall that `getup fall` wrote to a file, if it is of this world and seed.
-
-    The generator goes on as after the sample, so that a rise is planned as without the file.
-    """
+    """Sample the fall that `getup fall` wrote to a file, if it is of this world and seed."""
     if (side := json.loads(path.read_text("utf-8")).get(FALL)) not in CLASSES:
         return None
     sampler = copy.deepcopy(rng)
@@ -151,11 +148,7 @@ def find_motion(robot: Robot, name: str) -> Motion:
 
 
 def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:
-    """Find joints by name, all without any; return their numbers, in the robot's order.
-
-    Raises:
-        BadInputError: if the robot has no such joint.
-    """
+    """Find joints by name, all without any; return their numbers, in the robot's order."""
     unknown = [name for name in names if name not in robot.joint_names]
     if problems := name_unknown_joints(unknown, robot.joint_names):
         raise BadInputError(*problems)
@@ -166,9 +159,6 @@ def name_ports(robot: Robot, ports: Sequence[str]) -> dict[str, str]:
     """Map the names of a robot's ports to their paths.
 
     That of an IMU with a serial port or an I2C bus of its own may be given too, as ``imu``.
-
-    Raises:
-        BadInputError: naming the ports that the robot has.
     """
     wanted = list(robot.bus.ports) if robot.bus else []
     own = [IMU_PORT] if robot.imu is not None and robot.imu.has_own_line else []

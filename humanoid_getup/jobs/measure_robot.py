@@ -33,7 +33,7 @@ from humanoid_getup.engines.versions import Versions
 from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.pieces.spreading import make_worker_request, starting
+from humanoid_getup.jobs.pieces import make_worker_request, starting
 from humanoid_getup.jobs.requests.bench import (
     FIGURES,
     LEDGER,
@@ -47,8 +47,7 @@ from humanoid_getup.motions.motion_database import list_motions, load_database
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger
-from humanoid_getup.reporting.benchmark_page import write_page
-from humanoid_getup.reporting.benchmark_plot import save_benchmark
+from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.choice import NEAREST, make_strategy
@@ -139,11 +138,7 @@ def load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
 
 
 def _open_ledger(request: BenchAll, world: World) -> Ledger:
-    """Open the ledger of finished pieces, or begin one.
-
-    Raises:
-        ValueError: if it is damaged, or that of another benchmark.
-    """
+    """Open the ledger of finished pieces, or begin one."""
     recipe = {
         "world": hashlib.sha256(world.content).hexdigest(),
         "limit_by": request.limit_by,

@@ -69,9 +69,6 @@ def staging(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     """Yield an empty folder; move its files into ``folder`` at the end.
 
     A file of ``names`` that was not written is removed: it was an earlier run's.
-
-    Raises:
-        BadInputError: if one cannot be written, naming it.
     """
     from robots.storage.files import atomic_path
 

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from drivers import Twin
-from drivers.flight_log.content import Event
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
+from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting import plots, style_plot
-from humanoid_getup.reporting.cut_commands import Cut, find_cuts
 from humanoid_getup.reporting.measured_flight import (
+    Cut,
     FlightPostures,
     estimate_torques,
+    find_cuts,
     place_measured,
 )
 from humanoid_getup.reporting.replay import (
     THRESHOLD,
-    ReplayFigures,
     ReplayReport,
     choose_supply,
     replay,
@@ -39,19 +38,6 @@ from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayResult(ReplayFigures):
-    """The content of replay.json."""
-
-    log: Path
-    started: str
-    about: Mapping[str, object]
-    start: Literal["logged", "estimated"]
-    truncated: bool
-    lost_bytes: int
-    events: Sequence[Event]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,19 +68,18 @@ class ReplayedFlight:
         """Return the name of the scene."""
         return self.world.scene.name
 
-    def describe(self) -> ReplayResult:
+    def describe(self) -> dict[str, Any]:
         """Describe the replay for JSON."""
         record = self.record
-        return ReplayResult(
-            log=record.path,
-            started=record.started,
-            about=dict(record.about),
-            start=self.start,
-            truncated=record.truncated,
-            lost_bytes=record.lost_bytes,
-            events=record.events,
-            **vars(self.report.figures()),
-        )
+        return vars(self.report.figures()) | {
+            "log": record.path,
+            "started": record.started,
+            "about": dict(record.about),
+            "start": self.start,
+            "truncated": record.truncated,
+            "lost_bytes": record.lost_bytes,
+            "events": record.events,
+        }
 
 
 def replay_flight(

@@ -120,11 +120,7 @@ def _transfer(
 def _keep_if_standing(
     robot: Robot, keyframes: Keyframes, seed: int, monitor: ProgressMonitor
 ) -> float | None:
-    """Keep a motion that stands as it is; tell how it ended.
-
-    Returns:
-        The share of disturbed worlds in which it stands; None if it does not.
-    """
+    """Keep a motion that stands as it is; tell how it ended."""
     monitor.begin(f"playing {keyframes.name}")
     build = build_unimproved(robot, keyframes, seed)
     if build.failure:

@@ -99,10 +99,6 @@ class MotionSearch:
             before: Simulated time before the budget begins to count [s]; None: a new search's. A
                 search that lost its worker is not given more.
             threads: Of the physics; 0 for all of the machine.
-
-        Raises:
-            BadInputError: if the file is damaged or that of another search, or the robot has no two
-                legs with a knee.
         """
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world, self._sides = World(robot), choose_sides(request, robot)
@@ -250,11 +246,7 @@ class MotionSearch:
 
 
 def check_begin(robot: Robot, request: DiscoverRequest) -> None:
-    """Refuse to begin where an earlier search or its motions are, and to resume where none is.
-
-    Raises:
-        BadInputError: naming what is there.
-    """
+    """Refuse to begin where an earlier search or its motions are, and to resume where none is."""
     sides, keys = choose_sides(request, robot), _list_keys(robot)  # refuses a damaged file
     path = MotionSearch.file(robot)
     if request.resume:
@@ -294,11 +286,7 @@ def _list_known(robot: Robot, side: LyingSide, keys: list[str]) -> list[str]:
 
 
 def choose_sides(request: DiscoverRequest, robot: Robot) -> tuple[LyingSide, ...]:
-    """Choose the sides from which motions are searched, in their usual order.
-
-    Raises:
-        BadInputError: if a side is not searched.
-    """
+    """Choose the sides from which motions are searched, in their usual order."""
     sides = list_sides(robot)
     problems = [
         f"--sides is '{side}', expected {name_choices(sides)}"

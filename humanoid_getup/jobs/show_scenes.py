@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.requests.scenes import ScenesRequest
+from humanoid_getup.jobs.requests.style import ScenesRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.scenes.named_scenes import list_scenes, load_scene
@@ -24,45 +24,22 @@ VIEW = 3.2  # height of a picture over the robot's standing neck height
 AZIMUTH = 130.0  # deg
 
 
-class DescribedScene(msgspec.Struct, frozen=True, kw_only=True):
-    """A scene in which a robot may lie."""
-
-    name: str
-    about: str
-    starts: tuple[str, ...]
-    """Ways of lying."""
-    obstacles: int
-    friction: float
-
-    @classmethod
-    def of(cls, scene: Scene, about: str) -> DescribedScene:
-        """Describe a scene."""
-        starts = tuple(dict.fromkeys(str(start.start_class) for start in scene.starts))
-        return cls(
-            name=scene.name,
-            about=about,
-            starts=starts or tuple(CLASSES),
-            obstacles=len(scene.obstacles),
-            friction=scene.surface.friction,
-        )
-
-
-class DescribedScenes(msgspec.Struct, frozen=True, kw_only=True):
-    """Scenes for a robot."""
-
-    robot: str
-    scenes: tuple[DescribedScene, ...]
+def _describe(scene: Scene, about: str) -> dict[str, Any]:
+    """Describe a scene with the ways of lying in it."""
+    starts = tuple(dict.fromkeys(str(start.start_class) for start in scene.starts))
+    return {
+        "name": scene.name,
+        "about": about,
+        "starts": starts or tuple(CLASSES),
+        "obstacles": len(scene.obstacles),
+        "friction": scene.surface.friction,
+    }
 
 
 def show_scenes(
     request: ScenesRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> DescribedScenes:
-    """Describe one scene or all that have a name, and draw them if a picture is requested.
-
-    Raises:
-        BadInputError: if robot or scene cannot be used, or nothing can be drawn.
-        CancelledError: if ``cancel`` ended it; then nothing is drawn.
-    """
+) -> dict[str, Any]:
+    """Describe one scene or all that have a name, and draw them if a picture is requested."""
     ScenesRequest.accept(request)
     monitor = ProgressMonitor(report, cancel)
     with refusing():
@@ -73,10 +50,10 @@ def show_scenes(
     if request.picture is not None:
         _draw(robot, scenes, request.picture, request.seed, monitor)
     rows = [
-        DescribedScene.of(scene, about.get(name, scene.about))
+        _describe(scene, about.get(name, scene.about))
         for name, scene in zip(names, scenes, strict=True)
     ]
-    return DescribedScenes(robot=robot.name, scenes=tuple(rows))
+    return {"robot": robot.name, "scenes": rows}
 
 
 def _draw(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from humanoid_getup.jobs.errors import refusing
@@ -25,48 +25,6 @@ from humanoid_getup.style.style_file import load_style, write_style
 from robots import Robot
 
 
-class DescribedCurve(msgspec.Struct, frozen=True, kw_only=True):
-    """Curves of a style for a way of lying."""
-
-    start: str
-    duration: float = msgspec.field(name="duration_s")
-    rise: float = msgspec.field(name="rise_s")
-    neck_height: tuple[float, ...]
-    side_deg: tuple[float, ...]
-    front_deg: tuple[float, ...]
-
-
-class DescribedStyle(msgspec.Struct, frozen=True, kw_only=True):
-    """A style, and its curves."""
-
-    name: str
-    about: str
-    curves: tuple[DescribedCurve, ...]
-
-    @classmethod
-    def of(cls, style: Style) -> DescribedStyle:
-        """Describe a style."""
-        curves = [
-            DescribedCurve(
-                start=curve.start,
-                duration=curve.duration,
-                rise=rise_time(curve),
-                neck_height=tuple(curve.neck_height),
-                side_deg=tuple(np.degrees(curve.side)),
-                front_deg=tuple(np.degrees(curve.front)),
-            )
-            for curve in style.curves
-        ]
-        return cls(name=style.name, about=style.about, curves=tuple(curves))
-
-
-class DescribedStyles(msgspec.Struct, frozen=True, kw_only=True):
-    """Styles of a robot."""
-
-    robot: str
-    styles: tuple[DescribedStyle, ...]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EditedStyle:
     """A style before and after its edits."""
@@ -77,13 +35,8 @@ class EditedStyle:
 
 def list_styles(
     request: ListStylesRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> DescribedStyles:
-    """Describe the named styles.
-
-    Raises:
-        BadInputError: if the robot cannot be used.
-        CancelledError: if ``cancel`` ended it.
-    """
+) -> dict[str, Any]:
+    """Describe the named styles."""
     ListStylesRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     return _describe(robot, _load(list_names(), robot, monitor))
@@ -91,13 +44,8 @@ def list_styles(
 
 def show_styles(
     request: ShowStylesRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> DescribedStyles:
-    """Describe styles, and draw their curves if a picture is requested.
-
-    Raises:
-        BadInputError: if a style cannot be used, or the picture not be written.
-        CancelledError: if ``cancel`` ended it; then nothing is drawn.
-    """
+) -> dict[str, Any]:
+    """Describe styles, and draw their curves if a picture is requested."""
     ShowStylesRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     styles = _load(request.styles, robot, monitor)
@@ -111,12 +59,7 @@ def show_styles(
 def edit_style(
     request: EditStyleRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> EditedStyle:
-    """Edit all curves of a style, and write it.
-
-    Raises:
-        BadInputError: if the style cannot be used or edited so.
-        CancelledError: if ``cancel`` ended it; then nothing is written.
-    """
+    """Edit all curves of a style, and write it."""
     EditStyleRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     (style,) = _load([request.style], robot, monitor)
@@ -133,8 +76,26 @@ def _load(names: Sequence[str], robot: Robot, monitor: ProgressMonitor) -> list[
         return [load_style(name, robot) for name in names]
 
 
-def _describe(robot: Robot, styles: Sequence[Style]) -> DescribedStyles:
-    return DescribedStyles(robot=robot.name, styles=tuple(map(DescribedStyle.of, styles)))
+def _describe(robot: Robot, styles: Sequence[Style]) -> dict[str, Any]:
+    curves = [
+        [
+            {
+                "start": curve.start,
+                "duration_s": curve.duration,
+                "rise_s": rise_time(curve),
+                "neck_height": tuple(curve.neck_height),
+                "side_deg": tuple(np.degrees(curve.side)),
+                "front_deg": tuple(np.degrees(curve.front)),
+            }
+            for curve in style.curves
+        ]
+        for style in styles
+    ]
+    described = [
+        {"name": style.name, "about": style.about, "curves": rows}
+        for style, rows in zip(styles, curves, strict=True)
+    ]
+    return {"robot": robot.name, "styles": described}
 
 
 def _edit(curve: StyleCurves, request: EditStyleRequest) -> StyleCurves:

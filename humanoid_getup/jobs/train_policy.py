@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from humanoid_getup.jobs.errors import BadInputError, needing, refusing
 from humanoid_getup.jobs.inputs import load_robot, load_robot_of
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
-from humanoid_getup.jobs.trained_policy import TrainedPolicy
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.simulation.physics_engine import PhysicsEngine
@@ -17,6 +18,11 @@ from humanoid_getup.simulation.physics_engine import PhysicsEngine
 if TYPE_CHECKING:
     from sim2real.training.export import Exported
     from sim2real.training.iteration_log import TrainReport
+RECENT = 20  # iterations whose falls are counted: enough for a steady share
+LEARNED = 0.2  # share of falls without help that end standing, from which a body is learning
+ASSESSED = 600.0  # s of training after which it should be
+MORE = "more --iterations may do"
+DOWN = 0.5  # of the standing neck height, below which robots do not get off the ground
 
 
 def train(
@@ -108,3 +114,104 @@ def _check_device(device: str) -> None:
         return
     expected = "cpu or cuda" if has_gpu else "cpu: torch finds no GPU here"
     raise BadInputError(f"--device is '{device}', expected {expected}")
+
+
+class TrainedPolicy:
+    """State of a training, from the reports of its iterations.
+
+    The assistive force holds robots up: falls with more than a little of it do not count as
+    stood.
+    """
+
+    def __init__(self, *, leads: bool, motions: int, lift: float) -> None:
+        """Begin without a report.
+
+        Args:
+            leads: Whether this process is the one of several that reports.
+            motions: Stored motions of the robot, along which episodes start.
+            lift: Initial upper limit of the assistive force, as a fraction of the weight.
+        """
+        self.leads, self._motions, self._lift = leads, motions, lift
+        self.recent: deque[TrainReport] = deque(maxlen=RECENT)
+        """Reports of the last iterations; none if the training had as many as requested."""
+        self._is_assessed = False
+
+    def note(self, report: TrainReport) -> str:
+        """Note a report; return what is to be told once, after ten minutes."""
+        if not self.recent:
+            is_continued = report.iteration > 0
+            self._is_assessed = is_continued and report.seconds >= ASSESSED
+        self.recent.append(report)
+        if self._is_assessed or report.seconds < ASSESSED:
+            return ""
+        self._is_assessed = True
+        return self.assess()
+
+    @property
+    def share(self) -> float:
+        """Return the share of recent falls without help that ended standing; nan for none."""
+        alone = sum(report.alone for report in self.recent)
+        return sum(report.stood_alone for report in self.recent) / alone if alone else math.nan
+
+    @property
+    def is_learning(self) -> bool:
+        """Tell whether robots get up by themselves, need less help, or begin farther away."""
+        if self.share >= LEARNED:
+            return True
+        return bool(self.recent) and (self.recent[-1].lift < self._lift or self._level > 0)
+
+    @property
+    def _level(self) -> int:
+        return self.recent[-1].level
+
+    def describe(self) -> str:
+        """Describe how many recent falls end standing, and how much robots are helped."""
+        lift, falls = self.recent[-1].lift, sum(report.falls for report in self.recent)
+        if not falls:
+            way = f"; episodes begin on the way, up to level {self._level}" if self._level else ""
+            return f"no fall has ended yet{way}"
+        stood = sum(report.stood for report in self.recent) / falls
+        if not lift:
+            return f"{stood:.0%} of falls end standing"
+        helped = f"{stood:.0%} of falls end standing with up to {lift:.0%} of the weight held"
+        return helped if math.isnan(self.share) else f"{helped}, {self.share:.0%} without help"
+
+    def assess(self) -> str:
+        """Tell whether a body is learning, and what it may lack."""
+        said = f"after {format_time(self.recent[-1].seconds)} {self.describe()}: "
+        if not self.is_learning and self.recent[-1].seconds < ASSESSED:
+            return f"{said}too short to judge"
+        return said + ("it is learning" if self.is_learning else f"not learned yet; {self._hint}")
+
+    @property
+    def _hint(self) -> str:
+        alone = sum(report.alone for report in self.recent)
+        if not any(report.falls for report in self.recent):
+            return MORE
+        neck = sum(report.alone * report.height_alone for report in self.recent) / max(alone, 1)
+        height = f"necks end at {neck:.0%} of the standing height; "
+        if not self._motions:
+            return (
+                f"{height}no motion is stored to start along: `getup motions discover` finds some"
+            )
+        if neck < DOWN:
+            return f"{height}`getup robots check` names joints that are too weak to lift the robot"
+        return f"{height}{MORE}"
+
+    def __str__(self) -> str:
+        """Summarize how the training ended."""
+        if not self.recent:
+            return "trained already, for the requested number of iterations"
+        last = self.recent[-1]
+        return (
+            f"{last.iteration + 1} iterations, {last.steps / 1e6:.2f} million steps in "
+            f"{format_time(last.seconds)}; recently {self.describe()}"
+        )
+
+
+def format_time(seconds: float) -> str:
+    """Format a duration: 42 s, 7 min, 1 h 05 min."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

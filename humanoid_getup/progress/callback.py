@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+Cancel = Callable[[], bool]
+"""Returns whether to cancel the work, such as the `is_set` of an event."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
@@ -31,8 +34,6 @@ class Progress:
 
 Report = Callable[[Progress], None]
 """Shows progress."""
-Cancel = Callable[[], bool]
-"""Returns whether to cancel the work, such as the `is_set` of an event."""
 
 
 class CancelledError(Exception):

@@ -32,9 +32,6 @@ class Ledger:
         Args:
             path: The file.
             recipe: What the results depend on, as a dataclass or a mapping.
-
-        Raises:
-            ValueError: if the file is a symbolic link, through which another would be written.
         """
         if path.is_symlink():
             raise ValueError(f"{path}: is a symbolic link, expected a file: name or remove it")
@@ -47,22 +44,14 @@ class Ledger:
 
     @classmethod
     def resume(cls, path: Path, recipe: object) -> Ledger:
-        """Open the ledger of a recipe; begin one if there is no file.
-
-        Raises:
-            ValueError: if the file is damaged, or that of another recipe.
-        """
+        """Open the ledger of a recipe; begin one if there is no file."""
         ledger = cls(path, recipe)
         if path.exists():
             ledger._read()
         return ledger
 
     def add(self, name: str, result: object) -> Any:
-        """Store the result of a part; return it as stored.
-
-        Raises:
-            ValueError: if another program has added parts meanwhile.
-        """
+        """Store the result of a part; return it as stored."""
         self.done[name] = as_kept(result)
         part = {PART: name, RESULT: self.done[name]}
         if self._size:
@@ -128,12 +117,7 @@ class Ledger:
 def check_recipe(
     path: Path, recipe: Mapping[str, Any], kept: Mapping[str, Any], remedy: str
 ) -> None:
-    """Compare the recipe of work with the one stored in a file.
-
-    Raises:
-        ValueError: naming what differs, with values except for checksums; ``remedy`` says what to
-            do.
-    """
+    """Compare the recipe of work with the one stored in a file."""
     differing = list[str]()
     for key in {**recipe, **kept}:
         now, before = recipe.get(key), kept.get(key)

@@ -64,9 +64,6 @@ class Worker:
 
         The future has `BrokenProcessPool` if the process is killed, and `KeyboardInterrupt` if it
         is interrupted.
-
-        Raises:
-            CancelledError: after `cancel`.
         """
         with self._lock:
             if self._cancelled:

@@ -47,11 +47,7 @@ def render_frames(
     azimuth: float | None = None,
     view: float = VIEW_HEIGHT,
 ) -> np.ndarray:
-    """Render states (K, nq) as `iterate_frames` does, (K, height, width, 3).
-
-    Raises:
-        NoRendererError: if OpenGL cannot be opened.
-    """
+    """Render states (K, nq) as `iterate_frames` does, (K, height, width, 3)."""
     return np.array(list(iterate_frames(robot, model, qpos, azimuth=azimuth, view=view)))
 
 
@@ -68,9 +64,6 @@ def iterate_frames(
 
     Without an azimuth [deg], the view is obliquely from the front of the robot's final heading.
     The height of the picture is ``view`` times the robot's standing neck height.
-
-    Raises:
-        NoRendererError: if OpenGL cannot be opened.
     """
     width, height = size
     model = paint(robot, model)
@@ -95,11 +88,7 @@ def iterate_frames(
 def save_run(
     robot: Robot, model: mujoco.MjModel, qpos: Array, end: float, path: Path, *, title: str = ""
 ) -> None:
-    """Save states (T, nq), one a control period, up to row ``end`` and the last one, as PNG.
-
-    Raises:
-        NoRendererError: if OpenGL cannot be opened.
-    """
+    """Save states (T, nq), one a control period, up to row ``end`` and the last one, as PNG."""
     last = len(qpos) - 1
     rows = np.union1d(pick_frames(round(min(last, end)), FRAMES - 1), [last])
     pictures = render_frames(robot, model, qpos[rows])

@@ -22,11 +22,7 @@ if TYPE_CHECKING:  # it optimizes, and is slow to import
 
 
 def draw_motion(robot: Robot, motion: Motion, path: Path) -> None:
-    """Draw a motion as a film strip into a PNG file.
-
-    Raises:
-        NoRendererError: if there is no OpenGL.
-    """
+    """Draw a motion as a film strip into a PNG file."""
     pictures, times = _render(robot, motion, film_strip.FRAMES)
     path.parent.mkdir(parents=True, exist_ok=True)
     film_strip.save_strip(pictures, times, path, title=f"{motion.name}: {motion.strategy}")
@@ -44,11 +40,7 @@ class PostureRow:
 def draw_motions(
     robot: Robot, motions: Sequence[Motion], path: Path, rows: Sequence[PostureRow] = ()
 ) -> None:
-    """Draw motions into one PNG file, a row each, and rows of postures below them.
-
-    Raises:
-        NoRendererError: if there is no OpenGL.
-    """
+    """Draw motions into one PNG file, a row each, and rows of postures below them."""
     pictures, captions = list[np.ndarray](), list[str]()
 
     def add(frames: np.ndarray, shown: list[str]) -> None:
@@ -81,11 +73,7 @@ def _render(robot: Robot, motion: Motion, frames: int) -> tuple[np.ndarray, Arra
 
 
 def draw_trial(trial: Trial, path: Path) -> None:
-    """Draw each key upright on the ground, then the rollout, as a PNG file.
-
-    Raises:
-        NoRendererError: if there is no OpenGL.
-    """
+    """Draw each key upright on the ground, then the rollout, as a PNG file."""
     robot, model, keyframes = trial.world.robot, trial.world.model, trial.keyframes
     times = np.concatenate([[0.0], np.cumsum(keyframes.duration)])
     keys = np.array([_stand_up(trial, key) for key in keyframes.keys])

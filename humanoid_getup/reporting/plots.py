@@ -21,6 +21,10 @@ if TYPE_CHECKING:  # matplotlib is slow to import
     from matplotlib.figure import Figure
 NAMED = 6  # joints that get a color and a name
 STANDING_SHOWN = 1.5  # s of the stand that are drawn
+PANEL = 2.1  # inches of height
+ALARMING = ("fault", "exception")  # kinds of events
+MANY = 8  # events whose texts are still readable beside each other
+MILLISECONDS = 1e3
 
 
 def save_torque(
@@ -64,12 +68,6 @@ def save_torque(
     legend.set_title("most loaded")
     legend.get_title().set_fontsize(8)
     save_figure(figure, path)
-
-
-PANEL = 2.1  # inches of height
-ALARMING = ("fault", "exception")  # kinds of events
-MANY = 8  # events whose texts are still readable beside each other
-MILLISECONDS = 1e3
 
 
 def save_flight(record: FlightRecord, path: Path, *, title: str = "") -> None:

@@ -170,9 +170,6 @@ def replay(
         start: Posture of the robot at the first cycle, at rest.
         threshold: Difference of a joint or of the tilt that counts as divergence [rad].
         advance: Called with numbers of cycles that are done; what it raises ends the replay.
-
-    Raises:
-        ValueError: if the log is of another robot, or cannot be replayed.
     """
     record.check_robot(twin.robot)
     periods = _count_periods(record, twin.period)
@@ -231,10 +228,7 @@ def _count_periods(record: FlightRecord, period: float) -> np.ndarray:
 
 
 def _angle_between_verticals(p: Array, q: Array) -> Array:
-    """Compute the angle between the verticals of two orientations (T, 4) [rad], free of yaw.
-
-    It is the same for the IMU and the torso, and 0 to the last bit for equal orientations.
-    """
+    """Compute the angle between the verticals of two orientations (T, 4) [rad], free of yaw."""
     a, b = quaternion.gravity_in_body(p), quaternion.gravity_in_body(q)
     across = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.arctan2(across, np.sum(a * b, axis=-1))

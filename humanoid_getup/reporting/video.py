@@ -28,13 +28,7 @@ SHADOW = 1024  # pixels
 
 
 def save_video(robot: Robot, model: mujoco.MjModel, time: Array, qpos: Array, path: Path) -> None:
-    """Save states (T, nq) at times (T,) [s] as a video, in the format that its suffix names.
-
-    Raises:
-        ModuleNotFoundError: if the package ``av``, of the extra ``studio``, is missing for MP4.
-        NoRendererError: if OpenGL cannot be opened.
-        OSError: if the file cannot be written.
-    """
+    """Save states (T, nq) at times (T,) [s] as a video, in the format that its suffix names."""
     rate, size = find_rate(path), LOOP_SIZE if _is_loop(path) else SIZE
     at = np.arange(time[0], time[-1] + 0.5 / rate, 1.0 / rate)
     rows = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
@@ -49,12 +43,7 @@ def find_rate(path: Path) -> int:
 
 
 def write_video(frames: Iterable[np.ndarray], rate: int, path: Path) -> None:
-    """Write pictures (height, width, 3) of one size, even for MP4, as a video.
-
-    Raises:
-        ModuleNotFoundError: if the package ``av``, of the extra ``studio``, is missing for MP4.
-        OSError: if the file cannot be written.
-    """
+    """Write pictures (height, width, 3) of one size, even for MP4, as a video."""
     with atomic_path(path) as partial:
         if _is_loop(path):
             _write_loop(frames, rate, partial, LOOPS[path.suffix.lower()])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.motions.build import ATTITUDES
+from humanoid_getup.motions.build import ATTITUDES, try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
     TORQUE_SHARE,
     choose_free,
@@ -30,6 +30,9 @@ from humanoid_getup.motions.motion import (
     EndClass,
     StartClass,
 )
+from humanoid_getup.motions.trial import Trial
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.scenes.scene import FLAT_SCENE
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.pose_robot import put_down
 from robots import Posture, Robot, quaternion
@@ -53,11 +56,7 @@ class KeyEditor:
     def begin(
         self, name: str, start_class: StartClass, end_class: EndClass, joint_pos: Array
     ) -> Keyframes:
-        """Begin a motion with one key, (n,) [rad]; that of a rise is followed by the stance.
-
-        Raises:
-            BadInputError: if no motion can have the name.
-        """
+        """Begin a motion with one key, (n,) [rad]; that of a rise is followed by the stance."""
         if not NAME.fullmatch(name):
             raise BadInputError(f"name {shown(name)}: {NAMED}")
         stance, rises = self.robot.standing.joint_pos, end_class == STANDING
@@ -92,22 +91,14 @@ class KeyEditor:
         )
 
     def put(self, keyframes: Keyframes, number: int, joint_pos: Array) -> Keyframes:
-        """Replace a key by another posture, (n,) [rad].
-
-        Raises:
-            BadInputError: if it is the stance.
-        """
+        """Replace a key by another posture, (n,) [rad]."""
         self._check_number(keyframes, number)
         keys = keyframes.keys.copy()
         keys[number] = joint_pos
         return self._change(keyframes, keys, keyframes.duration)
 
     def delete(self, keyframes: Keyframes, number: int) -> Keyframes:
-        """Delete a key; those after the first one keep their times.
-
-        Raises:
-            BadInputError: if it is the stance, or the only key.
-        """
+        """Delete a key; those after the first one keep their times."""
         self._check_number(keyframes, number)
         if self.count(keyframes) == 1:
             raise BadInputError("the motion has one key, expected another one besides it")
@@ -122,11 +113,7 @@ class KeyEditor:
         )
 
     def swap(self, keyframes: Keyframes, number: int, other: int) -> Keyframes:
-        """Exchange two keys; the times stay.
-
-        Raises:
-            BadInputError: if one is the stance, or is not there.
-        """
+        """Exchange two keys; the times stay."""
         self._check_number(keyframes, number)
         if not 0 <= other < self.count(keyframes):
             raise BadInputError(f"key {number + 1} is at an end, expected one to exchange it with")
@@ -135,11 +122,7 @@ class KeyEditor:
         return self._change(keyframes, keys, keyframes.duration)
 
     def time(self, keyframes: Keyframes, number: int, duration: float) -> Keyframes:
-        """Set the time from the key before to a key, or to the stance [s].
-
-        Raises:
-            BadInputError: if it is too short or too long, or the key is the first one.
-        """
+        """Set the time from the key before to a key, or to the stance [s]."""
         if not LEAST_DURATION <= duration <= MAX_DURATION:
             found = outside(duration, LEAST_DURATION, MAX_DURATION, "s")
             raise BadInputError(f"the duration is {found}")
@@ -181,11 +164,7 @@ def place_key(world: World, keyframes: Keyframes, number: int) -> Posture:
 
 
 def store_keyframes(path: Path, keyframes: Keyframes, robot: Robot) -> None:
-    """Store a motion in a keyframes file, in the place of one of that name.
-
-    Raises:
-        BadInputError: if the file is damaged or cannot be written, or cannot hold the motion.
-    """
+    """Store a motion in a keyframes file, in the place of one of that name."""
     with refusing():
         if not path.exists():
             save_keyframes(path, [keyframes], robot)
@@ -193,3 +172,25 @@ def store_keyframes(path: Path, keyframes: Keyframes, robot: Robot) -> None:
             replace_keyframes(path, [keyframes], robot)
         else:
             append_keyframes(path, [keyframes], robot)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeysToPlay:
+    """Keys of a robot."""
+
+    robot: Robot
+    keyframes: Keyframes
+
+
+def play_keys(
+    request: KeysToPlay, report: Report | None = None, cancel: Cancel | None = None
+) -> Trial:
+    """Let a robot settle in the first key, and play the keys once."""
+    keyframes = request.keyframes
+    if len(keyframes.keys) < 2:
+        raise BadInputError(f"motion '{keyframes.name}' has one key, expected two or more")
+    monitor = ProgressMonitor(report, cancel)
+    monitor.begin("playing the keys")
+    trial = try_out(World(request.robot, FLAT_SCENE), keyframes)
+    monitor.check()
+    return trial

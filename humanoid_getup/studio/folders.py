@@ -24,11 +24,7 @@ class Folders:
         self._roots = tuple(folder.resolve() for folder in folders)
 
     def resolve(self, name: str) -> Path:
-        """Return the path of a file by its name, relative to the first folder or absolute.
-
-        Raises:
-            BadInputError: if it is outside all folders, links followed.
-        """
+        """Return the path of a file by its name, relative to the first folder or absolute."""
         if not name.strip():
             raise BadInputError("the file has no name, expected one")
         try:
@@ -40,22 +36,14 @@ class Folders:
         return path
 
     def resolve_folder(self, name: str, files: Iterable[str]) -> Path:
-        """Return the path of a folder in which files are written, each of them by its name.
-
-        Raises:
-            BadInputError: if the folder or one of the files is outside all folders.
-        """
+        """Return the path of a folder in which files are written, each of them by its name."""
         folder = self.resolve(name)
         for file in files:
             self.resolve(str(folder / file))
         return folder
 
     def check_robot(self, folder: Path, files: Iterable[str]) -> None:
-        """Check that files may be written in the folder of a robot, links followed.
-
-        Raises:
-            BadInputError: if the folder or one of the files is outside all folders.
-        """
+        """Check that files may be written in the folder of a robot, links followed."""
         for path in (folder, *(folder / file for file in files)):
             if not self._contains(path.resolve()):
                 raise BadInputError(

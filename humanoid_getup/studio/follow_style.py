@@ -86,12 +86,7 @@ class StyledTwin:
         self._settled: tuple[Posture, Twin] | None = None
 
     def roll_out(self, request: RolloutRequest, cancel: Cancel | None = None) -> StyledRollout:
-        """Let the robot rise, and follow a style, until it is known to stand or gives up.
-
-        Raises:
-            BadInputError: if the policy cannot be used, or the robot cannot start there.
-            CancelledError: if ``cancel`` ended it.
-        """
+        """Let the robot rise, and follow a style, until it is known to stand or gives up."""
         monitor, policy = ProgressMonitor(cancel=cancel), self._load(request.policy)
         twin = self._settle(request.start).copy()
         monitor.check()

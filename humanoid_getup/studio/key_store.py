@@ -8,22 +8,56 @@ from pathlib import Path
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.inputs import find_keyframes
-from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.motions import BuildRequest, ImportKeysRequest, PreviewRequest
+from humanoid_getup.jobs.requests.shared import write_command
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.studio.edit_keys import store_keyframes
-from humanoid_getup.studio.key_draft import KeyDraft
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import make_block
 
+MOST_UNDONE = 100
+"""Number of states that are kept."""
 OWN: str = "the robot"
 """Source of the robot's own keyframes."""
 SUFFIX = ".toml"
 NO_MOTION: str = "none"
 KINDS = "A .csv table, a .json animation or a .bin action file; pickles are not opened."
 CLIP = "Angles outside a joint's range become its end, instead of being refused."
+
+
+class KeyDraft:
+    """One motion at a time; every change can be undone."""
+
+    def __init__(self) -> None:
+        """Begin without a motion."""
+        self._states: list[Keyframes] = []
+        self.when_changed: list[Callable[[Keyframes], None]] = []
+        """Called after every change."""
+
+    @property
+    def keyframes(self) -> Keyframes:
+        """Return the motion."""
+        if not self._states:
+            raise ValueError("no motion yet, expected one that was opened, or New")
+        return self._states[-1]
+
+    def put(self, keyframes: Keyframes) -> None:
+        """Replace the motion by another state of it, or by another motion."""
+        self._states = [*self._states, keyframes][-MOST_UNDONE:]
+        self._tell()
+
+    def undo(self) -> None:
+        """Return to the state before."""
+        if len(self._states) < 2:
+            raise ValueError("nothing to undo")
+        self._states.pop()
+        self._tell()
+
+    def _tell(self) -> None:
+        for update in self.when_changed:
+            update(self.keyframes)
 
 
 class KeyStore:
@@ -158,11 +192,7 @@ class KeyStore:
 
 
 def parse_pages(text: str) -> tuple[int, ...]:
-    """Parse the numbers of pages, divided by commas.
-
-    Raises:
-        BadInputError: if there is something else.
-    """
+    """Parse the numbers of pages, divided by commas."""
     try:
         return tuple(int(word) for word in text.split(",")) if text.strip() else ()
     except ValueError as error:

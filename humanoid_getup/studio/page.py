@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.progress.background_job import BackgroundJob, JobEnd
+from humanoid_getup.progress.background_job import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.progress.callback import Cancel, Progress
-from humanoid_getup.progress.latest_job import LatestJob
 from humanoid_getup.studio.folders import Folders
 from humanoid_getup.studio.plain_text import make_status
 from humanoid_getup.studio.pose_robot import stand
@@ -21,14 +20,22 @@ from robots.kinematics import place
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.requests.studio import StudioRequest
+    from humanoid_getup.jobs.requests.look import StudioRequest
     from humanoid_getup.simulation.world import World
-
 PLAIN = (92, 104, 117)
 """Color of the buttons that are not the main one of a tab."""
-
 Request = TypeVar("Request")
 Result = TypeVar("Result")
+
+
+def add_button_row(page: Page, label: str, actions: dict[str, Callable[[], None]]) -> None:
+    """Add buttons where the caller is adding elements, by their labels, in order."""
+    answers = {name: page.answer(action) for name, action in actions.items()}
+
+    def run(event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+        answers[event.target.value](event)
+
+    page.gui.add_button_group(label, tuple(actions)).on_click(run)
 
 
 class Page:

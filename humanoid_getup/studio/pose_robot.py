@@ -57,12 +57,7 @@ class FallsToSample:
 def sample_starts(
     request: FallsToSample, report: Report | None = None, cancel: Cancel | None = None
 ) -> list[Fall]:
-    """Sample settled falls of a class; of one seed, the first ones are the same for any count.
-
-    Raises:
-        BadInputError: if there is no such class, or it does not occur.
-        CancelledError: if ``cancel`` ended it.
-    """
+    """Sample settled falls of a class; of one seed, the first ones are the same for any count."""
     if request.side not in CLASSES or request.count < 1:
         found = f"{request.count} of class '{request.side}'"
         raise BadInputError(f"falls: {found}, expected 1 or more of {', '.join(CLASSES)}")
@@ -78,11 +73,7 @@ def sample_starts(
 
 
 def drop_robot(world: World, posture: Posture) -> Fall:
-    """Drop a limp robot from a posture, and let it settle.
-
-    Raises:
-        BadInputError: if it does not come to rest.
-    """
+    """Drop a limp robot from a posture, and let it settle."""
     with refusing():
         return drop_from(world, posture)
 
@@ -132,11 +123,7 @@ class Squats:
         self._robot = robot
 
     def find(self, neck_share: float) -> tuple[Squat, Posture]:
-        """Find the squat whose neck is nearest to a share of its height in the stance.
-
-        Raises:
-            BadInputError: if the robot has none.
-        """
+        """Find the squat whose neck is nearest to a share of its height in the stance."""
         with refusing():
             squats = self._squats
         if not squats:

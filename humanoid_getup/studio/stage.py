@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 from mjviser import ViserMujocoScene
+from mjviser.conversions import merge_geoms
 from scipy.spatial import ConvexHull, QhullError
 
 from humanoid_getup.reporting.film_strip import paint
-from humanoid_getup.studio.ghost import Ghost
-from humanoid_getup.studio.stage_model import build_model
+from humanoid_getup.studio.stage_model import GHOST, build_model
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -20,10 +20,44 @@ if TYPE_CHECKING:
 
     from humanoid_getup.simulation.world import World
 
+GHOST_COLOR, GHOST_OPACITY = (90, 140, 245), 0.35
 ABOVE = 0.002  # m over its contacts at which the balance is drawn
 COM_RADIUS = 0.02  # of the standing neck height
 BALANCED, FALLING = (40, 160, 70), (220, 50, 40)
 """Color of a center of mass over the support polygon, and beside it."""
+
+
+class Ghost:
+    """Draws the bodies of a stage's ghost; batched meshes, as of the robot, are opaque."""
+
+    def __init__(self, server: viser.ViserServer, model: mujoco.MjModel) -> None:
+        """Add its meshes, hidden."""
+        self._frame = server.scene.add_frame("/ghost", show_axes=False, visible=False)
+        self._bodies: dict[int, viser.MeshHandle] = {}
+        for body in range(model.nbody):
+            geoms = np.flatnonzero((model.geom_bodyid == body) & (model.geom_group < 3)).tolist()
+            if not model.body(body).name.startswith(GHOST) or not geoms:
+                continue
+            mesh = merge_geoms(model, geoms)
+            self._bodies[body] = server.scene.add_mesh_simple(
+                f"/ghost/{body}",
+                mesh.vertices,
+                mesh.faces,
+                color=GHOST_COLOR,
+                opacity=GHOST_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def show(self, data: mujoco.MjData) -> None:
+        """Show it where the bodies of the stage are."""
+        self._frame.visible = True
+        for body, handle in self._bodies.items():
+            handle.position, handle.wxyz = data.xpos[body], data.xquat[body]
+
+    def hide(self) -> None:
+        """Hide it."""
+        self._frame.visible = False
 
 
 @dataclass(frozen=True, kw_only=True)

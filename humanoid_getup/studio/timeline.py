@@ -133,11 +133,7 @@ class Timeline:
         self._slider.on_update(self._slide)
 
     async def _slide(self, event: viser.GuiEvent) -> None:
-        """Scrub to where a person moved the slider.
-
-        As a coroutine it runs in the server's event loop, at once after the value arrived; there
-        alone `_move_slider` writes the slider, so the playback cannot replace the value before.
-        """
+        """Scrub to where a person moved the slider."""
         if event.client_id is not None:  # moved by a person, not by the playback
             self.scrub(self._slider.value, by_slider=True)
 
@@ -246,11 +242,7 @@ class Timeline:
             self._show_time(take)
 
     def _wait(self) -> bool:
-        """Wait for what is to be drawn; return whether there is something, not the end.
-
-        A slider that has come to rest gets the time that is shown: an older one, sent while the
-        take played, may have reached the page after it was moved.
-        """
+        """Wait for what is to be drawn; return whether there is something, not the end."""
         rest = REST if self._is_dragged else None
         if not self._changed.wait_for(lambda: self._wanted or self._playing or self._ended, rest):
             self._is_dragged = False

@@ -9,7 +9,7 @@ import pytest
 from stored_plans import lie_at_start
 
 from drivers import Twin
-from humanoid_getup.cli.get_up.results import show_rise
+from humanoid_getup.cli.get_up.rise import show_rise
 from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.shared import with_json
 from humanoid_getup.execution.get_up import get_up

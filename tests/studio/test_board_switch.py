@@ -9,8 +9,7 @@ import pytest
 
 viser = pytest.importorskip("viser", reason="needs the studio extra")
 
-from humanoid_getup.studio.boards.board_switch import BoardSwitch
-from humanoid_getup.studio.boards.plot_board import PlotBoard
+from humanoid_getup.studio.boards.plot_board import BoardSwitch, PlotBoard
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from studio_page import StudioPage, open_studio
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.search_map import WAY_UP, MappedState, read_search_map
-from humanoid_getup.studio.takes.way_take import make_motion_take
+from humanoid_getup.studio.boards.state_board import WAY_UP, MappedState, read_search_map
+from humanoid_getup.studio.takes.rise_take import make_motion_take
 from robots import Robot, load_robot
 from robots.kinematics import place
 

@@ -21,7 +21,7 @@ from waiting import wait_until
 from drivers import Cycle
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.search_map import WAY_UP, read_search_map
+from humanoid_getup.studio.boards.state_board import WAY_UP, read_search_map
 from robots import load_robot
 
 if TYPE_CHECKING:

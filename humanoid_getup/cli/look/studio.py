@@ -8,7 +8,7 @@ import threading
 from humanoid_getup.cli.shared.console import phase
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.jobs.errors import needing
-from humanoid_getup.jobs.requests.studio import StudioRequest
+from humanoid_getup.jobs.requests.look import StudioRequest
 
 LONGEST_WAIT = 1.0  # s
 

@@ -8,11 +8,23 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.options.shared import JsonOption
+from humanoid_getup.cli.options.shared import JsonOption, PictureOption
 from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
-from humanoid_getup.jobs.requests.files import READ
+from humanoid_getup.jobs.requests.files import FOLDER, READ
+from humanoid_getup.jobs.requests.robots import CheckRequest
 from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
 from humanoid_getup.jobs.requests.values import Items, between
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListRobots(JsonOption):
+    """List the robots that come with the program."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckRobot(PictureOption, JsonOption, CheckRequest):
+    """Check whether a robot's description is sound and its body able to get up; one finding a
+    line, each with what to do. The picture is of the stance and of the deepest squat."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,3 +117,19 @@ class Calibrate(ServiceOptions):
     """Do not ask before torque goes off, before zeros are measured, or before saving."""
     out: Annotated[Path | None, arg(metavar="FILE")] = None
     """Calibration file to write; default: see above."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstSteps(ServiceOptions):
+    """Lead from a port to the first rise: each step is a command, shown, and run after Enter.
+
+    What is done is kept, so that the next start goes on where this one ended.
+    """
+
+    desk: bool = False
+    """Loose servos on a desk instead of a robot."""
+    torque_limit: Annotated[float | None, between(0.001, 1000.0, "N·m"), arg(metavar="N·m")] = None
+    """Torque limit per servo of the first rise [N·m]; default: 60 % of the stall torque of the
+    strongest."""
+    out: Annotated[Path | None, FOLDER, arg(metavar="DIR")] = None
+    """Folder for what is done, reports and flight logs; default: out/first-steps/ROBOT."""

@@ -9,14 +9,34 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.requests.files import WRITTEN
-from humanoid_getup.jobs.requests.motions import NewKeysOptions
+from humanoid_getup.jobs.requests.backend import ViewOptions
+from humanoid_getup.jobs.requests.files import WRITTEN, Written
+from humanoid_getup.jobs.requests.motions import NewKeysOptions, PlanRequest
 from humanoid_getup.jobs.requests.shared import (
     BodyOption,
     MotionName,
     RobotOption,
 )
-from humanoid_getup.jobs.requests.view import ViewOptions
+
+PATH, STRIP = "path.npz", "strip.png"
+PLAN_FILES = (PATH, STRIP)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan(JsonOption, PlanRequest):
+    """Plan a path from a lying posture to a stored motion, or to any posture; no physics."""
+
+    keep_partial: bool = False
+    """If no path is found, save the collision-free beginning of the best one."""
+    out: Annotated[Path | None, Written(PLAN_FILES), arg(metavar="DIR")] = None
+    """Folder for path.npz and strip.png."""
+
+    def find_problems(self) -> list[str]:
+        """Report --keep-partial without a folder as well."""
+        problems = super().find_problems()
+        if self.keep_partial and self.out is None:
+            problems.append("--keep-partial: expected --out DIR with it, to save the path in")
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)

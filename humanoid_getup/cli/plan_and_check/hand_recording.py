@@ -65,11 +65,7 @@ def record(command: RecordMotion) -> int:
 
 @contextmanager
 def open_presses() -> Iterator[TerminalPresses]:
-    """Watch the person's keys.
-
-    Raises:
-        BadInputError: if there is no terminal.
-    """
+    """Watch the person's keys."""
     with TerminalPresses() as presses:
         if not presses.has_terminal:
             raise BadInputError("standard input is not a terminal: recording needs its keys")

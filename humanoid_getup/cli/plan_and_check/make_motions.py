@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import shlex
 from dataclasses import replace
+from typing import Any
 
-import msgspec
 from rich.markup import escape
 
 from humanoid_getup.cli.shared.console import console_for, showing
@@ -21,7 +21,6 @@ from humanoid_getup.jobs.discover_motions import is_begun as is_searched
 from humanoid_getup.jobs.import_clip import import_clip as make_motion
 from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
 from humanoid_getup.jobs.preview_motion import preview as play_keys
-from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.motions import (
     BuildRequest,
     ClipRequest,
@@ -31,7 +30,7 @@ from humanoid_getup.jobs.requests.motions import (
     PreviewRequest,
     RetargetRequest,
 )
-from humanoid_getup.jobs.requests.shared import RobotOption
+from humanoid_getup.jobs.requests.shared import RobotOption, write_command
 from humanoid_getup.jobs.retarget_motions import retarget as transfer_all
 from humanoid_getup.motions.mocap.retarget_clip import RetargetedClip
 from humanoid_getup.motions.motion_database import name_robot
@@ -147,7 +146,7 @@ def import_clip(command: ClipRequest) -> int:
     """Retarget a clip, and print the deviation of the motion."""
     with showing(command) as report:
         found = make_motion(command, report)
-    write_json(DescribedClip.of(found), command)
+    write_json(_describe(found), command)
     console = console_for(command)
     for line in _tell(found):
         console.print(escape(line), soft_wrap=True)
@@ -160,49 +159,26 @@ def import_clip(command: ClipRequest) -> int:
     return DID_IT
 
 
-class Spread(msgspec.Struct, frozen=True, kw_only=True):
-    """Mean and maximum."""
-
-    mean: float
-    max: float
-
-
-class DescribedClip(msgspec.Struct, frozen=True, kw_only=True):
-    """A motion made from a clip, and the deviation of its limbs."""
-
-    name: str
-    robot: str
-    start_class: str
-    end_class: str
-    duration: float = msgspec.field(name="duration_s")
-    slowdown: float
-    mean: float = msgspec.field(name="deviation_mean_deg")
-    max: float = msgspec.field(name="deviation_max_deg")
-    max_limb: str = msgspec.field(name="deviation_max_limb")
-    limbs: dict[str, Spread] = msgspec.field(name="deviation_deg")
-    bound_joints: dict[str, float]
-
-    @classmethod
-    def of(cls, found: RetargetedClip) -> DescribedClip:
-        """Describe a motion."""
-        motion, deviation = found.motion, found.deviation
-        limb, largest = deviation.largest
-        return cls(
-            name=motion.name,
-            robot=motion.robot,
-            start_class=motion.start_class,
-            end_class=motion.end_class,
-            duration=motion.duration,
-            slowdown=found.slowdown,
-            mean=math.degrees(deviation.mean),
-            max=math.degrees(largest),
-            max_limb=limb,
-            limbs={
-                name: Spread(mean=math.degrees(rows.mean()), max=math.degrees(rows.max()))
-                for name, rows in deviation.angle.items()
-            },
-            bound_joints=deviation.bound,
-        )
+def _describe(found: RetargetedClip) -> dict[str, Any]:
+    """Describe a motion made from a clip, and the deviation of its limbs, for JSON."""
+    motion, deviation = found.motion, found.deviation
+    limb, largest = deviation.largest
+    return {
+        "name": motion.name,
+        "robot": motion.robot,
+        "start_class": motion.start_class,
+        "end_class": motion.end_class,
+        "duration_s": motion.duration,
+        "slowdown": found.slowdown,
+        "deviation_mean_deg": math.degrees(deviation.mean),
+        "deviation_max_deg": math.degrees(largest),
+        "deviation_max_limb": limb,
+        "deviation_deg": {
+            name: {"mean": math.degrees(rows.mean()), "max": math.degrees(rows.max())}
+            for name, rows in deviation.angle.items()
+        },
+        "bound_joints": deviation.bound,
+    }
 
 
 def _tell(found: RetargetedClip) -> list[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-
-import msgspec
+from typing import Any
 
 from humanoid_getup.cli.options.motions import ListMotions, ShowMotion
 from humanoid_getup.cli.shared.console import console_for, make_table, phase
@@ -21,33 +20,18 @@ from humanoid_getup.reporting import film_strip
 from humanoid_getup.reporting.motion_strip import draw_motion
 
 
-class ListedMotion(msgspec.Struct, frozen=True, kw_only=True):
-    """A motion of the list."""
-
-    name: str
-    start_class: str
-    end_class: str
-    strategy: str
-    duration: float = msgspec.field(name="duration_s")
-    stand_time: float | None = msgspec.field(name="stand_time_s")
-    robust: str | float | None
-    torque_limit: str | float | None = msgspec.field(name="torque_limit_nm")
-    mirrored: bool
-
-    @classmethod
-    def of(cls, motion: Motion, *, mirrored: bool) -> ListedMotion:
-        """Describe a motion."""
-        return cls(
-            name=motion.name,
-            start_class=motion.start_class,
-            end_class=motion.end_class,
-            strategy=motion.strategy,
-            duration=motion.duration,
-            stand_time=motion.stand_time,
-            robust=motion.provenance.get("disturbed_success"),
-            torque_limit=motion.provenance.get("torque_limit"),
-            mirrored=mirrored,
-        )
+def _describe(motion: Motion, *, mirrored: bool) -> dict[str, Any]:
+    return {
+        "name": motion.name,
+        "start_class": motion.start_class,
+        "end_class": motion.end_class,
+        "strategy": motion.strategy,
+        "duration_s": motion.duration,
+        "stand_time_s": motion.stand_time,
+        "robust": motion.provenance.get("disturbed_success"),
+        "torque_limit_nm": motion.provenance.get("torque_limit"),
+        "mirrored": mirrored,
+    }
 
 
 def list_motions(command: ListMotions) -> int:
@@ -56,7 +40,7 @@ def list_motions(command: ListMotions) -> int:
     with refusing():
         names = {motion.name: motion for motion in load_database(robot).motions}
     rows = [
-        ListedMotion.of(motion, mirrored=name + MIRRORED_SUFFIX in names)
+        _describe(motion, mirrored=name + MIRRORED_SUFFIX in names)
         for name, motion in names.items()
         if not name.endswith(MIRRORED_SUFFIX)
     ]
@@ -66,7 +50,7 @@ def list_motions(command: ListMotions) -> int:
     return DID_IT
 
 
-def _print(rows: list[ListedMotion]) -> None:
+def _print(rows: list[dict[str, Any]]) -> None:
     texts = ("motion", "start", "strategy")
     figures = ("lasts [s]", "stands [s]", "robust", "limit [N·m]", "mirrored")
     table = make_table((*texts, *figures), left=texts)
@@ -74,14 +58,14 @@ def _print(rows: list[ListedMotion]) -> None:
         column.no_wrap = True
     for row in rows:
         table.add_row(
-            row.name,
-            row.start_class,
-            row.strategy,
-            f"{row.duration:.2f}",
-            _format(row.stand_time, ".2f") if row.end_class == STANDING else "",
-            _format(row.robust, ".0%"),
-            _format(row.torque_limit, ".1f"),
-            "yes" if row.mirrored else "",
+            row["name"],
+            row["start_class"],
+            row["strategy"],
+            f"{row['duration_s']:.2f}",
+            _format(row["stand_time_s"], ".2f") if row["end_class"] == STANDING else "",
+            _format(row["robust"], ".0%"),
+            _format(row["torque_limit_nm"], ".1f"),
+            "yes" if row["mirrored"] else "",
         )
     console_for().print(table)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-import msgspec
 from rich.markup import escape
 from rich.table import Table
 
-from humanoid_getup.cli.options.plan import PATH, PLAN_FILES, STRIP, Plan
+from humanoid_getup.cli.options.motions import PATH, PLAN_FILES, STRIP, Plan
 from humanoid_getup.cli.shared.console import console_for, phase, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT, NO_PATH
 from humanoid_getup.cli.shared.output import write_json
@@ -26,48 +26,6 @@ from humanoid_getup.planning.rrt_blossom import SearchStatus
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.simulation.world import World
 from robots.kinematics import place_postures
-
-
-class DescribedConnection(msgspec.Struct, frozen=True, kw_only=True):
-    """The frame of a motion to which a path leads."""
-
-    motion: str
-    frame: int
-    time: float = msgspec.field(name="time_s")
-    distance: float
-
-
-class DescribedKey(msgspec.Struct, frozen=True, kw_only=True):
-    """A key posture, and the time at which the path leaves it."""
-
-    name: str
-    time: float | None = msgspec.field(name="time_s")
-
-
-class DescribedPath(msgspec.Struct, frozen=True, kw_only=True):
-    """Figures of a search for a path."""
-
-    robot: str
-    scene: str
-    seed: int
-    start: str | None
-    start_class: str
-    found: bool
-    goal: str
-    connection: DescribedConnection | None
-    status: str
-    reason: str
-    leg: int | None
-    refined: bool
-    way_out: float | None = msgspec.field(name="way_out_m")
-    checks: int
-    nodes: int
-    time: float = msgspec.field(name="time_s")
-    duration: float | None = msgspec.field(name="duration_s")
-    length: float | None
-    tried: tuple[dict[str, str], ...]
-    strip_reason: str | None
-    keys: tuple[DescribedKey, ...]
 
 
 def plan(command: Plan) -> int:
@@ -117,67 +75,68 @@ def _draw(path: Trajectory, world: World, file: Path, goal: str) -> str | None:
     return None
 
 
-def _describe(found: PlannedPath, command: Plan, no_strip: str | None) -> DescribedPath:
+def _describe(found: PlannedPath, command: Plan, no_strip: str | None) -> dict[str, Any]:
     """Describe a search; ``no_strip`` says why there is no film strip."""
     answer, world = found.answer, found.world
     result, path, joined = answer.result, answer.path, answer.goal.connection
-    return DescribedPath(
-        robot=world.robot.name,
-        scene=command.scene,
-        seed=command.seed,
-        start=command.origin,
-        start_class=found.start.start_class,
-        found=answer.found,
-        goal=answer.goal.name,
-        connection=joined
-        and DescribedConnection(
-            motion=joined.motion.name,
-            frame=joined.frame,
-            time=float(joined.motion.time[joined.frame] - joined.motion.time[0]),
-            distance=joined.distance,
-        ),
-        status=result.status.value,
-        reason=result.reason,
-        leg=result.leg,
-        refined=result.refined,
-        way_out=answer.way_out and answer.way_out.length,
-        checks=answer.checks,
-        nodes=answer.nodes,
-        time=answer.time,
-        duration=None if path is None else float(path.time[-1]),
-        length=None if path is None else measure_length(PostureMetric.of(world.robot), path),
-        tried=tuple({"goal": goal, "reason": reason} for goal, reason in answer.tried),
-        strip_reason=no_strip,
-        keys=tuple(
-            DescribedKey(name=key.name, time=time)
+    return {
+        "robot": world.robot.name,
+        "scene": command.scene,
+        "seed": command.seed,
+        "start": command.origin,
+        "start_class": found.start.start_class,
+        "found": answer.found,
+        "goal": answer.goal.name,
+        "connection": joined
+        and {
+            "motion": joined.motion.name,
+            "frame": joined.frame,
+            "time_s": float(joined.motion.time[joined.frame] - joined.motion.time[0]),
+            "distance": joined.distance,
+        },
+        "status": result.status.value,
+        "reason": result.reason,
+        "leg": result.leg,
+        "refined": result.refined,
+        "way_out_m": answer.way_out and answer.way_out.length,
+        "checks": answer.checks,
+        "nodes": answer.nodes,
+        "time_s": answer.time,
+        "duration_s": None if path is None else float(path.time[-1]),
+        "length": None if path is None else measure_length(PostureMetric.of(world.robot), path),
+        "tried": [{"goal": goal, "reason": reason} for goal, reason in answer.tried],
+        "strip_reason": no_strip,
+        "keys": [
+            {"name": key.name, "time_s": time}
             for key, time in zip(found.keys, found.key_times, strict=True)
-        ),
-    )
+        ],
+    }
 
 
-def _print(record: DescribedPath, files: list[str], command: Plan) -> None:
+def _print(record: dict[str, Any], files: list[str], command: Plan) -> None:
     """Print the outcome in one line, and the figures."""
     console = console_for(command)
-    effort = f"{record.checks} checks in {record.time:.1f} s"
-    if not record.found:
-        where = f"no path to {record.goal} after {effort}: {record.reason}"
-        if record.status == SearchStatus.BUDGET_SPENT.value:
+    effort = f"{record['checks']} checks in {record['time_s']:.1f} s"
+    if not record["found"]:
+        where = f"no path to {record['goal']} after {effort}: {record['reason']}"
+        if record["status"] == SearchStatus.BUDGET_SPENT.value:
             where += f"; next: a higher --max-checks than {command.max_checks}"
         saved = f"; its free beginning: {', '.join(files)}" if files else ""
         console.print(f"[bold red]{escape(where + saved)}", soft_wrap=True)
         return
-    took = f"{record.duration:.2f} s, length {record.length:.1f}"
-    headline = f"path to {record.goal}: {took}"
+    took = f"{record['duration_s']:.2f} s, length {record['length']:.1f}"
+    headline = f"path to {record['goal']}: {took}"
     console.print(f"[bold green]{escape(headline)}")
     table = Table.grid(padding=(0, 2))
-    how = "refined from loose to strict" if record.refined else "strict constraints"
+    how = "refined from loose to strict" if record["refined"] else "strict constraints"
     rows = {
-        "start": f"{record.start_class}, seed {record.seed}",
-        "search": f"{effort}, {record.nodes} nodes, {how}",
-        "way out": record.way_out and f"{record.way_out:.2f} m, moved as it lies: a rise crawls",
-        "keys": ", ".join(f"{key.name} at {key.time:.2f} s" for key in record.keys),
+        "start": f"{record['start_class']}, seed {record['seed']}",
+        "search": f"{effort}, {record['nodes']} nodes, {how}",
+        "way out": record["way_out_m"]
+        and f"{record['way_out_m']:.2f} m, moved as it lies: a rise crawls",
+        "keys": ", ".join(f"{key['name']} at {key['time_s']:.2f} s" for key in record["keys"]),
         "files": ", ".join(files),
-        "no film": record.strip_reason,
+        "no film": record["strip_reason"],
     }
     for label, text in rows.items():
         if text:

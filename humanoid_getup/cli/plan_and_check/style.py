@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.markup import escape
 
 from humanoid_getup.cli.shared.console import console_for, make_table, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import find_json_target, write_json
+from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.requests.style import (
     EditStyleRequest,
     ExtractRequest,
     ListStylesRequest,
+    ScenesRequest,
     ShowStylesRequest,
 )
-from humanoid_getup.jobs.show_styles import DescribedStyle, edit_style, show_styles
+from humanoid_getup.jobs.show_scenes import show_scenes
+from humanoid_getup.jobs.show_styles import edit_style, show_styles
 from humanoid_getup.jobs.show_styles import list_styles as describe_all
 from humanoid_getup.style.curves import StyleCurves
 from humanoid_getup.style.style import Style
@@ -31,13 +36,13 @@ def list_styles(command: ListStylesRequest) -> int:
     if find_json_target(command) is None:
         texts = ("style", "about")
         table = make_table((*texts, "curves", "duration [s]", "rises at [s]"), left=texts)
-        for row in found.styles:
+        for row in found["styles"]:
             table.add_row(
-                row.name,
-                row.about,
-                str(len(row.curves)),
-                _span([curve.duration for curve in row.curves]),
-                _span([curve.rise for curve in row.curves]),
+                row["name"],
+                row["about"],
+                str(len(row["curves"])),
+                _span([curve["duration_s"] for curve in row["curves"]]),
+                _span([curve["rise_s"] for curve in row["curves"]]),
             )
         console_for().print(table)
     return DID_IT
@@ -48,7 +53,7 @@ def show(command: ShowStylesRequest) -> int:
     with showing(command) as report:
         found = show_styles(command, report)
     write_json(found, command)
-    for row in found.styles if find_json_target(command) is None else ():
+    for row in found["styles"] if find_json_target(command) is None else ():
         _print_points(row)
     return DID_IT
 
@@ -69,15 +74,15 @@ def extract(command: ExtractRequest) -> int:
     return DID_IT
 
 
-def _print_points(style: DescribedStyle) -> None:
+def _print_points(style: dict[str, Any]) -> None:
     console = console_for()
-    console.print(escape(f"{style.name}: {style.about}"), soft_wrap=True)
-    for curve in style.curves:
-        heading = f"{curve.duration:.2f} s, rises at {curve.rise:.2f} s"
-        heading = f"{curve.start}, {heading}" if curve.start else heading
+    console.print(escape(f"{style['name']}: {style['about']}"), soft_wrap=True)
+    for curve in style["curves"]:
+        heading = f"{curve['duration_s']:.2f} s, rises at {curve['rise_s']:.2f} s"
+        heading = f"{curve['start']}, {heading}" if curve["start"] else heading
         table = make_table((heading, *map(str, range(1, 10))), left=(heading,))
         for key, digits in (("neck_height", 2), ("side_deg", 0), ("front_deg", 0)):
-            table.add_row(key, *(f"{value:.{digits}f}" for value in getattr(curve, key)))
+            table.add_row(key, *(f"{value:.{digits}f}" for value in curve[key]))
         console.print(table)
 
 
@@ -96,3 +101,23 @@ def _print_times(file: Path, before: Style | None, curves: tuple[StyleCurves, ..
 def _span(values: list[float]) -> str:
     low, high = min(values), max(values)
     return f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"
+
+
+def list_scenes(command: ScenesRequest) -> int:
+    """Print a table or JSON of the scenes, and draw one or all if a picture is requested."""
+    with showing(command) as report:
+        found = show_scenes(command, report)
+    write_json(found, command)
+    if find_json_target(command) is None:
+        _print(found["scenes"])
+    return DID_IT
+
+
+def _print(rows: Sequence[dict[str, Any]]) -> None:
+    texts = ("scene", "starts", "about")
+    table = make_table((*texts, "obstacles", "friction"), left=texts)
+    for row in rows:
+        starts = "any" if row["starts"] == tuple(CLASSES) else ", ".join(row["starts"])
+        obstacles, friction = str(row["obstacles"]), f"{row['friction']:g}"
+        table.add_row(row["name"], starts, row["about"], obstacles, friction)
+    console_for().print(table)

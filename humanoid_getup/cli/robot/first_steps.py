@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from rich.markup import escape
 
-from humanoid_getup.cli.options.first_steps import FirstSteps
+from humanoid_getup.cli.options.hardware import FirstSteps
 from humanoid_getup.cli.shared.console import console_for
 from humanoid_getup.cli.shared.exit_codes import DID_IT, INTERRUPTED
 from humanoid_getup.cli.shared.prompt import open_prompt

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from humanoid_getup.cli.options.robots import ListRobots
+from humanoid_getup.cli.options.hardware import ListRobots
 from humanoid_getup.cli.shared.console import console_for, make_table
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import write_json

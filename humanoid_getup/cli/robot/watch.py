@@ -16,7 +16,7 @@ from humanoid_getup.cli.shared.console import ProgressDisplay, console_for, make
 from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.get_up import watch as jobs
-from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.reporting.watched_robot import (
     WatchedJoint,
     WatchedRobot,

@@ -16,11 +16,7 @@ def find_json_target(command: JobRequest | None) -> str | None:
 
 
 def write_json(result: object, command: JobRequest) -> None:
-    """Write a result as JSON to the target of a command: a file, standard output, or none.
-
-    Raises:
-        BadInputError: if the file cannot be written.
-    """
+    """Write a result as JSON to the target of a command: a file, standard output, or none."""
     json = find_json_target(command)
     if json is None:
         return

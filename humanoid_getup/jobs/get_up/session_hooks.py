@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
@@ -14,7 +15,6 @@ from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.get_up.operator import Operator
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
 from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.requests.rise import MP4, MoveOptions
@@ -23,6 +23,37 @@ from humanoid_getup.simulation.world import World
 from robots import TorqueLimit
 
 Result = TypeVar("Result", RiseResult, AfterStand)
+
+
+class Operator(Protocol):
+    """Releases a robot that is held, and may stop one that moves, by its guard."""
+
+    def is_released(self) -> bool:
+        """Return whether a held robot may sit down; called every cycle of the hold."""
+        ...
+
+    def note(self, change: PhaseChange, /) -> None:
+        """Note the beginning of a phase."""
+        ...
+
+    def watch(self, guard: SafetyGuard, /) -> AbstractContextManager[None]:
+        """Watch while a robot moves; its guard can be stopped from any thread."""
+        ...
+
+
+class NoOperator:
+    """Stands in where there is no operator: a robot that is held counts as released."""
+
+    def is_released(self) -> bool:
+        """Return True."""
+        return True
+
+    def note(self, _change: PhaseChange) -> None:
+        """Ignore a phase."""
+
+    def watch(self, _guard: SafetyGuard) -> AbstractContextManager[None]:
+        """Watch nothing."""
+        return nullcontext()
 
 
 class CancellableGuard(SafetyGuard):
@@ -34,11 +65,7 @@ class CancellableGuard(SafetyGuard):
         self._check = check
 
     def read(self) -> State:
-        """Measure the robot.
-
-        Raises:
-            CancelledError: if the work is canceled; torque goes off with the connection.
-        """
+        """Measure the robot."""
         self._check()
         return super().read()
 
@@ -113,11 +140,7 @@ class SessionHooks:
 
 
 def check_video(request: MoveOptions) -> None:
-    """Check that a video can be made, before the robot moves.
-
-    Raises:
-        BadInputError: if its package is missing.
-    """
+    """Check that a video can be made, before the robot moves."""
     if request.video is not None and request.video.suffix.lower() == MP4 and not find_spec("av"):
         raise BadInputError(
             f"--video {request.video} requires package 'av', expected .gif without it: "

@@ -15,7 +15,7 @@ import numpy as np
 from drivers import Cycle, State
 from drivers.control_loop import Pacer
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.view import ViewOptions
+from humanoid_getup.jobs.requests.backend import ViewOptions
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.world import World
@@ -35,9 +35,6 @@ def viewing(
 
     The control loop only leaves its newest cycle; a backend that does not pace itself, not
     ``realtime``, is held back to the clock.
-
-    Raises:
-        BadInputError: if there is no display.
     """
     if not request.view:
         yield lambda _: None

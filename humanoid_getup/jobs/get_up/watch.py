@@ -14,7 +14,7 @@ from humanoid_getup.jobs.backends import BackendChoice, open_backend
 from humanoid_getup.jobs.get_up.session_hooks import CancellableGuard
 from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.inputs import find_start, load_world
-from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchReport
 from humanoid_getup.simulation.world import World

@@ -61,3 +61,12 @@ class OriginOption(BackendOptions):
                 "lies"
             )
         return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions(BackendOptions):
+    """The robot that a command moves or reads, in a window."""
+
+    view: bool = False
+    """Show what the robot measures in MuJoCo's own viewer; a simulated one moves no faster than in
+    real time."""

@@ -13,11 +13,14 @@ from tyro.conf import Positional, arg
 from humanoid_getup.jobs.output_files import find_file_problems
 from humanoid_getup.jobs.requests.files import MADE, READ, ROBOT, WRITTEN
 from humanoid_getup.jobs.requests.shared import (
+    NO_ORIGIN,
     BodyOption,
     Count,
     EngineOptions,
     JobRequest,
+    Keys,
     MotionName,
+    Origin,
     Prefer,
     RobotOption,
     SceneOptions,
@@ -286,3 +289,22 @@ class PreviewRequest(RobotOption):
     """Keyframes file (.toml); default: the robot's keyframes.toml."""
     picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
     """Picture to write; default: NAME.png."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest(BodyOption, SceneOptions):
+    """A path to plan, from a lying posture to a stored motion or to any posture."""
+
+    origin: Origin = None
+    key: Keys = ()
+    to: Annotated[str | None, READ, arg(metavar="FILE|motions:NAME@TIME")] = None
+    """Where the path ends: a posture file, or a frame of a motion by its time [s]; default: the
+    nearest postures at which stored motions are joined, in turn."""
+    max_checks: Annotated[int, at_least(1, at_most=10**9)] = 300_000
+    """Postures that may be checked for collisions, for each path between two postures."""
+    refinement: bool = True
+    """If there is no path, loosen the constraints and tighten them step by step."""
+
+    def find_problems(self) -> list[str]:
+        """Report a missing start as well."""
+        return super().find_problems() + ([] if self.origin else [NO_ORIGIN])

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.backend import OriginOption
+from humanoid_getup.jobs.requests.backend import OriginOption, ViewOptions
 from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
 from humanoid_getup.jobs.requests.shared import (
     A_POLICY,
@@ -25,7 +25,6 @@ from humanoid_getup.jobs.requests.shared import (
     TorqueOptions,
 )
 from humanoid_getup.jobs.requests.values import between
-from humanoid_getup.jobs.requests.view import ViewOptions
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"
@@ -255,3 +254,30 @@ class FallRequest(BodyOption, SceneOptions):
         if self.out is None and not getattr(self, "json", None):
             problems.append("--out is missing, expected a posture file to write, or --json -")
         return problems
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchRequest(BodyOption, OriginOption, ViewOptions):
+    """Read a limp robot while a person turns it by hand: torque goes off, and stays off.
+
+    A simulated robot lies on its back, or as --from says; a real one is supported by a person.
+    """
+
+    seconds: Annotated[float | None, between(0.001, 1e6, "s"), arg(metavar="S")] = None
+    """Time after which it ends [s], which is simulated as fast as possible without --realtime;
+    default: when q is pressed, with a simulated robot at the pace of the clock."""
+
+    def find_problems(self) -> list[str]:
+        """Report another body of a real robot as well."""
+        problems = super().find_problems()
+        return problems + (self.refuse_body(A_REAL_ROBOT) if self.is_real else [])
+
+    @property
+    def start(self) -> str:
+        """Start of a simulated robot."""
+        return self.origin or "supine"
+
+    @property
+    def is_paced(self) -> bool:
+        """Return whether cycles wait for the clock of the wall."""
+        return self.is_realtime or self.seconds is None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Annotated, Literal
+import shlex
+from dataclasses import MISSING, Field, dataclass, fields
+from typing import Annotated, Any, Literal
 
 from tyro.conf import arg
 
@@ -18,6 +19,7 @@ from humanoid_getup.jobs.requests.values import (
     find_value_problems,
     hints_of,
     name_choices,
+    name_option,
 )
 
 A_REAL_ROBOT = "a real robot has the body that it has"
@@ -58,6 +60,7 @@ TorqueLimitValue = Annotated[
     between(0.001, 1000.0, "N·m"),
     arg(metavar="N·m", help="Torque limit per servo [N·m]; default: stall torque."),
 ]
+A_POLICY = "a policy is made for the original body"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +75,7 @@ class JobRequest:
 
     @classmethod
     def accept(cls, request: object) -> None:
-        """Check that a request is of this kind and can be done.
-
-        Raises:
-            BadInputError: naming every field whose value does not fit.
-        """
+        """Check that a request is of this kind and can be done."""
         accept_kind(request, cls).check()
 
     def find_problems(self) -> list[str]:
@@ -84,29 +83,18 @@ class JobRequest:
         return find_output_problems(self)
 
     def check(self) -> None:
-        """Check that the request can be done.
-
-        Raises:
-            BadInputError: naming every field whose value does not fit.
-        """
+        """Check that the request can be done."""
         if problems := find_value_problems(self) or self.find_problems():
             raise BadInputError("; ".join(problems))
 
 
 def accept_kind(request: object, *kinds: type[JobRequest]) -> JobRequest:
-    """Return a request of one of several kinds.
-
-    Raises:
-        BadInputError: if it is none.
-    """
+    """Return a request of one of several kinds."""
     if isinstance(request, kinds):
         return request
     given = f"a {type(request).__name__}" if isinstance(request, JobRequest) else repr(request)
     expected = name_choices([kind.__name__ for kind in kinds])
     raise BadInputError(f"request is {given}, expected a {expected}")
-
-
-A_POLICY = "a policy is made for the original body"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,3 +191,33 @@ class PreferenceOptions(SearchBudgetOption):
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
     (of the neck, not of the head alone), or with a margin against disturbances."""
+
+
+def write_command(name: str, request: JobRequest) -> str:
+    """Write the command line of a request, without defaults."""
+    hints = hints_of(type(request))
+    words, options = ["getup", *name.split()], list[str]()
+    for field in fields(request):
+        value = getattr(request, field.name)
+        if value == _find_default(field):
+            continue
+        name = name_option(field.name, hints[field.name])
+        if name.startswith("--"):
+            options += _write_option(name, value)
+        else:
+            words += [str(item) for item in (value if isinstance(value, tuple) else (value,))]
+    return shlex.join([*words, *options])
+
+
+def _find_default(field: Field[Any]) -> Any:
+    return None if field.default is MISSING else field.default
+
+
+def _write_option(name: str, value: object) -> list[str]:
+    if isinstance(value, bool):
+        return [name if value else f"--no-{name[2:]}"]
+    if isinstance(value, tuple):
+        return [name, ",".join(map(str, value))]
+    if isinstance(value, float) and value.is_integer():
+        return [name, str(int(value))]
+    return [name, str(value)]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from humanoid_getup.jobs.discover_motions import discover
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import find_motion
-from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
+from humanoid_getup.jobs.requests.shared import write_command
 from humanoid_getup.jobs.search_motions import BUDGET, MotionSearch
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
@@ -20,12 +20,16 @@ from humanoid_getup.motions.motion_database import (
     list_sides,
 )
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.boards.board_switch import BoardSwitch
-from humanoid_getup.studio.boards.state_board import StateBoard
-from humanoid_getup.studio.boards.state_colors import color_by_moves, color_by_side
+from humanoid_getup.studio.boards.plot_board import BoardSwitch
+from humanoid_getup.studio.boards.state_board import (
+    WAY_UP,
+    StateBoard,
+    color_by_moves,
+    color_by_side,
+    read_search_map,
+)
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.search_map import WAY_UP, read_search_map
-from humanoid_getup.studio.takes.way_take import make_motion_take, make_way_take, place_way
+from humanoid_getup.studio.takes.rise_take import make_motion_take, make_way_take, place_way
 from robots.kinematics import place, read_posture
 
 if TYPE_CHECKING:
@@ -34,8 +38,8 @@ if TYPE_CHECKING:
     from humanoid_getup.jobs.discover_motions import DiscoveredMotions
     from humanoid_getup.posture_chains.search_file import StoredOptions
     from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.studio.boards.state_board import MappedState, SearchMap
     from humanoid_getup.studio.page import Page
-    from humanoid_getup.studio.search_map import MappedState, SearchMap
 
 WRITTEN = (MOTION_FOLDER, UNFINISHED, KEYFRAMES)
 """What a search writes into the folder of its robot."""

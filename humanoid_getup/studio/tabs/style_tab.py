@@ -11,14 +11,14 @@ from pathlib import Path
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.policies import list_styled_policies
-from humanoid_getup.jobs.requests.command_text import write_command
 from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RunRequest
+from humanoid_getup.jobs.requests.shared import write_command
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Cancel
-from humanoid_getup.studio.boards.board_switch import BoardSwitch
 from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag
+from humanoid_getup.studio.boards.plot_board import BoardSwitch
 from humanoid_getup.studio.folders import containing
 from humanoid_getup.studio.follow_style import (
     STANDS,
@@ -29,7 +29,7 @@ from humanoid_getup.studio.follow_style import (
 )
 from humanoid_getup.studio.page import Page
 from humanoid_getup.studio.plain_text import escape, make_block
-from humanoid_getup.studio.takes.rollout_take import make_take
+from humanoid_getup.studio.takes.rise_take import make_rollout_take
 from humanoid_getup.style.curves import LONGEST, POINTS, SHORTEST, is_stand
 from humanoid_getup.style.features import mirror_features
 from humanoid_getup.style.style import Style
@@ -315,7 +315,7 @@ class StyleTab:
 
     def _show_rollout(self, rollout: StyledRollout) -> None:
         """Play a rollout, and draw what it followed over the curves that are edited."""
-        take = make_take(rollout)
+        take = make_rollout_take(rollout)
         self._page.timeline.load(take)
         _, is_mirrored = self.editor.style.find(rollout.measured[0])
         self.board.show_followed(

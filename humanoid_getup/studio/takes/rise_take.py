@@ -2,30 +2,41 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from humanoid_getup.experiments.judging.standing import MAX_TILT, MIN_NECK_SHARE
 from humanoid_getup.experiments.judging.torque import find_available
+from humanoid_getup.motions.trial import Trial
 from humanoid_getup.playback.motion_player import find_approach_time
 from humanoid_getup.simulation.placement import Placement
+from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import MotionPlan
 from humanoid_getup.studio.takes.take import Mark, Plot, Take
-from robots import Robot, quaternion
+from robots import Posture, Robot, quaternion
 from robots.kinematics import place_postures, read_posture
 from robots.quaternion import Array
+from robots.smooth_step import smooth_step
 
 if TYPE_CHECKING:
     from humanoid_getup.execution.result import RiseResult
     from humanoid_getup.experiments.judging.outcome import Outcome
     from humanoid_getup.experiments.judging.record import Record
     from humanoid_getup.motions.motion import Motion
-    from humanoid_getup.simulation.world import World
+    from humanoid_getup.studio.boards.state_board import MappedState
+    from humanoid_getup.studio.follow_style import StyledRollout
 
 WORST = 4
 """Number of joints whose load is plotted."""
 LEAST_LINE = 1e-6  # N·m; a servo at its no-load speed has no torque left
+MOVE_TIME = 0.6  # s in which a move is shown
+SAMPLES = 20  # of a move
+ON_LEVEL = "Recorded on level ground: the ground and the obstacles that are drawn were not there."
+BETWEEN = "Between resting postures the robot is interpolated, not simulated."
+TITLES = ("Neck height [share of standing]", "Side angle [deg]", "Front angle [deg]")
 
 
 def make_rise_take(world: World, result: RiseResult, name: str) -> Take | None:
@@ -152,3 +163,161 @@ def _list_facts(outcome: Outcome, result: RiseResult) -> tuple[str, ...]:
     facts = [f"{'Stands' if result.stood else 'Does not stand'}: {result.reason}"]
     facts += [str(result.plan), *([str(verdict)] if verdict else []), describe_loads(outcome)]
     return tuple(facts)
+
+
+def make_key_take(trial: Trial, world: World) -> Take:
+    """Make a take of a rollout; the ghost has the joints of the targets."""
+    robot, record = world.robot, trial.outcome.record
+    count, layout = len(record.qpos), record.layout
+    roots = record.qpos[:, layout.root_position], record.orientation
+    return Take(
+        name=trial.keyframes.name,
+        time=np.arange(1.0, count + 1.0) * record.period,
+        qpos=place_postures(robot, world.model, *roots, record.joint_pos),
+        ghost=place_postures(robot, world.model, *roots, trial.targets[:count]),
+        joint_torque=robot.transmission.torque_at_joint(record.torque),
+        plots=(*plot_attitude(record, robot), *plot_loads(record, robot)),
+        marks=tuple(
+            Mark(time=float(time), text=f"key {number}")
+            for number, time in enumerate(trial.keyframes.times(robot), start=1)
+        ),
+        facts=list_facts(trial),
+    )
+
+
+def locate_key(trial: Trial, number: int) -> Posture:
+    """Return the posture of a key, counted from 0, where the robot was at its time."""
+    record, robot, key = trial.outcome.record, trial.world.robot, trial.keyframes.keys[number]
+    sample = round(float(trial.keyframes.times(robot)[number]) / record.period)
+    states = np.vstack([trial.start, record.qpos])
+    at = read_posture(robot, trial.world.model, states[min(sample, len(states) - 1)])
+    return replace(at, joint_pos=key)
+
+
+def list_facts(trial: Trial) -> tuple[str, ...]:
+    """List how a rollout ended, and its figures, a line each."""
+    outcome = trial.outcome
+    speed = math.degrees(float(outcome.peak_velocity))
+    lines = [
+        f"{'As it should' if trial.succeeded else 'Not as it should'}: {trial.describe()}.",
+        "On level ground, undisturbed, at full torque.",
+        f"{describe_loads(outcome)}, speed up to {speed:.0f} deg/s",
+    ]
+    if outcome.self_collisions:
+        lines.append(f"The robot hit itself {_count(int(outcome.self_collisions))}.")
+    if outcome.limit_violations:
+        lines.append(f"A joint left its range {_count(int(outcome.limit_violations))}.")
+    return tuple(lines)
+
+
+def _count(times: int) -> str:
+    return "once" if times == 1 else f"{times} times"
+
+
+def place_way(world: World, searched: World, state: MappedState, spot: Posture) -> Array:
+    """Compute MuJoCo positions along the way of a state, which is put at a spot, (moves + 1, nq).
+
+    Args:
+        world: World in which it is shown.
+        searched: World of the search.
+        state: State.
+        spot: Posture in whose place the robot is, once it has reached the state.
+    """
+    layout = world.robot.layout(searched.model)
+    root = state.qpos[:, layout.root_position].copy()
+    root[:, :2] += spot.position[:2] - root[state.row, :2]
+    attitude, joint_pos = state.qpos[:, layout.root_orientation], state.qpos[:, layout.qpos]
+    return place_postures(world.robot, world.model, root, attitude, joint_pos)
+
+
+def make_way_take(world: World, state: MappedState, way: Array) -> Take:
+    """Make the take of the way of a state, MuJoCo positions (moves + 1, nq)."""
+    time, at = _spread(state.moves)
+    return Take(
+        name=f"{state.side}, {state.moves} moves",
+        time=time,
+        qpos=_blend(world, way, at),
+        plots=(
+            Plot(
+                title="Neck height, share of standing",
+                curves={"neck": np.interp(at, np.arange(state.moves + 1.0), state.neck)},
+                limit=MIN_NECK_SHARE,
+            ),
+        ),
+        marks=tuple(
+            Mark(time=number * MOVE_TIME, text=f"move {number}, {kind}")
+            for number, kind in enumerate(state.kinds, start=1)
+        ),
+        facts=(str(state), BETWEEN),
+    )
+
+
+def make_motion_take(world: World, motion: Motion, start: Array) -> Take:
+    """Make the take of a motion as it was recorded; it begins where positions (nq,) are."""
+    share = motion.provenance.get("disturbed_success")
+    facts = [f"From {motion.start_class}: {motion.strategy}"]
+    facts += [] if share is None else [f"Stands in {float(share):.0%} of disturbed worlds"]
+    facts += [] if world.scene.is_flat else [ON_LEVEL]
+    stand = motion.stand_time
+    return Take(
+        name=motion.name,
+        time=motion.time,
+        qpos=place_motion(world, motion, motion.time - motion.time[0], start),
+        marks=() if stand is None else (Mark(time=float(motion.time[0]) + stand, text="stands"),),
+        facts=tuple(facts),
+    )
+
+
+def _spread(moves: int) -> tuple[Array, Array]:
+    """Return the times of samples [s], and where along the moves they are, (T,) each."""
+    share = np.linspace(0.0, moves, moves * SAMPLES + 1)
+    done = np.floor(share)
+    return share * MOVE_TIME, done + smooth_step(share - done)
+
+
+def _blend(world: World, way: Array, at: Array) -> Array:
+    """Interpolate positions (moves + 1, nq) at places along the moves (T,), (T, nq)."""
+    before = np.minimum(at.astype(int), max(len(way) - 2, 0))
+    after, part = np.minimum(before + 1, len(way) - 1), (at - before)[:, None]
+    root = world.robot.layout(world.model).root_orientation
+    qpos = (1.0 - part) * way[before] + part * way[after]
+    qpos[:, root] = quaternion.slerp(way[before][:, root], way[after][:, root], part[:, 0])
+    return qpos
+
+
+def make_rollout_take(rollout: StyledRollout) -> Take:
+    """Make the take of a rollout."""
+    wanted, followed = (
+        _in_units(np.append(features, features[-1:], axis=0))
+        for features in (rollout.wanted, rollout.measured)
+    )
+    plots = [
+        Plot(title=title, curves={"wanted": wanted[:, k], "followed": followed[:, k]})
+        for k, title in enumerate(TITLES)
+    ]
+    stand = rollout.stand_time
+    return Take(
+        name=f"{rollout.request.style.name}, {rollout.request.policy}",
+        time=np.concatenate([[0.0], rollout.time]),
+        qpos=_prepend(rollout.begin, rollout.outcome.record.qpos),
+        joint_torque=_prepend(np.zeros(rollout.outcome.robot.n), rollout.joint_torque),
+        plots=tuple(plots),
+        marks=() if stand is None else (Mark(time=stand, text="stands"),),
+        facts=(describe_rollout(rollout), str(rollout.followed)),
+    )
+
+
+def describe_rollout(rollout: StyledRollout) -> str:
+    """Describe how a rollout ended, in one line."""
+    stand = rollout.stand_time
+    if stand is not None:
+        return f"Stands at {stand:.2f} s"
+    return f"Does not stand within {rollout.time[-1]:.1f} s: {rollout.reason}"
+
+
+def _in_units(features: Array) -> Array:
+    return features * np.array([1.0, 180.0 / np.pi, 180.0 / np.pi])
+
+
+def _prepend(first: Array, rows: Array) -> Array:
+    return np.concatenate([first[np.newaxis], rows])

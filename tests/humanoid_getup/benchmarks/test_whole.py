@@ -18,8 +18,7 @@ from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.measure_robot import do_piece
 from humanoid_getup.motions.motion_database import find_motion
-from humanoid_getup.reporting.benchmark_page import write_page
-from humanoid_getup.reporting.benchmark_plot import save_benchmark
+from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.stored_motion import StoredMotion

@@ -12,7 +12,7 @@ from drivers import Command
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.jobs.backends import open_backend
 from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from robots import FULL_TORQUE
 
 STALL = 0.05  # s, many times the margin of a reply in wall time

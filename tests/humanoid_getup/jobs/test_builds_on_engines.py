@@ -8,7 +8,7 @@ import pytest
 from humanoid_getup.jobs.build_motions import BuildPiece, build_motions, build_piece
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.inputs import find_keyframes
-from humanoid_getup.jobs.pieces.shared_folder import SharedFolder, sharing
+from humanoid_getup.jobs.pieces import SharedFolder, sharing
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import CancelledError, Progress

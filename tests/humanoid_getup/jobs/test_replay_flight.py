@@ -17,8 +17,8 @@ from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
-from humanoid_getup.jobs.requests.replay import REPLAY_FILES, ReplayRequest
-from humanoid_getup.reporting.cut_commands import CutKind
+from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
+from humanoid_getup.reporting.measured_flight import CutKind
 from humanoid_getup.scenes.named_scenes import FOLDER
 from humanoid_getup.simulation.world import World
 from robots import Robot, quaternion

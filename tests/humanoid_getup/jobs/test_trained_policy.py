@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("rsl_rl")
 
-from humanoid_getup.jobs.trained_policy import ASSESSED, TrainedPolicy
+from humanoid_getup.jobs.train_policy import ASSESSED, TrainedPolicy
 from sim2real.training.iteration_log import TrainReport
 
 pytestmark = pytest.mark.train

@@ -2,9 +2,8 @@
 
 import threading
 
-from humanoid_getup.progress.background_job import JobEnd
+from humanoid_getup.progress.background_job import JobEnd, LatestJob
 from humanoid_getup.progress.callback import CancelledError
-from humanoid_getup.progress.latest_job import LatestJob
 
 LONGEST = 60.0  # s; only a broken program takes that long
 

@@ -5,8 +5,8 @@ import pytest
 
 from humanoid_getup.benchmarks.whole import CapSummary
 from humanoid_getup.experiments.judging.summary import SummarizedRise
-from humanoid_getup.reporting import benchmark_plot
-from humanoid_getup.reporting.benchmark_plot import save_benchmark
+from humanoid_getup.reporting import benchmark_page
+from humanoid_getup.reporting.benchmark_page import save_benchmark
 
 
 def case(method: str, cap: str, stood: int, median: float | None) -> CapSummary:
@@ -24,7 +24,7 @@ def case(method: str, cap: str, stood: int, median: float | None) -> CapSummary:
 
 def test_methods_have_a_point_for_each_cap(tmp_path, monkeypatch: pytest.MonkeyPatch):
     saved = []
-    monkeypatch.setattr(benchmark_plot, "save_figure", lambda figure, _: saved.append(figure))
+    monkeypatch.setattr(benchmark_page, "save_figure", lambda figure, _: saved.append(figure))
     cases = [
         case("plan", "stall", 9, 3.0),
         case("plan", "50%", 5, 4.0),

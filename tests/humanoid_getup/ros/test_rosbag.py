@@ -20,7 +20,7 @@ from drivers import Command, Cycle
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.export_log import export_log
-from humanoid_getup.jobs.requests.logs import ExportLogRequest
+from humanoid_getup.jobs.requests.look import ExportLogRequest
 from robots import Robot
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)

@@ -9,7 +9,7 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from humanoid_getup.studio.page_guard import PageGuard
+from humanoid_getup.studio.studio import PageGuard
 
 OPEN = PageGuard.for_address("127.0.0.1", 8090)
 CLOSED = PageGuard.for_address("0.0.0.0", 8090)

@@ -15,7 +15,7 @@ from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.stored_states import STATES
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.search_map import WAY_UP, MappedState, read_search_map
+from humanoid_getup.studio.boards.state_board import WAY_UP, MappedState, read_search_map
 from robots import load_robot
 from robots.robot import Robot
 from robots.storage.arrays import save_arrays

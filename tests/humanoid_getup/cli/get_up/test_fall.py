@@ -9,7 +9,7 @@ from run_getup import Run
 
 import humanoid_getup as hg
 from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.get_up import session
+from humanoid_getup.jobs.get_up import rise
 from humanoid_getup.jobs.inputs import find_start
 
 
@@ -62,7 +62,7 @@ def test_joints_left_out_take_the_stance_and_are_named(
     def end(*_: object, **__: object) -> None:
         raise BadInputError("that is all")
 
-    monkeypatch.setattr(session, "AttemptManager", end)
+    monkeypatch.setattr(rise, "AttemptManager", end)
     code, _, error = run("rise", "--from", str(file))
     assert code == 2
     assert f"posture file {file}: head_pan, head_tilt not named, taken from the stance" in error

@@ -10,7 +10,7 @@ from nonempty import nonempty
 
 from humanoid_getup.cli.commands import parse
 from humanoid_getup.cli.main import main
-from humanoid_getup.cli.options.first_steps import FirstSteps
+from humanoid_getup.cli.options.hardware import FirstSteps
 from humanoid_getup.cli.robot import first_steps
 from robots import Robot, load_robot
 

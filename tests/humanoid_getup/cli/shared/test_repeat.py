@@ -7,7 +7,7 @@ import pytest
 from run_getup import Run
 
 from humanoid_getup.cli.commands import parse
-from humanoid_getup.jobs.requests.command_text import write_command
+from humanoid_getup.jobs.requests.shared import write_command
 
 LINES = [
     "getup motions build lateral_side_sit --robot mine --generations 40 --resume",

@@ -14,9 +14,8 @@ from humanoid_getup.execution.after_stand import AfterStand, Step
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.get_up.operator import NoOperator
 from humanoid_getup.jobs.get_up.recording import recording
-from humanoid_getup.jobs.get_up.session_hooks import SessionHooks
+from humanoid_getup.jobs.get_up.session_hooks import NoOperator, SessionHooks
 from humanoid_getup.jobs.requests.rise import SitRequest
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World

@@ -19,8 +19,7 @@ from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up.rise import play_motion
 from humanoid_getup.jobs.get_up.viewer import rest_measured
 from humanoid_getup.jobs.get_up.watch import watch
-from humanoid_getup.jobs.requests.rise import PlayRequest
-from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.jobs.requests.rise import PlayRequest, WatchRequest
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.video import save_video

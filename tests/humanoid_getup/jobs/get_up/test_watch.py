@@ -22,7 +22,7 @@ from humanoid_getup.jobs.backends import BackendChoice
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up import watch as jobs
 from humanoid_getup.jobs.get_up.watch import watch
-from humanoid_getup.jobs.requests.watch import WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchFigures
 from robots import Posture, Robot, quaternion

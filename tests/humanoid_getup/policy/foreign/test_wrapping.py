@@ -16,8 +16,8 @@ from foreign_policies import save_network
 from paths import NODDING
 from tiny_policies import state_of
 
-from humanoid_getup.jobs.import_policy import import_policy
-from humanoid_getup.jobs.requests.policies import ImportPolicyRequest
+from humanoid_getup.jobs.foreign_policy import import_policy
+from humanoid_getup.jobs.requests.learning import ImportPolicyRequest
 from humanoid_getup.policy.foreign.description import (
     ForeignNetwork,
     ForeignPolicy,

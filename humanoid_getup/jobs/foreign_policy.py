@@ -7,15 +7,18 @@ import msgspec
 from humanoid_getup.jobs.errors import BadInputError, needing
 from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.requests.policies import (
+from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.jobs.requests.learning import (
     DESCRIPTION_FILE,
     POLICY_FILE,
+    CheckPolicyRequest,
     ImportPolicyRequest,
 )
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignPolicyError
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
+from humanoid_getup.policy.parity import Comparison, compare_policy, load_trace
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import Robot
 from robots.storage.encoding import to_json
@@ -46,12 +49,7 @@ class PolicyImport(msgspec.Struct, frozen=True, kw_only=True):
 def import_policy(
     request: ImportPolicyRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> PolicyImport:
-    """Write the policy of a request for its robot.
-
-    Raises:
-        BadInputError: naming what is missing, wrong or not possible on the robot.
-        CancelledError: if ``cancel`` ended it; then nothing is written.
-    """
+    """Write the policy of a request for its robot."""
     ImportPolicyRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading the policy")
@@ -106,3 +104,33 @@ def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImpo
         notes=tuple(list_notes(wrapping)),
     )
     return seal_model(made.SerializeToString()), found
+
+
+class PolicyCheck(msgspec.Struct, frozen=True, kw_only=True):
+    """How a policy compares with a trace."""
+
+    agrees: bool
+    steps: int
+    """Policy steps of the trace."""
+    comparisons: tuple[Comparison, ...]
+
+
+def check_policy(
+    request: CheckPolicyRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> PolicyCheck:
+    """Compare observations and actions of the policy of a request with those of a trace."""
+    CheckPolicyRequest.accept(request)
+    ProgressMonitor(report, cancel).begin("comparing")
+    request = name_robot(request, request.policy)
+    robot = load_robot(request)
+    policy = load_policy(robot, request.policy, None)
+    try:
+        trace = load_trace(request.trace, robot)
+        comparisons = compare_policy(policy, trace)
+    except (ValueError, OSError) as error:
+        raise BadInputError(f"trace {request.trace}: {describe(error)}") from error
+    return PolicyCheck(
+        agrees=all(compared.agrees for compared in comparisons),
+        steps=len(trace["time"]),
+        comparisons=comparisons,
+    )

@@ -8,12 +8,49 @@ from pathlib import Path
 from drivers.errors import SetupError
 from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.inputs import make_torque_limit
-from humanoid_getup.jobs.requests.robots import ExportRobotRequest
+from humanoid_getup.jobs.requests.robots import CheckRequest, ExportRobotRequest
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.robot_check.check import RobotCheck
+from humanoid_getup.robot_check.check import check_robot as check
+from humanoid_getup.robot_check.finding import CheckFinding
 from humanoid_getup.ros.ros2_control import RobotControl
-from robots import load_robot
+from robots import Robot, RobotError, load_robot
 from robots.storage.files import atomic_folder, describe
 
 XACRO, CONTROLLERS = "ros2_control.xacro", "controllers.yaml"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckedRobot:
+    """A robot, and the findings of its check."""
+
+    robot: Robot
+    check: RobotCheck
+
+    @property
+    def findings(self) -> tuple[CheckFinding, ...]:
+        """Return the findings, by part of the check."""
+        return self.check.findings
+
+    @property
+    def is_sound(self) -> bool:
+        """Return whether there is no fault."""
+        return self.check.is_sound
+
+
+def check_robot(
+    request: CheckRequest, report: Report | None = None, cancel: Cancel | None = None
+) -> CheckedRobot:
+    """Check whether a robot's description is sound and its body able to get up."""
+    CheckRequest.accept(request)
+    monitor = ProgressMonitor(report, cancel)
+    try:
+        robot = load_robot(request.robot)
+        found = check(robot, lambda part: monitor.begin(f"checking {part}"))
+    except ValueError as error:
+        problems = error.problems if isinstance(error, RobotError) else [str(error)]
+        raise BadInputError(*problems) from error
+    return CheckedRobot(robot=robot, check=found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,11 +64,7 @@ class ExportedRobot:
 
 
 def export_robot(request: ExportRobotRequest) -> ExportedRobot:
-    """Write the files of a robot for ros2_control; their folder appears complete or not at all.
-
-    Raises:
-        BadInputError: if its servos are not on a bus of Dynamixels, or files cannot be written.
-    """
+    """Write the files of a robot for ros2_control; their folder appears complete or not at all."""
     ExportRobotRequest.accept(request)
     with refusing():
         robot = load_robot(request.robot)

@@ -1,1 +1,0 @@
-"""Work of jobs that engines do in pieces: a worker makes what it needs from the request alone."""

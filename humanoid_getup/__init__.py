@@ -27,7 +27,7 @@ _HOMES = {
     for line in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
     if isinstance(line, ast.ImportFrom)
 }
-__all__ = sorted(_HOMES)
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (the stub has it)
 
 
 def __getattr__(name: str) -> Any:

@@ -56,8 +56,8 @@ def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]):
         ("rise --balance yes", "unknown argument 'yes': see getup rise --help"),
         (
             "run robust --body arms=2",
-            "unknown option '--body', which getup rise, getup play, getup sit or getup hold has: "
-            "see getup run --help",
+            "unknown option '--body', which getup rise, getup play, getup sit, getup hold or "
+            "getup fall has: see getup run --help",
         ),
         ("motions retarget", "--robot STR is missing: see getup motions retarget --help"),
         ("run", "NAME|FILE is missing: see getup run --help"),

@@ -40,6 +40,8 @@ from drivers.dynamixel.protocol2 import Span, read, sync_read, sync_write
 from drivers.real_time_class import in_real_time_class
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.serving.server import VirtualBus
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot, load_robot
@@ -71,6 +73,20 @@ def robot_at(baud: int) -> Robot:
     return replace(robot, bus=replace(robot.bus, baud=baud))
 
 
+class StillPhysics(Physics):
+    """No physics: only the clocks of the devices advance."""
+
+    is_light = True
+
+    def __init__(self, devices: Chain) -> None:
+        self.time, self._devices = 0.0, devices
+
+    def advance(self, to: float) -> None:
+        """Advance the devices to a bus time [s]."""
+        self.time = max(self.time, to)
+        self._devices.advance(self.time)
+
+
 def serve(baud: int, pipe: Connection) -> None:
     """Serve a bus until a message arrives."""
     robot = VirtualRobot(Simulation(robot_at(baud)), powered=True)
@@ -78,7 +94,7 @@ def serve(baud: int, pipe: Connection) -> None:
         servo.poke("return_delay_time", 0)
     if robot.board is not None:
         robot.board.poke("return_delay_time", 0)
-    with VirtualBus(robot.chains["main"]) as bus:
+    with VirtualBus(robot.chains["main"], StillPhysics(robot.chains["main"])) as bus:
         pipe.send(bus.path)
         pipe.recv()
         statistics = bus.statistics

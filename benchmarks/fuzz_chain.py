@@ -102,7 +102,6 @@ def build_chain(rng: random.Random) -> Chain:
     quirks = Quirks(
         sync_gap=rng.choice(list(ReadGap)),
         fast_gap=rng.choice(list(ReadGap)),
-        torque_on_seeds_goal=rng.random() < 0.8,
         reboot_time=0.05,
     )
     servos = [

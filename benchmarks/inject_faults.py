@@ -26,9 +26,8 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.errors import UnreleasedError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.fault_injector import FaultInjector, LineFault
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from drivers.virtual_bus.serving.wire_faults import LineFault
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.experiments.judging.summary import summarize

@@ -149,11 +149,7 @@ class SerialPort:
         return data
 
     def flush(self) -> int:
-        """Drop received bytes; return their number.
-
-        Raises:
-            PortLostError: if the device is gone.
-        """
+        """Drop received bytes; return their number. Raises `PortLostError`."""
         count = 0
         try:
             while data := os.read(self._fd, CHUNK):
@@ -175,11 +171,7 @@ MakePort = Callable[[str, int], SerialPort]
 
 
 def open_by_sdk(path: str, baud: int) -> serial.Serial:
-    """Open a device through the port handler of ROBOTIS' dynamixel-sdk.
-
-    Raises:
-        PortRefusedError: if that package is not installed.
-    """
+    """Open a device through the port handler of ROBOTIS' dynamixel-sdk, if it is installed."""
     try:
         from dynamixel_sdk import PortHandler
     except ModuleNotFoundError as error:

@@ -184,10 +184,6 @@ def find_command_problems(command: Command, joint_names: tuple[str, ...]) -> lis
 
 
 def check_command(command: Command, joint_names: tuple[str, ...]) -> None:
-    """Refuse an invalid command.
-
-    Raises:
-        CommandError: naming everything that is wrong.
-    """
+    """Refuse an invalid command by a `CommandError` that names everything that is wrong."""
     if problems := find_command_problems(command, joint_names):
         raise CommandError(problems)

@@ -91,11 +91,7 @@ class Board(ImuSource):
     # As a source of samples ---------------------------------------------------------------------
 
     def open(self) -> None:
-        """Check that it replies, and configure it; its bus is open.
-
-        Raises:
-            ImuError: with the first problem.
-        """
+        """Check that it replies, and configure it; its bus is open. Raises `ImuError`."""
         for problem in check_board(self):
             raise ImuError(problem.device, problem.text, problem.remedy)
 

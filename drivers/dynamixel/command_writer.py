@@ -295,11 +295,7 @@ def _make_writer(name: str, ids: list[int], tables: list[ControlTable], wire: Wi
 
 
 def check_places(tables: Sequence[ControlTable], limit_by: LimitMode) -> None:
-    """Check that servos on one port can be written to together.
-
-    Raises:
-        SetupError: if they keep a register in different places, or cannot limit their torque.
-    """
+    """Check that servos on one port can be written to together; raise `SetupError` else."""
     models = ", ".join(sorted({table.model for table in tables}))
     names = WRITTEN_BY_CURRENT if limit_by == "current" else WRITTEN
     for name in (*names, *SLOPES):

@@ -113,11 +113,7 @@ class Item:
         return self.address + self.size
 
     def encode(self, value: int) -> bytes:
-        """Convert a value to register bytes.
-
-        Raises:
-            OverflowError: if the value does not fit into the item's bytes.
-        """
+        """Convert a value to register bytes; raises `OverflowError` if it does not fit."""
         if self.sign_bit is not None:
             if abs(value) >> self.sign_bit:
                 raise OverflowError(f"{self.name} is {value}: too large for its bits")
@@ -126,11 +122,7 @@ class Item:
         return value.to_bytes(self.size, "little", signed=signed)
 
     def decode(self, data: bytes) -> int:
-        """Convert register bytes to a value.
-
-        Raises:
-            ValueError: if there are more or fewer bytes than the item has.
-        """
+        """Convert register bytes to a value; raises `ValueError` for another number of bytes."""
         if len(data) != self.size:
             raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
         if self.sign_bit is None:
@@ -212,11 +204,7 @@ class ControlTable:
         return self[name].to_si(count)
 
     def baud_code(self, baud: int) -> int:
-        """Return the value of the item ``baud_rate`` for a baud rate [bit/s].
-
-        Raises:
-            SetupError: if it does not have that rate.
-        """
+        """Return the value of ``baud_rate`` for a rate [bit/s]; raises `SetupError` without it."""
         for code, rate in self.bauds.items():
             if rate == baud:
                 return code
@@ -297,11 +285,7 @@ def types_of(table: ControlTable) -> list[str]:
 
 
 def table_for(number: int, firmware: int | None = None, wire: Wire = WIRES["2.0"]) -> ControlTable:
-    """Find the table of a model number, as a device of a protocol reports it; see `table_named`.
-
-    Raises:
-        UnknownModelError: if there is no such model.
-    """
+    """Find the table of a model number, as a device of a protocol reports it; see `table_named`."""
     for name, known in known_models().items():
         if known == number and _wire_of(name) is wire:
             return table_named(name, firmware)

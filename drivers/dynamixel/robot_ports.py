@@ -78,11 +78,7 @@ def find_imu(
 
 
 def open_ports(buses: Sequence[DynamixelBus]) -> None:
-    """Open the ports of some buses; after a failure, some stay open.
-
-    Raises:
-        SetupError: if some do not open; a `PortRefusedError` if it is one.
-    """
+    """Open the ports of some buses; raise one `SetupError` for those that do not open."""
     errors: list[PortRefusedError] = []
     for bus in buses:
         bus.return_delay = FACTORY_RETURN_DELAY
@@ -110,12 +106,7 @@ def using_margin(buses: Iterable[DynamixelBus], margin: float) -> Iterator[None]
 
 
 def find_bus(robot: Robot) -> BusSettings:
-    """Return the bus of a robot.
-
-    Raises:
-        SetupError: if it has none, servos have no control table, or devices on one port speak
-            different protocols.
-    """
+    """Return the bus of a robot; raise `SetupError` if its servos cannot be driven on it."""
     if robot.bus is None:
         raise SetupError(
             f"robot '{robot.name}' has no servo bus: add a [bus] table to its robot.toml"

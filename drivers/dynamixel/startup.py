@@ -52,11 +52,7 @@ FIRST_READS = 10  # tries to read a first value of every joint
 
 
 def name_devices(robot: Robot, ports: Mapping[str, str] | str) -> Mapping[str, str]:
-    """Return the device of each port by its name, where that of the only one may be given alone.
-
-    Raises:
-        ValueError: if arguments are of another type, or one device is given for several ports.
-    """
+    """Return the device of each port by its name; that of the only one may be given alone."""
     expect("robot", robot, Robot, "a Robot, e.g. load_robot('op3')")
     names = list(robot.bus.ports) if robot.bus else []
     if isinstance(ports, str) and len(names) == 1:
@@ -67,11 +63,7 @@ def name_devices(robot: Robot, ports: Mapping[str, str] | str) -> Mapping[str, s
 
 
 def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool) -> BusSettings:
-    """Return the bus of a robot whose description fits its ports; see `DynamixelBackend`.
-
-    Raises:
-        SetupError: if it does not.
-    """
+    """Return the bus of a robot whose description fits its ports; raise `SetupError` else."""
     bus = find_bus(robot)
     if robot.imu_kind is None and not without_imu:
         raise SetupError(
@@ -93,11 +85,7 @@ def check_description(robot: Robot, ports: Mapping[str, str], without_imu: bool)
 
 
 def check_limit_mode(robot: Robot, by: LimitMode) -> LimitMode:
-    """Return how a robot's servos are to limit torque, if they can.
-
-    Raises:
-        SetupError: if they cannot.
-    """
+    """Return how a robot's servos are to limit torque; raise `SetupError` if they cannot."""
     if by == "ideal":
         raise SetupError("torque limit is by 'ideal', which no servo can, expected another mode")
     try:
@@ -205,11 +193,7 @@ def open_imu(imu: ImuSource) -> list[Finding]:
 
 
 def configure_servos(found: Diagnostics, chains: Sequence[ServoChain], states: ServoStates) -> None:
-    """Set the registers of all diagnosed servos.
-
-    Raises:
-        DiagnosticsError: naming all servos that do not confirm.
-    """
+    """Set the registers of all servos; raise `DiagnosticsError` with those that do not confirm."""
     states.update_from_facts(found.servos)
     servos = {states.row(servo.id): servo for servo in found.servos}
     failures: list[Finding] = []

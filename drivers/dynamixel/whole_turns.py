@@ -55,11 +55,6 @@ class WholeTurns:
                 ticks[group] = self._choose(group, register, near)
         return ticks
 
-    def find_candidates(self, group: list[int], register: Integers) -> Integers:
-        """Find the positions of a group's servos with their joints within range, (k, group)."""
-        ticks, beyond = self._list_positions(group, register)
-        return ticks[beyond <= OUTSIDE_RANGE]
-
     def find_angles(self, register: Integers, known: NDArray[np.bool_]) -> dict[int, Array]:
         """Find the possible angles of joints [rad], likeliest first, by place, (k,) each.
 
@@ -68,8 +63,8 @@ class WholeTurns:
         angles: dict[int, Array] = {}
         for group in (g for g in self._groups if known[g].all()):
             chosen = self._choose(group, register, register)
-            others = self.find_candidates(group, register)
-            others = others[(others != chosen).any(axis=1)]
+            ticks, beyond = self._list_positions(group, register)
+            others = ticks[(beyond <= OUTSIDE_RANGE) & (ticks != chosen).any(axis=1)]
             ticks = np.tile(register, (1 + len(others), 1))
             ticks[:, group] = [chosen, *others]
             found = self._units.to_rad(ticks)

@@ -169,11 +169,7 @@ def _open(opcode: int, body: bytes) -> list[McapRecord]:
 
 
 def _unpack(chunk: Chunk) -> bytes:
-    """Unpack a chunk, up to the size that it states.
-
-    Raises:
-        ValueError: or another error of `DAMAGE`, if it has another size.
-    """
+    """Unpack a chunk, up to the size that it states; raise an error of `DAMAGE` for another."""
     size = chunk.uncompressed_size
     if chunk.compression == "zstd":
         data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)

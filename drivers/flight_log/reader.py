@@ -105,7 +105,9 @@ class FlightRecord:
                 damaged where it says whose it is, is too large, or another robot's.
         """
         try:
-            data = _read_file(path)
+            data = read_bounded(path, MOST_BYTES)
+            if not data.startswith(MCAP0_MAGIC):
+                raise ValueError("not an MCAP file, expected a log of FlightLog")
         except OSError as error:
             raise ValueError(f"flight log {path}: {error.strerror or error}") from error
         except ValueError as error:
@@ -119,11 +121,7 @@ class FlightRecord:
         return record
 
     def check_robot(self, robot: Robot) -> None:
-        """Refuse the log of another robot.
-
-        Raises:
-            ValueError: naming its robot.
-        """
+        """Refuse the log of another robot by a `ValueError`."""
         if self.robot != robot.name:
             problem = f"of robot '{self.robot}', expected '{robot.name}'"
         elif self.joint_names != robot.joint_names:
@@ -139,14 +137,6 @@ class FlightRecord:
 def _row(track: Track, kind: type[State] | type[Command], cycle: int) -> dict[str, Any]:
     row = {one.name: track[one.name][cycle] for one in fields(kind) if one.name in track}
     return {name: value.item() if np.ndim(value) == 0 else value for name, value in row.items()}
-
-
-def _read_file(path: Path) -> bytes:
-    """Read a regular file that begins like a log."""
-    data = read_bounded(path, MOST_BYTES)
-    if not data.startswith(MCAP0_MAGIC):
-        raise ValueError("not an MCAP file, expected a log of FlightLog")
-    return data
 
 
 def _read(path: Path, data: bytes) -> FlightRecord:

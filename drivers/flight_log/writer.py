@@ -93,11 +93,7 @@ class FlightLog:
         self._time = self._flushed_at = 0.0
 
     def __enter__(self) -> Self:
-        """Create the file.
-
-        Raises:
-            OSError: if it cannot be created.
-        """
+        """Create the file; raises `OSError` if that fails."""
         make_room(self.path)
         self._file = self.path.open("wb")
         self._writer = Writer(self._file, chunk_size=UNBOUNDED, enable_data_crcs=True)

@@ -73,11 +73,7 @@ class Bno055(ImuSource):
         return self._line.damaged + self._rejected
 
     def open(self) -> None:
-        """Open the line, and check the chip.
-
-        Raises:
-            ImuError: if that fails, or another chip replies.
-        """
+        """Open the line, and check the chip."""
         self._line.open()
         self._steps = deque(SETUP)
         found = self._read_ids()

@@ -45,11 +45,7 @@ class Bno08xI2c(ImuSource):
         self._gyro = self._accelerometer = b""
 
     def open(self) -> None:
-        """Open the bus, check the chip, and switch its reports on.
-
-        Raises:
-            ImuError: if that fails.
-        """
+        """Open the bus, check the chip, and switch its reports on."""
         self._gyro = self._accelerometer = b""
         self._product = None
         try:

@@ -25,13 +25,8 @@ INTERVAL = 0.004  # s between two reads, twice as often as the fastest control c
 def build_imu_source(settings: ImuSettings, port: str, open_port: MakePort) -> ImuSource:
     """Build the source of an IMU that is not on the servo bus; nothing is opened yet.
 
-    Args:
-        settings: Its settings.
-        port: Path of its serial port or its I2C bus; empty for that of its settings.
-        open_port: Makes a serial port of a path and a baud rate.
-
-    Raises:
-        ImuError: if it needs a port and none is named.
+    ``port`` is the path of its serial port or I2C bus, empty for that of its settings: without
+    any, an `ImuError` is raised.
     """
     if not settings.is_serial:
         return BackgroundImu(build_i2c_source(settings, choose_chip(settings, port)))
@@ -49,12 +44,7 @@ def build_imu_source(settings: ImuSettings, port: str, open_port: MakePort) -> I
 
 
 def choose_chip(settings: ImuSettings, path: str) -> I2cChip:
-    """Choose a chip: on an I2C bus of this computer, or on a virtual one at a socket.
-
-    Args:
-        settings: Its settings.
-        path: Path of its bus; empty for that of its settings.
-    """
+    """Choose a chip: on an I2C bus of this computer, or on a virtual one at a socket's path."""
     if not path:
         return LinuxI2cChip(settings.i2c_bus, settings.address)
     is_device = path.startswith(DEVICES) or Path(path).is_char_device()

@@ -20,11 +20,7 @@ class SerialLink:
         """How often the port was opened: after each, a sensor may have restarted."""
 
     def open(self) -> None:
-        """Open the port and drop what came before.
-
-        Raises:
-            ImuError: if it does not open.
-        """
+        """Open the port and drop what came before; raises `ImuError` if it does not open."""
         if self._port.is_open:
             return
         try:

@@ -109,11 +109,7 @@ class Simulation:
 
     @property
     def imu(self) -> TwinImu:
-        """Return its IMU.
-
-        Raises:
-            NoImuError: if the robot has none.
-        """
+        """Return its IMU; raises `NoImuError` if the robot has none."""
         if self._imu is None:
             raise NoImuError(self.robot.name)
         return self._imu

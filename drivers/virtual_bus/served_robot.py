@@ -19,16 +19,9 @@ def serve_robot(
     options: PortOptions | None = None,
     powered: bool = False,
 ) -> ServedRobot:
-    """Serve a simulated robot inside a ``with`` block.
+    """Serve a simulated robot inside a ``with`` block; raise `SetupError` if it has no bus.
 
-    Args:
-        simulation: The robot.
-        time_mode: How time advances.
-        options: Its ports, and what goes wrong there; None for the defaults.
-        powered: Whether servos have power from the start, not only once the board switches it.
-
-    Raises:
-        SetupError: if the robot has no bus, or servos that cannot be driven.
+    ``powered`` says whether servos have power from the start, not only once the board switches it.
     """
     if time_mode is TimeMode.REAL_TIME:
         return RealTimeRobot(simulation, powered=powered, options=options)
@@ -38,15 +31,13 @@ def serve_robot(
 class LockStepRobot(VirtualPorts, HandledRobot):
     """A virtual robot that waits for its client."""
 
+    behind = 0.0
+    """The clock waits for physics."""
+
     def __init__(self, robot: VirtualRobot, options: PortOptions | None = None) -> None:
         """Prepare its ports."""
         super().__init__(robot, time_mode=TimeMode.LOCK_STEP, options=options)
         self._virtual = robot
-
-    @property
-    def behind(self) -> float:
-        """Return 0: the clock waits for physics."""
-        return 0.0
 
     def rearrange(self, change: Callable[[Simulation], None], *, releases: bool = False) -> None:
         """Change the simulation by hand, between two instructions."""

@@ -14,8 +14,7 @@ from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
-from drivers.virtual_bus.imu.bno08x_rvc import VirtualBno08xRvc
-from drivers.virtual_bus.imu.serial_line import VirtualSerialLine
+from drivers.virtual_bus.imu.sending_imus import VirtualBno08xRvc, VirtualSerialLine
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics

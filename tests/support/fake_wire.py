@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 from fake_devices import FakeDevices
+from still_physics import StillPhysics
 
 from drivers.virtual_bus.serving.exchange import Exchange
 from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.physics import StillPhysics
 
 LEAST = 1e-7  # s that a wait takes
 

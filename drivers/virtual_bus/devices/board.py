@@ -90,11 +90,7 @@ def _to_counts(values: Array, step: float) -> list[int]:
 
 
 def make_board_table(settings: BoardSettings) -> ControlTable:
-    """Make the control table of a board that is known by the addresses of its IMU alone.
-
-    Raises:
-        SetupError: if they meet the registers that every virtual device has.
-    """
+    """Make the control table of a board that is known by the addresses of its IMU alone."""
     known = table_named("OpenCR")
     items = {item.name: item for item in known if item.eeprom}
     end = max(item.end for item in items.values())

@@ -76,7 +76,7 @@ class MotorServo(VirtualDevice, ABC):
             memory, at = self.registers.memory, self._at_tick
             memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
         self._run(duration)
-        if self._protection.overload.advance(self._motor_current, duration):
+        if self._protection.overloads(self._motor_current, duration):
             self.trip(HardwareError.OVERLOAD)
 
     def reboot(self) -> None:
@@ -123,7 +123,7 @@ class Protection:
     def __init__(self, registers: Registers, stall_current: float) -> None:
         """Check a servo whose motor draws a current [A] at standstill, at the nominal supply."""
         self._registers = registers
-        self.overload = OverloadModel(stall_current)
+        self._stall_current, self.heat = stall_current, 0.0
         self.reload()
 
     def reload(self) -> None:
@@ -142,20 +142,11 @@ class Protection:
             bits |= HardwareError.OVERHEATING.value
         return bits
 
+    def overloads(self, current: float, duration: float) -> bool:
+        """Warm the winding by a current [A] for a duration [s]; return whether it is too hot.
 
-class OverloadModel:
-    """Heat of a winding, as a share of its steady state at stall.
-
-    A first-order model of current squared: it follows ``(current / stall)²`` with a time constant
-    and trips above the square of a share.
-    """
-
-    def __init__(self, stall_current: float) -> None:
-        self._stall_current = stall_current
-        self.heat = 0.0
-
-    def advance(self, current: float, duration: float) -> bool:
-        """Apply a current [A] for a duration [s]; return whether the limit is exceeded."""
+        Its heat, as a share of that at stall, follows ``(current / stall)²`` at first order.
+        """
         if not self.heat and not current:
             return False
         share = current / self._stall_current

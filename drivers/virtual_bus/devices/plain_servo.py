@@ -259,7 +259,7 @@ class PlainServo(MotorServo):
         if "goal_pwm" in registers:
             registers["goal_pwm"] = registers["pwm_limit"]
         self._alarms, self._is_shut_down = 0, False
-        self._protection.overload.heat = 0.0
+        self._protection.heat = 0.0
         self._protection.reload()
         self._write_measured()
         registers["goal_position"] = registers["present_position"]

@@ -67,16 +67,7 @@ class ProfileTrajectory:
 def plan_by_velocity(
     start: float, position: float, velocity: float, goal: float, top: float, acceleration: float
 ) -> ProfileTrajectory:
-    """Plan the fastest trajectory within a speed [ticks/s] and an acceleration [ticks/s²].
-
-    Args:
-        start: Present time [s].
-        position: Present position of the trajectory [ticks].
-        velocity: Its present velocity [ticks/s].
-        goal: Its end, at rest [ticks].
-        top: Cruising speed; 0 for no profile.
-        acceleration: 0 for a jump to the cruising speed.
-    """
+    """Plan the fastest trajectory from now [s] to a goal, in ticks and seconds; 0 for no limit."""
     if top <= 0.0:
         return ProfileTrajectory(start, goal, 0.0, goal)
     way = goal - position

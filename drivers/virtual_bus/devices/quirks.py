@@ -27,9 +27,6 @@ class Quirks:
     fast_gap: ReadGap = ReadGap.CHAIN_BREAKS
     """The same in a fast read, whose single frame is incomplete then: the manual does not say
     whether later devices still send their pieces."""
-    torque_on_seeds_goal: bool = True
-    """Whether torque on sets the goal to the present position. The manual only says that goals
-    may be written before; without this, an old goal makes the servo jump."""
     goal_switches_torque_on: bool = True
     """Whether a servo without drive modes (AX, MX(1.0), XL-320, Feetech) switches torque on when
     a goal is written; users report that of AX and Feetech's, and no manual says it."""

@@ -17,13 +17,8 @@ from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
 
 GAINS = (
-    "velocity_i_gain",
-    "velocity_p_gain",
-    "position_d_gain",
-    "position_i_gain",
-    "position_p_gain",
-    "feedforward_2nd_gain",
-    "feedforward_1st_gain",
+    *("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_gain"),
+    *("position_p_gain", "feedforward_2nd_gain", "feedforward_1st_gain"),
 )
 PROFILE = ("profile_acceleration", "profile_velocity")
 KEPT = {
@@ -206,11 +201,7 @@ class VirtualServo(MotorServo):
             self._engage()
             if self._mode == OperatingMode.POSITION:
                 self._sensors.fold()
-            self._halt()
-            if self.quirks.torque_on_seeds_goal:
-                self._seed_goal()
-            else:
-                self._set_position_goal(self.registers["goal_position"])
+            self._seed_goal()  # the manual only says that goals may be written before
 
     def _engage(self) -> None:
         self._torque_on, self._traffic_at = True, self.now
@@ -323,7 +314,7 @@ class VirtualServo(MotorServo):
         self._is_booting = True
         self._hardware_error, self._is_shut_down = 0, False
         self._torque_on, self._traffic_at = False, self.now
-        self._protection.overload.heat = 0.0
+        self._protection.heat = 0.0
         self._free_goals()
         self._reload()
         self.clear_turns()

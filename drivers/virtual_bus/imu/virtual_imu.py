@@ -103,11 +103,7 @@ class VirtualI2cChip(VirtualImu, I2cChip):
         """Take what the host writes, then return as many bytes as it reads."""
 
     def transfer(self, data: bytes, count: int = 0) -> bytes:
-        """Write bytes to the chip, then read some.
-
-        Raises:
-            OSError: if it has no power, as Linux reports a missing acknowledgement.
-        """
+        """Write bytes to the chip, then read some; without power it does not acknowledge."""
         if not self.alive:
             raise OSError(121, "Remote I/O error")
         return self.exchange(data, count)

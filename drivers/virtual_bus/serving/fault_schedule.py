@@ -12,8 +12,7 @@ from msgspec import Meta
 
 from drivers.errors import SetupError
 from drivers.state import HardwareError
-from drivers.virtual_bus.serving.fault_injector import FaultInjector
-from drivers.virtual_bus.serving.wire_faults import LineFault
+from drivers.virtual_bus.serving.fault_injector import FaultInjector, LineFault
 from robots.storage.validation import load_toml, read_table, shown, whole
 
 LONGEST_TIME = 1e6  # s
@@ -137,15 +136,7 @@ class FaultSchedule:
 
     @classmethod
     def from_file(cls, file: Path | str, devices: Collection[int] = ()) -> FaultSchedule:
-        """Read a schedule.
-
-        Args:
-            file: TOML file with one ``[[fault]]`` table per entry.
-            devices: Ids on the bus that the file may name; empty for no check.
-
-        Raises:
-            SetupError: listing all problems of the file.
-        """
+        """Read the ``[[fault]]`` tables of a TOML file, which may name these devices, if any."""
         file = Path(file)
         try:
             table = load_toml(file)

@@ -38,13 +38,11 @@ class PseudoTerminal:
     """
 
     def __init__(self, link: Path | str | None = None) -> None:
-        """Plug the port in: under a path, or under one in a temporary folder.
-
-        Raises:
-            SetupError: if the link cannot be created.
-        """
+        """Plug the port in: under a path, or under one in a temporary folder."""
         self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
         self.link = self._folder / "port" if self._folder else Path(link or "")
+        self.path = str(self.link)
+        """Path that a client opens, which survives replugging."""
         self._master = self._slave = -1
         self._device = ""
         self.delivered = 0
@@ -54,11 +52,6 @@ class PseudoTerminal:
         except BaseException:
             self.close()
             raise
-
-    @property
-    def path(self) -> str:
-        """Return the path that a client opens, which survives replugging."""
-        return str(self.link)
 
     @property
     def plugged(self) -> bool:

@@ -23,7 +23,7 @@ from drivers.virtual_bus.serving.fault_injector import FaultInjector
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.instruction_reader import WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
-from drivers.virtual_bus.serving.physics import Physics, StillPhysics
+from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
 from drivers.virtual_bus.serving.side_lines import SideLine
@@ -144,26 +144,21 @@ class VirtualBus:
     def __init__(
         self,
         devices: Chain,
-        physics: Physics | None = None,
+        physics: Physics,
         *,
         time_mode: TimeMode = TimeMode.REAL_TIME,
         options: PortOptions | None = None,
         advances_time: bool = True,
         line: SideLine | None = None,
     ) -> None:
-        """Create a bus; `start` creates its port.
+        """Create a bus of devices, and the physics behind them; `start` creates its port.
 
-        Args:
-            devices: Devices on the bus.
-            physics: Physics behind them; None for devices that do not move.
-            time_mode: How time advances.
-            options: Its port, and what goes wrong there; None for the defaults.
-            advances_time: False if another bus of the same robot does.
-            line: Another line of the robot to serve in the same thread, such as its IMU's.
+        It ``advances_time`` unless another bus of the robot does. A ``line`` is served in the same
+        thread, such as the IMU's.
         """
         options = options or PortOptions()
         self.devices = devices
-        self.physics: Physics = physics or StillPhysics(devices)
+        self.physics = physics
         self.time_mode = time_mode
         self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
         self._exchange = Exchange(
@@ -186,12 +181,7 @@ class VirtualBus:
     # Starting and stopping -----------------------------------------------------------------
 
     def start(self) -> VirtualBus:
-        """Create the port and serve it.
-
-        Raises:
-            SetupError: if the link cannot be created.
-            DriverError: if the bus has run before.
-        """
+        """Create the port and serve it, once."""
         if self._wire is not None:
             raise DriverError("a virtual bus runs once: create another one")
         self._wire = PseudoTerminal(self._options.link)
@@ -204,11 +194,7 @@ class VirtualBus:
         return self
 
     def stop(self) -> None:
-        """End the thread and remove the port; calling it again is harmless.
-
-        Raises:
-            BaseException: the exception that ended the thread, if there was one.
-        """
+        """End the thread, remove the port, raise what ended it early; again is harmless."""
         if self._thread is None:
             return
         self._stopping.set()

@@ -17,7 +17,7 @@ from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal, refuse_l
 BACKLOG = 8  # clients that may wait to be accepted
 
 
-class ImuLine:
+class ImuLine(PseudoTerminal):
     """A pseudo-terminal in front of a virtual IMU; all methods are for the bus' thread."""
 
     def __init__(self, imu: VirtualUartImu, *, link: Path | None, repeats: bool) -> None:
@@ -27,41 +27,20 @@ class ImuLine:
         sensor's own clock does not.
         """
         self._imu, self._repeats = imu, repeats
-        self._wire = PseudoTerminal(link)
-
-    @property
-    def path(self) -> str:
-        """Return the path of the port."""
-        return self._wire.path
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on, -1 while it is unplugged."""
-        return self._wire.fileno()
+        super().__init__(link)
 
     def serve(self) -> None:
         """Reply to what the client has sent."""
-        self._wire.write(self._imu.receive(self._wire.read()))
+        self.write(self._imu.receive(self.read()))
 
     def pass_on(self) -> None:
         """Send what the sensor has sent by itself."""
-        self._wire.write(self._imu.take())
+        self.write(self._imu.take())
 
     def idle(self) -> None:
         """Keep sending while the bus is idle, to a client that has read everything."""
-        if self._repeats and self._wire.plugged and not self._wire.unread:
-            self._wire.write(self._imu.repeat())
-
-    def plug(self) -> None:
-        """Plug the sensor's adapter in."""
-        self._wire.plug()
-
-    def unplug(self) -> None:
-        """Unplug the sensor's adapter."""
-        self._wire.unplug()
-
-    def close(self) -> None:
-        """Remove the port."""
-        self._wire.close()
+        if self._repeats and self.plugged and not self.unread:
+            self.write(self._imu.repeat())
 
 
 class I2cLine:
@@ -79,6 +58,8 @@ class I2cLine:
         self._chip, self._address = chip, address
         self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
         self._link = link or Path(self._folder or "", "i2c")
+        self.path = str(self._link)
+        """Path of the socket."""
         self._clients: dict[int, socket.socket] = {}
         self._ends = select.epoll()  # whose descriptor can be waited on as that of a single line
         try:
@@ -88,11 +69,6 @@ class I2cLine:
             shutil.rmtree(self._folder or "", ignore_errors=True)
             raise
         self._ends.register(self._listener.fileno(), select.EPOLLIN)
-
-    @property
-    def path(self) -> str:
-        """Return the path of the socket."""
-        return str(self._link)
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""

@@ -6,6 +6,8 @@ import pytest
 
 dynamixel_sdk = pytest.importorskip("dynamixel_sdk")
 
+from still_physics import StillPhysics  # noqa: E402
+
 from drivers.virtual_bus.devices.chain import Chain  # noqa: E402
 from drivers.virtual_bus.devices.sensors import Measured  # noqa: E402
 from drivers.virtual_bus.devices.servo import VirtualServo  # noqa: E402
@@ -39,7 +41,7 @@ def chain():
 
 @pytest.fixture(params=TimeMode)
 def bus(chain: Chain, request: pytest.FixtureRequest):
-    with VirtualBus(chain, time_mode=request.param) as bus:
+    with VirtualBus(chain, StillPhysics(chain), time_mode=request.param) as bus:
         yield bus
 
 

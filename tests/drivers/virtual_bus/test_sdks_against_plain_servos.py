@@ -6,6 +6,7 @@ from typing import Any
 
 import dynamixel_sdk
 import pytest
+from still_physics import StillPhysics
 
 from drivers.dynamixel.control_table import table_named
 from drivers.virtual_bus.devices.chain import Chain
@@ -41,7 +42,9 @@ def make_chain(model: str) -> Chain:
 
 @contextmanager
 def opening(model: str) -> Iterator[Any]:
-    with VirtualBus(make_chain(model), time_mode=TimeMode.LOCK_STEP) as bus:
+    with VirtualBus(
+        chain := make_chain(model), StillPhysics(chain), time_mode=TimeMode.LOCK_STEP
+    ) as bus:
         port = dynamixel_sdk.PortHandler(bus.path)
         assert port.openPort()
         assert port.setBaudRate(BAUD)

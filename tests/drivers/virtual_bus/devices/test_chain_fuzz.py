@@ -22,7 +22,6 @@ quirks = st.builds(
     Quirks,
     sync_gap=st.sampled_from(ReadGap),
     fast_gap=st.sampled_from(ReadGap),
-    torque_on_seeds_goal=st.booleans(),
     reboot_time=st.just(0.02),
 )
 ids = st.sampled_from([*IDS, 9, 252, 253, BROADCAST, BROADCAST, 255])

@@ -10,7 +10,6 @@ from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import CLEAR_TURNS, VirtualServo
 
 TURN = 4096
@@ -114,14 +113,6 @@ def test_torque_on_holds_the_present_position_whatever_the_old_goal():
     write(servo, "torque_enable", 1)
     assert servo.motor_command().torque_on and servo.motor_command().target_ticks == 1000.0
     assert read(servo, "goal_position") == 1000
-
-
-def test_without_that_quirk_an_old_goal_makes_the_servo_jump():
-    servo = VirtualServo(1, quirks=Quirks(torque_on_seeds_goal=False))
-    write(servo, "goal_position", 4000)
-    sense(servo, ticks=1000.0)
-    write(servo, "torque_enable", 1)
-    assert servo.motor_command().target_ticks == 4000.0
 
 
 def test_a_goal_by_action_or_indirect_data_moves_the_motor_too():

@@ -8,16 +8,16 @@ import serial
 from fake_devices import FakeDevices
 from hypothesis import given
 from hypothesis import strategies as st
+from still_physics import StillPhysics
 from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import FrameParser, Packet, Status
 from drivers.errors import DriverError, SetupError
 from drivers.virtual_bus.devices.chain import Reply
+from drivers.virtual_bus.serving.fault_injector import LineFault, LineFaults
 from drivers.virtual_bus.serving.fault_schedule import KINDS, FaultSchedule
-from drivers.virtual_bus.serving.physics import StillPhysics
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode, VirtualBus
-from drivers.virtual_bus.serving.wire_faults import LineFault, LineFaults
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s

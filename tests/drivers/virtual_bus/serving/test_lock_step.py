@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
 from drivers.virtual_bus.devices.chain import X_SERIES
+from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import QUIET, LockStep
-from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 PERIOD = 0.008  # s

@@ -7,9 +7,9 @@ from fake_wire import FakeWire, exchange_with
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Span
 from drivers.virtual_bus.serving import real_time
+from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.lock_step import IDLE
 from drivers.virtual_bus.serving.real_time import MICROFRAME, SPIN, RealTime
-from drivers.virtual_bus.serving.wire_faults import LineFault
 
 IDS = (1, 2, 3)
 BYTE = 1e-5  # s at 1 Mbit/s

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import serial
 from fake_devices import FakeDevices
+from still_physics import StillPhysics
 from waiting import LONGEST_WAIT, wait_until
 
 from drivers.dynamixel import protocol2
@@ -28,7 +29,7 @@ def devices():
 
 @pytest.fixture
 def bus(devices: FakeDevices):
-    with VirtualBus(devices, time_mode=TimeMode.LOCK_STEP) as bus:
+    with VirtualBus(devices, StillPhysics(devices), time_mode=TimeMode.LOCK_STEP) as bus:
         yield bus
 
 
@@ -44,7 +45,7 @@ def ask(port: serial.Serial, request: bytes, count: int) -> bytes:
 def test_bytes_take_their_time_on_the_wire():
     # 34 + 14 bytes at 9600 bit/s, ten bits each, and a return delay of 20 ms: 70 ms at least.
     devices = FakeDevices(range(1, 21), delay=0.02, baud=9600)
-    with VirtualBus(devices) as bus, connect(bus, 9600) as port:
+    with VirtualBus(devices, StillPhysics(devices)) as bus, connect(bus, 9600) as port:
         start = time.monotonic()
         answer = ask(port, protocol2.sync_read(range(1, 21), Span(132, 4)).encode(), 15)
         assert time.monotonic() - start >= 34 * 10 / 9600 + 0.02 + 15 * 10 / 9600
@@ -57,7 +58,7 @@ def test_in_real_time_its_thread_is_in_the_real_time_class(
 ):
     with in_real_time_class() as is_permitted:
         pass
-    with VirtualBus(devices, time_mode=time_mode) as bus:
+    with VirtualBus(devices, StillPhysics(devices), time_mode=time_mode) as bus:
         found = bus.call(lambda: os.sched_getscheduler(0)) & ~os.SCHED_RESET_ON_FORK
     is_expected = is_permitted and time_mode is TimeMode.REAL_TIME
     assert found == (os.SCHED_FIFO if is_expected else os.SCHED_OTHER)
@@ -65,7 +66,7 @@ def test_in_real_time_its_thread_is_in_the_real_time_class(
 
 @pytest.mark.parametrize("time_mode", TimeMode)
 def test_a_client_at_the_wrong_rate_is_not_heard(devices: FakeDevices, time_mode: TimeMode):
-    with VirtualBus(devices, time_mode=time_mode) as bus:
+    with VirtualBus(devices, StillPhysics(devices), time_mode=time_mode) as bus:
         with connect(bus, 57600) as port:
             port.write(protocol2.ping(1).encode())
             wait_until(lambda: bus.statistics.wrong_baud == 1)
@@ -99,7 +100,10 @@ def test_a_client_that_never_reads_does_not_hold_the_bus_up(
     devices: FakeDevices, time_mode: TimeMode
 ):
     read = protocol2.read(1, Span(0, 250)).encode()
-    with VirtualBus(devices, time_mode=time_mode) as bus, connect(bus) as port:
+    with (
+        VirtualBus(devices, StillPhysics(devices), time_mode=time_mode) as bus,
+        connect(bus) as port,
+    ):
         for _ in range(400):
             port.write(read)
         wait_until(lambda: _count_served(bus) == 400)
@@ -115,7 +119,8 @@ class BrokenDevices(FakeDevices):
 
 @pytest.mark.parametrize("time_mode", TimeMode)
 def test_what_goes_wrong_in_the_thread_is_raised_by_stop_and_only_once(time_mode: TimeMode):
-    bus = VirtualBus(BrokenDevices(IDS), time_mode=time_mode).start()
+    devices = BrokenDevices(IDS)
+    bus = VirtualBus(devices, StillPhysics(devices), time_mode=time_mode).start()
     path = bus.path
     with connect(bus) as port:
         port.write(protocol2.ping(1).encode())
@@ -131,7 +136,7 @@ def test_stop_takes_port_and_thread_away_and_may_be_repeated(
     devices: FakeDevices, time_mode: TimeMode
 ):
     threads, ends = threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
-    bus = VirtualBus(devices, time_mode=time_mode)
+    bus = VirtualBus(devices, StillPhysics(devices), time_mode=time_mode)
     bus.stop()  # not even started
     bus.start()
     path = bus.path
@@ -148,7 +153,7 @@ def test_stop_takes_port_and_thread_away_and_may_be_repeated(
 def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
     devices, time_mode: TimeMode
 ):
-    with VirtualBus(devices, time_mode=time_mode) as bus:
+    with VirtualBus(devices, StillPhysics(devices), time_mode=time_mode) as bus:
         assert bus.call(lambda: threading.current_thread().name) == "virtual bus"
         assert bus.call(lambda: bus.call(lambda: 7)) == 7  # also from within
         with pytest.raises(ZeroDivisionError):
@@ -158,7 +163,7 @@ def test_a_call_runs_between_two_instructions_and_its_error_is_the_callers(
 
 
 def test_a_bus_that_does_not_run_says_so(devices: FakeDevices):
-    bus = VirtualBus(devices)
+    bus = VirtualBus(devices, StillPhysics(devices))
     with pytest.raises(DriverError, match="start it first"):
         _ = bus.path
     with pytest.raises(DriverError, match="not running"):

@@ -1,11 +1,13 @@
-"""A virtual BNO08x in its UART-RVC mode."""
+"""Virtual IMUs that send by themselves: a BNO08x in its UART-RVC mode, and lines of numbers."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
 from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu, to_counts
+from robots.imu import VALUES, ImuSettings
 from robots.quaternion import Array, slerp
 
 # All numbers here are the data sheet's own (1.3.5.2), none is the driver's.
@@ -60,3 +62,32 @@ def _to_angles(orientation: Array) -> Array:
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return np.array([yaw, pitch, roll])
+
+
+class VirtualSerialLine(VirtualUartImu):
+    """Sends a line with every measurement, in the format of its settings."""
+
+    def __init__(self, settings: ImuSettings) -> None:
+        super().__init__()
+        self._settings, self._line = settings, b""
+
+    def sense(self, reading: ImuReading) -> None:
+        """Take and send a measurement."""
+        if not self.frozen:
+            self._line = self._write(reading)
+        self._pending += self._line
+
+    def repeat(self) -> bytes:
+        """Send the last line again."""
+        return self._line if self.alive else b""
+
+    def _write(self, reading: ImuReading) -> bytes:
+        settings = self._settings
+        gyro = reading.gyro / GYRO_UNITS[settings.gyro_unit]
+        accelerometer = reading.accelerometer / ACCELEROMETER_UNITS[settings.accelerometer_unit]
+        values = dict[str, float](zip(VALUES, [*gyro, *accelerometer], strict=True))
+        words = [f"{values.get(word, 0.0):.6f}" for word in settings.format.split()]
+        line = (settings.separator or " ").join(words).encode("ascii")
+        if settings.checksum == "nmea":
+            line = b"$%s*%s" % (line, checksum_of(line))
+        return line + b"\r\n"

@@ -76,6 +76,11 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/humanoid_getup/filtering/test_dynamics_filter.py",
     ),
     "humanoid_getup/filtering/reference.py": ("tests/humanoid_getup/filtering/test_reference.py",),
+    "humanoid_getup/filtering/tracking.py": (
+        "tests/humanoid_getup/filtering/test_dynamics_filter.py",
+        "tests/humanoid_getup/filtering/test_virtual_actuator.py",
+        "tests/humanoid_getup/filtering/test_yielding.py",
+    ),
     f"{_EXPERIMENTS}/judging/standing.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/judge.py": _JUDGING,
     f"{_EXPERIMENTS}/judging/outcome.py": _JUDGING,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from humanoid_getup.motions.motion import (
     EndClass,
     Motion,
     StartClass,
+    Trajectory,
 )
 from robots import Robot, quaternion
 from robots.body.limb import LIMB_NAMES, LimbName, LimbPose
@@ -71,17 +72,6 @@ class RetargetedClip:
     slowdown: float
     """Duration over that of the clip on a body of the robot's size: above 1 where joints would
     have been too fast."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Poses:
-    """Postures of a robot at times of the clip."""
-
-    time: Array
-    """[s], (T,)."""
-    position: Array
-    orientation: Array
-    joint_pos: Array
 
 
 class ClipRetargeter:
@@ -169,23 +159,25 @@ class ClipRetargeter:
             bound={joint: part for joint, part in share if part >= BOUND_SHARE},
         )
 
-    def _pose(self, clip: Clip, body: ClipBody, rows: Frames, angles: Array) -> _Poses:
-        robot, size = self.robot, leg_length(self.robot) / clip.leg_length
+    def _pose(self, clip: Clip, body: ClipBody, rows: Frames, angles: Array) -> Trajectory:
+        size = leg_length(self.robot) / clip.leg_length
         orientation = Rotation.from_matrix(self._torso(body)[rows]).as_quat(scalar_first=True)
         position = size * (body.hips[rows] - body.hips[rows[0]])
         position[:, 2] = 0.0
         time = (clip.time[rows] - clip.time[rows[0]]) * math.sqrt(size)
-        return self._ground(_Poses(time, position, orientation, angles), robot)
+        return self._ground(
+            Trajectory(time=time, position=position, orientation=orientation, joint_pos=angles)
+        )
 
-    def _ground(self, poses: _Poses, robot: Robot) -> _Poses:
+    def _ground(self, poses: Trajectory) -> Trajectory:
         """Raise or lower the root until the lowest point touches the ground."""
-        model = robot.spec().compile()
+        model = self.robot.spec().compile()
         position = poses.position.copy()
-        qpos = place_postures(robot, model, position, poses.orientation, poses.joint_pos)
+        qpos = place_postures(self.robot, model, position, poses.orientation, poses.joint_pos)
         position[:, 2] -= lowest_points(model, qpos)
-        return _Poses(poses.time, position, poses.orientation, poses.joint_pos)
+        return replace(poses, position=position)
 
-    def _finish(self, poses: _Poses) -> _Poses:
+    def _finish(self, poses: Trajectory) -> Trajectory:
         """Add the stance, upright and with the heading of the end."""
         robot, last = self.robot, poses.orientation[-1]
         ahead = quaternion.rotate(last, np.array([1.0, 0.0, 0.0]))
@@ -193,14 +185,14 @@ class ClipRetargeter:
         stance = quaternion.multiply(heading, robot.standing.orientation)
         position = np.array([*poses.position[-1, :2], robot.standing.position[2]])
         duration = FINISH_TIME * math.sqrt(robot.standing_neck_height / TALL)
-        return _Poses(
-            np.append(poses.time, poses.time[-1] + duration),
-            np.vstack([poses.position, position]),
-            np.vstack([poses.orientation, stance]),
-            np.vstack([poses.joint_pos, robot.standing.joint_pos]),
+        return Trajectory(
+            time=np.append(poses.time, poses.time[-1] + duration),
+            position=np.vstack([poses.position, position]),
+            orientation=np.vstack([poses.orientation, stance]),
+            joint_pos=np.vstack([poses.joint_pos, robot.standing.joint_pos]),
         )
 
-    def _pace(self, poses: _Poses) -> tuple[_Poses, float]:
+    def _pace(self, poses: Trajectory) -> tuple[Trajectory, float]:
         """Slow down if joints are too fast, and sample at the control period."""
         robot, steps = self.robot, np.diff(poses.time)
         # The slope of the interpolation is at most 1.5 times that of the way between two frames.
@@ -217,16 +209,16 @@ class ClipRetargeter:
         at = np.minimum(time, knots[-1])
         turns = Slerp(knots, Rotation.from_quat(poses.orientation, scalar_first=True))
         joint_pos = PchipInterpolator(knots, poses.joint_pos, axis=0)(at)
-        paced = _Poses(
-            time,
-            PchipInterpolator(knots, poses.position, axis=0)(at),
-            turns(at).as_quat(scalar_first=True),
-            np.clip(joint_pos, robot.lower, robot.upper),  # rounding may exceed the limits
+        paced = Trajectory(
+            time=time,
+            position=PchipInterpolator(knots, poses.position, axis=0)(at),
+            orientation=turns(at).as_quat(scalar_first=True),
+            joint_pos=np.clip(joint_pos, robot.lower, robot.upper),  # rounding may exceed them
         )
-        return self._ground(paced, robot), float(knots[-1] / poses.time[-1])
+        return self._ground(paced), float(knots[-1] / poses.time[-1])
 
     def _make_motion(
-        self, poses: _Poses, name: str, clip: Clip, time: Array, *, is_finished: bool
+        self, poses: Trajectory, name: str, clip: Clip, time: Array, *, is_finished: bool
     ) -> Motion:
         return Motion(
             name=name,
@@ -247,7 +239,7 @@ class ClipRetargeter:
             },
         )
 
-    def _classify(self, poses: _Poses, frame: int) -> StartClass:
+    def _classify(self, poses: Trajectory, frame: int) -> StartClass:
         side = classify(poses.orientation[frame])
         if side is not None:
             return side
@@ -255,7 +247,7 @@ class ClipRetargeter:
         is_upright = quaternion.tilt(poses.orientation[frame]) < UPRIGHT
         return "standing" if is_high and is_upright else "squat"
 
-    def _classify_end(self, poses: _Poses) -> EndClass | Literal["other"]:
+    def _classify_end(self, poses: Trajectory) -> EndClass | Literal["other"]:
         end = self._classify(poses, -1)
         return NO_END if end == "squat" else end
 

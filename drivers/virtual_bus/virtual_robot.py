@@ -18,16 +18,10 @@ from drivers.virtual_bus.imu.sending_imus import VirtualBno08xRvc, VirtualSerial
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
 from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
-from robots import Joint, Robot
+from robots import Robot
 from robots.imu import ImuSettings, SensorAxes
 
 FIRMWARE = 46
-
-
-def _servo_class(joint: Joint) -> type[VirtualServo | PlainServo]:
-    """Return the class of a joint's servo: with operating modes, profiles and a watchdog or not."""
-    has_all = table_named(joint.servo.model.name).has_watchdog
-    return VirtualServo if has_all else PlainServo
 
 
 class VirtualDevices:
@@ -56,7 +50,8 @@ class VirtualDevices:
         self.quirks = quirks = quirks or Quirks()
         self.bus = find_bus(robot)
         self.servos = [
-            _servo_class(joint)(
+            # With operating modes, profiles and a watchdog, or without.
+            (VirtualServo if table_named(joint.servo.model.name).has_watchdog else PlainServo)(
                 joint.servo.id,
                 joint.servo.model.name,
                 firmware=firmware,

@@ -10,7 +10,7 @@ from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.virtual_bus.devices.registers import Registers
 
 TRIPPED = -1  # value of bus_watchdog after it stopped the servo
-UNKNOWN = (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM)  # not modelled
+NOT_MODELLED = (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM)
 PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
 
 
@@ -35,7 +35,7 @@ def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:
         return ErrorNumber.DATA_LIMIT if abs(goal) > registers[limit] else ErrorNumber.NONE
 
     ranges: dict[str, Callable[[int], object]] = {
-        "operating_mode": lambda mode: mode in registers.table.modes and mode not in UNKNOWN,
+        "operating_mode": lambda mode: mode in registers.table.modes and mode not in NOT_MODELLED,
         "drive_mode": lambda bits: not bits & ~drive_bits,
         # A real one speaks Protocol 1.0 after it was set to 1; a virtual one cannot, and refuses.
         "protocol_type": lambda kind: kind == PROTOCOL_2_TYPE,

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from operator import methodcaller
 from time import monotonic
@@ -68,11 +68,18 @@ class RealTimeRobot(HandledRobot):
         self.simulation = simulation
         self._paths = dict[str, str]()
         self._setup = robot, options or PortOptions(), powered
-        self._devices = RemoteDevices([joint.servo.id for joint in robot.joints])
-        board = self._devices.board if has_board else None
-        self.physics = ServoPhysics(simulation, self._devices.servos, board, rests=True)
+        self.behind = 0.0
+        """Time by which physics has fallen behind the clock since the start [s]."""
+        self._servos = [RemoteServo(joint.servo.id) for joint in robot.joints]
+        self._board = RemoteBoard()
+        self._reading: ImuReading | None = None  # of an IMU on a line of its own
+        self._commands = SharedRows(count_commands(robot.n))
+        self._measurements = SharedRows(count_measurements(robot.n))
+        self._read = 0  # number of the newest commands
+        board = self._board if has_board else None
+        self.physics = ServoPhysics(simulation, self._servos, board, rests=True)
         self._connect_imu()
-        self.physics.on_sense.append(self._devices.publish)
+        self.physics.on_sense.append(self._publish)
         self._replies = queue.Queue[Any]()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual robot", daemon=True)
@@ -87,11 +94,6 @@ class RealTimeRobot(HandledRobot):
         if not self._paths:
             self._paths |= self._await_reply(LONGEST_START)
         return self._paths
-
-    @property
-    def behind(self) -> float:
-        """Return by how much physics has fallen behind the clock since the start [s]."""
-        return self._devices.late
 
     @property
     def pid(self) -> int:
@@ -111,14 +113,14 @@ class RealTimeRobot(HandledRobot):
         """Change the simulation by hand."""
         if releases:
             self._ask(methodcaller("release"))
-            self._devices.receive()
+            self._receive_commands()
         self.physics.rearrange(change)
 
     def __enter__(self) -> RealTimeRobot:
         """Start the process; its ports are there when `paths` returns."""
         ours, theirs = socket.socketpair()
-        devices = self._devices
-        shared = (devices.commands.descriptor, devices.measurements.descriptor, theirs.fileno())
+        rows = self._commands.descriptor, self._measurements.descriptor
+        shared = (*rows, theirs.fileno())
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", SERVER, *map(str, shared)],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
@@ -144,7 +146,8 @@ class RealTimeRobot(HandledRobot):
             self._process.wait(LONGEST_REPLY)
         self._process.kill()
         self._process.wait()
-        self._devices.close()
+        self._commands.close()
+        self._measurements.close()
 
     def _ask(self, call: methodcaller) -> Any:
         """Call a method of the robot in the other process once it serves; return its result."""
@@ -179,8 +182,8 @@ class RealTimeRobot(HandledRobot):
             late = monotonic() - start - self.physics.time - LONGEST_CATCH_UP
             if late > 0.0:
                 start += late
-                self._devices.late += late
-            self._devices.receive()
+                self.behind += late
+            self._receive_commands()
             self.physics.advance(monotonic() - start)
             step = self.simulation.model.opt.timestep
             pause = REST_PAUSE if self.physics.is_at_rest else step
@@ -198,6 +201,25 @@ class RealTimeRobot(HandledRobot):
         except (EOFError, OSError):  # it has ended
             self._stopping.set()
 
+    def _receive_commands(self) -> None:
+        """Take the newest commands to the motors."""
+        row = self._commands.read(after=self._read)
+        if row is None:
+            return
+        self._read = row[0]
+        for servo, (command, has_profile) in zip(self._servos, read_commands(row[1]), strict=True):
+            servo.receive(command, has_profile)
+
+    def _publish(self) -> None:
+        """Publish the newest measurements."""
+        found = Measurements(
+            servos=[servo.measured for servo in self._servos],
+            **vars(self._board),
+            imu=self._reading,
+            late=self.behind,
+        )
+        self._measurements.publish(found.write())
+
     def _connect_imu(self) -> None:
         """Measure for an IMU on a line of its own, which is in the other process."""
         robot = self.simulation.robot
@@ -206,7 +228,7 @@ class RealTimeRobot(HandledRobot):
         axes = SensorAxes.of(robot.imu.axes)
 
         def sense() -> None:
-            self._devices.imu = ImuReading.of(self.simulation, axes, self.physics.time)
+            self._reading = ImuReading.of(self.simulation, axes, self.physics.time)
 
         self.simulation.on_sensor_update.append(sense)
         sense()
@@ -255,44 +277,3 @@ class RemoteBoard:
 
     def advance(self, now: float) -> None:
         """Do nothing: its clock is in the other process."""
-
-
-class RemoteDevices:
-    """All devices of a robot, and the rows to and from them."""
-
-    def __init__(self, ids: Sequence[int]) -> None:
-        """Begin without torque."""
-        n = len(ids)
-        self.servos = [RemoteServo(each) for each in ids]
-        self.board = RemoteBoard()
-        self.imu: ImuReading | None = None
-        """What an IMU on a line of its own measured last; None without one."""
-        self.late = 0.0
-        """Time by which physics has fallen behind the clock since the start [s]."""
-        self.commands = SharedRows(count_commands(n))
-        self.measurements = SharedRows(count_measurements(n))
-        self._read = 0
-
-    def receive(self) -> None:
-        """Take the newest commands."""
-        row = self.commands.read(after=self._read)
-        if row is None:
-            return
-        self._read = row[0]
-        for servo, (command, has_profile) in zip(self.servos, read_commands(row[1]), strict=True):
-            servo.receive(command, has_profile)
-
-    def publish(self) -> None:
-        """Publish the newest measurements."""
-        found = Measurements(
-            servos=[servo.measured for servo in self.servos],
-            **vars(self.board),
-            imu=self.imu,
-            late=self.late,
-        )
-        self.measurements.publish(found.write())
-
-    def close(self) -> None:
-        """Close the descriptors."""
-        self.commands.close()
-        self.measurements.close()

@@ -148,7 +148,3 @@ def test_a_fault_while_collecting_ends_the_training(runner, monkeypatch):
     monkeypatch.setattr(RslEnv, "step", fail)
     with pytest.raises(ArithmeticError, match="diverged"):
         runner.learn(2)
-
-
-def test_an_overlapped_update_leaves_half_of_the_threads_to_physics(runner):
-    assert runner.alg.threads == max(torch.get_num_threads() // 2, 1)

@@ -101,17 +101,6 @@ def average_and_newest(folder: Path) -> tuple[torch.Tensor, torch.Tensor]:
     return policy[f"{AVERAGE}.{name}"], policy[f"actor_state_dict.{name}"]
 
 
-def test_the_average_of_a_short_training_is_that_of_all_its_policies(op3, unbroken, tmp_path):
-    train(op3, replace(TINY, iterations=1), 1, tmp_path, TrainingInputs(threads=1))
-    first, newest = average_and_newest(tmp_path)
-    assert torch.equal(first, newest), "the random policy that came before counts nothing"
-    train(op3, replace(TINY, iterations=3), 1, tmp_path, TrainingInputs(threads=1))
-    before, _ = average_and_newest(tmp_path)
-    average, newest = average_and_newest(unbroken)
-    assert torch.equal(average, before.lerp(newest, 1.0 / 4.0))
-    assert not torch.equal(average, newest)
-
-
 def test_the_average_of_a_long_training_forgets_its_begin(op3, tmp_path):
     train(op3, replace(TINY, iterations=1), 1, tmp_path, TrainingInputs(threads=1))
     before, _ = average_and_newest(tmp_path)

@@ -266,27 +266,6 @@ def test_a_standing_robot_is_seen_to_stand_and_a_fallen_one_to_lie(op3, world, f
     assert truth.sole_heights[0] == pytest.approx([0.0, 0.0], abs=0.01)
 
 
-def test_a_restored_simulation_continues_to_the_bit(op3, delayed_world, falls):
-    everyone, rng = np.arange(8), np.random.default_rng(0)
-    parameters = ALL.draw(delayed_world, 8, rng)
-    sim = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=2)
-    sim.set_parameters(everyone, parameters)
-    sim.place(everyone, falls[:8])
-    target = falls[:8, op3.layout(delayed_world.model).qpos]
-    sim.follow(target, target + 0.3)
-    state = sim.save_state()
-
-    other = TrainingSim(delayed_world, 8, cycles=CYCLES, threads=1)
-    other.restore_state(state)
-    for one in (sim, other):
-        one.follow(target + 0.3, target)
-        one.follow(target, target - 0.2)
-    assert np.array_equal(sim.qpos, other.qpos)
-    assert np.array_equal(sim.qvel, other.qvel)
-    assert np.array_equal(sim.sense().joint_pos, other.sense().joint_pos)
-    assert np.array_equal(sim.sense().gravity, other.sense().gravity)
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12])
 def test_only_a_robot_whose_physics_fails_has_diverged(op3, world, bad, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log

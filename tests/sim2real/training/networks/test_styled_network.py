@@ -74,15 +74,3 @@ def test_it_computes_what_the_head_computes_in_training(head: PriorHead, prior: 
     assert np.abs(inputs[0]).max() > head.limit, "some outputs are limited"
     for graph, training in zip(run(head, prior, *inputs), head.decode(*inputs), strict=True):
         np.testing.assert_allclose(graph, training, atol=2e-4)
-
-
-def test_it_is_as_symmetric_as_the_robot(op3: Robot, head: PriorHead, prior: PosePrior):
-    outputs, memory, wanted, measured = draw(head)
-    action, _ = run(head, prior, outputs, memory, wanted, measured)
-    swap = head.mirror
-    turned = [values[:, swap.index] * swap.sign for values in (outputs, memory)]
-    sides = [UPRIGHT + (seen - UPRIGHT) * [1.0, -1.0, 1.0] for seen in (wanted, measured)]
-    mirrored, _ = run(head, prior, *turned, *sides)
-    spec = build_posture_spec(op3)
-    posture, other = (spec.home + spec.scale * each for each in (action, mirrored))
-    np.testing.assert_allclose(other, op3.mirror_joints(posture), atol=1e-4)

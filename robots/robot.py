@@ -298,11 +298,8 @@ class Robot(JointArrays):
         The servo drives voltage from the position error without compensating its back-EMF. A
         ``dcmotor`` compensates it, so a derivative gain of K²/R takes the compensation out again.
         """
-        name, motor, gear = (
-            self.joint_names[i],
-            self.joints[i].servo.model,
-            self.joints[i].servo.gear,
-        )
+        name, servo = self.joint_names[i], self.joints[i].servo
+        motor, gear = servo.model, servo.gear
         actuator = spec.add_actuator(name=name, target=name)
         coupling = next((c for c in self.couplings if i in c.joints), None)
         if coupling is None:

@@ -168,7 +168,7 @@ class PolicySource:
         share = compute_torque_share(robot, policy.action, sim.parameters.torque_limit)
         observation = observe(robot, sensed, target, self._memory, share, more)
         outputs, self._memory = policy.act(observation)
-        action = np.clip(outputs.astype(float), -1.0, 1.0)
+        action = outputs.astype(float)
         return next_target(robot, policy.action, target, sensed.joint_pos, sensed.gravity, action)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -29,16 +30,7 @@ PARALLEL = np.cos(np.radians(2.0))  # least cosine between normals of one face
 COPLANAR = 0.0015  # m; triangles so near to one plane, and parallel to it, are of one face
 LEAST_SIZE = 5e-4  # m, half of the thinnest sheet
 HULL_POINTS = 48
-DIRECTIONS = np.array(
-    [
-        [x, y, z]
-        for x in (-1, 0, 1)
-        for y in (-1, 0, 1)
-        for z in (-1, 0, 1)
-        if (x, y, z) != (0, 0, 0)
-    ],
-    dtype=float,
-)
+DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,19 +79,20 @@ def read_shapes(
 
     Meshes become their convex hulls, if kept, or boxes and capsules.
     """
-    geoms = list_solid(model, body)
-    if not geoms and not solid:
-        first = int(model.body_geomadr[body])
-        geoms = list(range(first, first + int(model.body_geomnum[body])))
+    geoms = list_solid(model, body) or ([] if solid else _list_geoms(model, body))
     shapes = [_read_shape(model, geom, keep_hulls) for geom in geoms]
     return [shape for shape in shapes if shape is not None]
 
 
 def list_solid(model: mujoco.MjModel, body: int) -> list[int]:
     """List the geoms of a body that collide."""
-    first = int(model.body_geomadr[body])
-    geoms = range(first, first + int(model.body_geomnum[body]))
+    geoms = _list_geoms(model, body)
     return [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
+
+
+def _list_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_geomadr[body])
+    return list(range(first, first + int(model.body_geomnum[body])))
 
 
 def sample_shapes(model: mujoco.MjModel, body: int) -> Array:
@@ -211,7 +204,7 @@ def _capsule(points: Array, box: Shape) -> Shape | None:
         return None
     frame = np.zeros(9)
     mujoco.mju_quat2Mat(frame, box.orientation)
-    frame = frame.reshape(3, 3)[:, [order[0], order[1], order[2]]]
+    frame = frame.reshape(3, 3)[:, order]
     if np.linalg.det(frame) < 0.0:
         frame[:, 0] *= -1.0
     own = (points - box.position) @ frame

@@ -43,10 +43,10 @@ def find_sole(
     best: Sole | None = None
     rotation = data.xmat[body].reshape(3, 3)
     points = sample_shapes(model, body)
-    for face in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
-        area = _measure_area(face)
+    for normal, on_it in _list_faces(points, rotation.T @ np.array([0.0, 0.0, -1.0])):
+        area = _measure_area(normal, on_it)
         if area > (best.area if best else least_area):
-            best = _describe(body, points, face, rotation, area)
+            best = _describe(body, points, normal, on_it, rotation, area)
     return best
 
 
@@ -56,14 +56,8 @@ def find_lowest(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
     return float(data.xpos[body, 2] + np.min(sample_shapes(model, body) @ up, initial=np.inf))
 
 
-@dataclass(frozen=True, eq=False)
-class _Face:
-    normal: Array
-    points: Array
-
-
-def _list_faces(points: Array, down: Array) -> list[_Face]:
-    """List the flat faces of the points' hull that face down; (3,) is a unit vector."""
+def _list_faces(points: Array, down: Array) -> list[tuple[Array, Array]]:
+    """List normal and points of the flat faces of the points' hull that face down, (3,)."""
     if not len(points):
         return []
     try:
@@ -75,25 +69,27 @@ def _list_faces(points: Array, down: Array) -> list[_Face]:
         normal, offset = equation[:3], equation[3]
         if normal @ down > STEEP:
             on_it = np.abs(points @ normal + offset) < FLAT
-            faces.append(_Face(normal, points[on_it]))
+            faces.append((normal, points[on_it]))
     return faces
 
 
-def _measure_area(face: _Face) -> float:
-    flat = face.points @ np.linalg.svd(face.normal[None])[2][1:].T  # along two unit vectors in it
+def _measure_area(normal: Array, points: Array) -> float:
+    flat = points @ np.linalg.svd(normal[None])[2][1:].T  # along two unit vectors in it
     try:
         return float(ConvexHull(flat).volume)  # of points in a plane, the area
     except QhullError:
         return 0.0
 
 
-def _describe(body: int, points: Array, face: _Face, rotation: Array, area: float) -> Sole:
-    up: Array = -face.normal
+def _describe(
+    body: int, points: Array, normal: Array, on_it: Array, rotation: Array, area: float
+) -> Sole:
+    up: Array = -normal
     forward = rotation.T @ np.array([1.0, 0.0, 0.0])
     forward = forward - up * (forward @ up)
     forward /= np.linalg.norm(forward)
     axes = np.column_stack([forward, np.cross(up, forward), up])
-    own = face.points @ axes
+    own = on_it @ axes
     middle = (own.min(axis=0) + own.max(axis=0)) / 2.0
     middle[2] = np.min(points @ up)  # where the lowest point touches the ground
     return Sole(body, axes @ middle, axes, area)
@@ -131,10 +127,10 @@ def measure_tilt(points: Array) -> float:
     It is 0 for a round foot, which has no such face.
     """
     faces = _list_faces(points, np.array([0.0, 0.0, -1.0]))
-    largest = max(faces, key=_measure_area, default=None)
-    if largest is None or _measure_area(largest) < LARGE * ConvexHull(points[:, :2]).volume:
+    largest = max(faces, key=lambda face: _measure_area(*face), default=None)
+    if largest is None or _measure_area(*largest) < LARGE * ConvexHull(points[:, :2]).volume:
         return 0.0
-    return float(np.arccos(np.clip(-largest.normal[2], -1.0, 1.0)))
+    return float(np.arccos(np.clip(-largest[0][2], -1.0, 1.0)))
 
 
 def measure_support_margin(robot: Robot, model: mujoco.MjModel) -> float:

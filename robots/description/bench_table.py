@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
-from robots.bench import IMU_SITE, Load, ServoBench, make_bench
+from robots.bench import IMU_SITE, Load, ServoBench, make_bench, make_bench_joint
 from robots.bus_settings import BusSettings
 from robots.description.schema import (
     MAX_CONTROL_PERIOD,
@@ -20,7 +20,7 @@ from robots.description.schema import (
 )
 from robots.imu import ImuSettings, find_imu_problems
 from robots.robot import Joint
-from robots.servo import MAX_TICKS, PGain, Servo, ServoModel
+from robots.servo import MAX_TICKS, PGain, ServoModel
 from robots.storage.validation import (
     Sign,
     find_unknown_keys,
@@ -111,20 +111,10 @@ def load_bench(
 
 
 def _make_joint(row: BenchRow, model: ServoModel) -> Joint:
-    servo = Servo(
-        id=row.id,
-        model=model,
-        sign=row.sign,
-        zero_ticks=model.middle_tick if row.zero_ticks is None else row.zero_ticks,
-        own_p_gain=row.p_gain,
-    )
-    lower, upper = _range_of(row, model)
-    return Joint(name=row.name, lower=lower, upper=upper, servo=servo, segment="other")
-
-
-def _range_of(row: BenchRow, model: ServoModel) -> tuple[float, float]:
-    lowest, highest = model.ends
-    return (lowest if row.lower is None else row.lower, highest if row.upper is None else row.upper)
+    joint = make_bench_joint(model, row.id, name=row.name, lower=row.lower, upper=row.upper)
+    zero = model.middle_tick if row.zero_ticks is None else row.zero_ticks
+    servo = replace(joint.servo, sign=row.sign, zero_ticks=zero, own_p_gain=row.p_gain)
+    return replace(joint, servo=servo)
 
 
 def _find_problems(
@@ -138,7 +128,9 @@ def _find_problems(
     for row in rows:
         if row.servo not in servos:
             continue
-        lower, upper = _range_of(row, servos[row.servo])
+        lowest, highest = servos[row.servo].ends
+        lower = lowest if row.lower is None else row.lower
+        upper = highest if row.upper is None else row.upper
         if lower >= upper:
             problems.append(
                 f"servo {shown(row.name)}: lower is {lower:g} rad, expected below upper, "

@@ -28,7 +28,7 @@ from robots.robot import Robot
 
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 CONTACT = ("contype", "conaffinity", "condim", "friction", "solref", "solimp", "group", "rgba")
-"""Attributes that a beam takes from the first colliding shape of the trunk."""
+"""Attributes that a beam takes from the first colliding shape of the trunk, if any."""
 
 
 def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
@@ -41,9 +41,9 @@ def stretch_shoulders(skeleton: Skeleton, factor: float) -> None:
     for trunk in dict.fromkeys(trunk for trunk, _ in skeleton.parts.arms):
         _stretch_trunk(skeleton, trunk, factor)
     beams = [_move_arm(skeleton, trunk, arm, factor) for trunk, arm in skeleton.parts.arms]
-    for beam in beams:  # adding a shape changes the ids
-        if beam is not None and factor > 1.0:
-            beam.add()
+    for add_beam in beams:  # adding a shape changes the ids
+        if add_beam is not None and factor > 1.0:
+            add_beam()
 
 
 def _stretch_trunk(skeleton: Skeleton, trunk: Link, factor: float) -> None:
@@ -72,8 +72,10 @@ def _is_between(low: float, high: float, up: Array, points: Array) -> NDArray[np
     return (height >= low) & (height <= high)
 
 
-def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Beam | None:
-    """Move an arm sideways; return the beam from where it was, as thick as its first link."""
+def _move_arm(
+    skeleton: Skeleton, trunk: Link, arm: Link, factor: float
+) -> Callable[[], None] | None:
+    """Move an arm sideways; return what adds the beam from where it was, as thick as its link."""
     root = skeleton.root(arm)
     owner = next(body for body in skeleton.bodies(trunk) if root in body.bodies)
     position, axes = skeleton.pose(owner.id, skeleton.torso)
@@ -86,40 +88,17 @@ def _move_arm(skeleton: Skeleton, trunk: Link, arm: Link, factor: float) -> _Bea
     box[:, 1] = np.sort((np.array([start, end]) @ axes.T + position)[:, 1])
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, axes.T.ravel())
-    return _Beam(
-        owner=owner,
-        like=next(
-            (geom for body in skeleton.bodies(trunk) for geom in body.geoms if geom.contype), None
-        ),
-        name=f"{root.name}_shoulder",
-        center=axes.T @ (box.mean(axis=0) - position),
-        quat=quat,
-        size=0.5 * np.ptp(box, axis=0),
-    )
+    geoms = (geom for body in skeleton.bodies(trunk) for geom in body.geoms)
+    like = next((geom for geom in geoms if geom.contype), None)
 
+    def add_beam() -> None:
+        beam = owner.add_geom(name=f"{root.name}_shoulder", type=mujoco.mjtGeom.mjGEOM_BOX)
+        beam.pos, beam.quat = axes.T @ (box.mean(axis=0) - position), quat
+        beam.size = 0.5 * np.ptp(box, axis=0)
+        for key in CONTACT if like is not None else ():
+            setattr(beam, key, getattr(like, key))
 
-@dataclass(frozen=True, kw_only=True)
-class _Beam:
-    """A box between the trunk and an arm."""
-
-    owner: mujoco.MjsBody
-    """Body of the trunk that it belongs to."""
-    like: mujoco.MjsGeom | None
-    """Shape whose contact attributes the beam takes."""
-    name: str
-    center: Array
-    """[m], in the body's frame, shape (3,)."""
-    quat: Array
-    """Orientation there, shape (4,)."""
-    size: Array
-    """Half edges [m], shape (3,)."""
-
-    def add(self) -> None:
-        """Add it to its body."""
-        beam = self.owner.add_geom(name=self.name, type=mujoco.mjtGeom.mjGEOM_BOX)
-        beam.pos, beam.quat, beam.size = self.center, self.quat, self.size
-        for key in CONTACT if self.like is not None else ():
-            setattr(beam, key, getattr(self.like, key))
+    return add_beam
 
 
 LONG = 0.5  # share of the longest link's length; shorter ones are brackets between two joints

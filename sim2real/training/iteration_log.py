@@ -60,10 +60,7 @@ class IterationLog:
         process: DistributedProcess,
     ) -> None:
         self._file, self._recipe, self._report, self._process = file, recipe, report, process
-        self._rewards: list[float] = []
-        self._task_rewards: list[float] = []
-        self._counts = Counter[str]()
-        self._height = 0.0
+        self._clear()
         self._start, self._seconds_before = time.monotonic(), 0.0
         self._iteration = 0
 
@@ -101,10 +98,8 @@ class IterationLog:
             height_alone=round(self._height / max(self._counts["alone"], 1), 3),
             **{name: self._counts[name] for name in COUNTED},
         )
-        self._rewards, self._task_rewards = [], []
         self._iteration += 1
-        self._counts.clear()
-        self._height = 0.0
+        self._clear()
         if not self._process.leads:
             return
         row = asdict(report)
@@ -115,6 +110,10 @@ class IterationLog:
                 writer.writeheader()
             writer.writerow(row)
         self._report(report)
+
+    def _clear(self) -> None:
+        self._rewards, self._task_rewards = list[float](), list[float]()
+        self._counts, self._height = Counter[str](), 0.0
 
     def _join(self) -> None:
         """Join the figures of all processes."""

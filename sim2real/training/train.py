@@ -35,12 +35,7 @@ from sim2real.environment.starts.start_states import (
 )
 from sim2real.environment.starts.terrain import Terrain
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
-from sim2real.training.config import (
-    RECIPE,
-    Recipe,
-    TrainingRecord,
-    check_recipe,
-)
+from sim2real.training.config import RECIPE, Recipe, TrainingRecord, check_recipe
 from sim2real.training.distributed import DistributedProcess
 from sim2real.training.iteration_log import IterationLog, TrainReport
 from sim2real.training.library_threads import numpy_threads, torch_threads

@@ -9,13 +9,7 @@ from nonempty import nonempty
 from paths import SHARED
 
 from drivers import Command, SafetyGuard, Twin
-from drivers.dynamixel.backend import DynamixelBackend
-from drivers.dynamixel.clock import CycleClock
 from drivers.servo_units import ServoUnits
-from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.serving.server import TimeMode
-from drivers.virtual_bus.virtual_ports import VirtualPorts
-from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.standing import HOLD_TIME, MAX_TILT, is_upright
 from humanoid_getup.experiments.rollouts.play import play
@@ -162,22 +156,3 @@ def test_its_stored_motions_end_in_a_held_stand(toddlerbot: Robot, name: str):
     assert stance.neck_height[0, 0] < 0.85 * toddlerbot.standing_neck_height
     held = round(HOLD_TIME / toddlerbot.control_period)
     assert is_upright(stance, toddlerbot)[0, -held:].all()
-
-
-def test_driver_and_twin_measure_one_path_of_the_waist(toddlerbot: Robot):
-    def swing(backend) -> np.ndarray:
-        angles = []
-        with SafetyGuard(backend) as guard:
-            for cycle in range(40):
-                angles.append(guard.read().joint_pos)
-                target = toddlerbot.standing.joint_pos.copy()
-                target[2:4] = 0.3 * np.sin(0.2 * cycle), 0.2 * np.sin(0.3 * cycle)
-                guard.write(Command.position(toddlerbot, target))
-        return np.array(angles)
-
-    by_twin = swing(Twin(toddlerbot))
-    with VirtualPorts(VirtualRobot(Simulation(toddlerbot)), time_mode=TimeMode.LOCK_STEP) as ports:
-        driver = DynamixelBackend(toddlerbot, ports.paths, clock=CycleClock(), imu=ports.imu)
-        by_bus = swing(driver)
-    assert np.array_equal(by_bus, by_twin)
-    assert np.ptp(by_bus[:, 2:4], axis=0).min() > 0.08

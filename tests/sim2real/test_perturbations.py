@@ -18,12 +18,7 @@ from sim2real import perturbations
 from sim2real.environment.physics.model_variants import MODEL_VARIANTS, backlash
 from sim2real.environment.physics.training_simulation import TrainingSim
 from sim2real.environment.physics.training_world import build_training_world
-from sim2real.perturbations import (
-    Perturbation,
-    PolicyTrial,
-    make_parameters,
-    summarize_rollouts,
-)
+from sim2real.perturbations import Perturbation, PolicyTrial, make_parameters, summarize_rollouts
 from sim2real.policy_evaluation import PolicyDriver, PolicyFigures
 
 SHORT = 3.5  # s: a held stand and a little

@@ -45,8 +45,7 @@ def test_a_mesh_without_volume_does_not_refuse_a_model(tmp_path: Path):
     path = tmp_path / "model.xml"
     path.write_text(
         LEGS.format(more=f'<asset><mesh name="speck" {speck}/></asset>', knee="").replace(
-            "</body></body>",
-            '<geom type="mesh" mesh="speck" mass="0" contype="0"/></body></body>',
+            "</body></body>", '<geom type="mesh" mesh="speck" mass="0" contype="0"/></body></body>'
         )
     )
     assert read_model(path).notes == ("meshes are treated as shells, as some have no volume",)

@@ -153,11 +153,7 @@ def test_longer_arms_reach_as_much_further_and_weigh_as_much_more(op3: Robot):
 def test_a_stretched_upper_arm_has_the_inertia_of_its_second_moment(op3: Robot):
     found = at_zero(reshape(op3, Body(arms=1.6)))[0].body("l_sho_roll_link")
     moments = np.array(  # of the model file: about x, y, z, and the products, which are small
-        [
-            [0.00022804, -1e-8, 3e-8],
-            [-1e-8, 3.042e-05, 5.9e-7],
-            [3e-8, 5.9e-7, 0.00023474],
-        ]
+        [[0.00022804, -1e-8, 3e-8], [-1e-8, 3.042e-05, 5.9e-7], [3e-8, 5.9e-7, 0.00023474]]
     )
     second = 0.5 * np.trace(moments) * np.eye(3) - moments
     A = np.diag([1.0, 1.6, 1.0])

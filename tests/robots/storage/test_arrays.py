@@ -11,12 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robots.storage.arrays import (
-    MAX_BYTES,
-    ArchiveError,
-    load_arrays,
-    save_arrays,
-)
+from robots.storage.arrays import MAX_BYTES, ArchiveError, load_arrays, save_arrays
 
 ARRAYS = {
     "text": np.array("sit-up"),

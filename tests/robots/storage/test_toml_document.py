@@ -6,13 +6,7 @@ import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.storage.toml_document import (
-    commented,
-    in_line,
-    one_a_line,
-    table_of,
-    tables_of,
-)
+from robots.storage.toml_document import commented, in_line, one_a_line, table_of, tables_of
 
 KEYS = st.text(min_size=1, max_size=8)
 VALUES = st.integers(-9, 9) | st.booleans() | st.text(max_size=8) | st.floats(allow_nan=False)

@@ -14,12 +14,7 @@ pytest.importorskip("rsl_rl")
 import torch
 from tensordict import TensorDict
 
-from sim2real.training.checkpoint import (
-    CHECKPOINT,
-    read_checkpoint,
-    restore_like,
-    write_checkpoint,
-)
+from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint, restore_like, write_checkpoint
 from sim2real.training.ppo import AVERAGE, UPDATES
 
 NEEDED = {"actor_state_dict": {}, AVERAGE: {}, UPDATES: 0, "iter": 0}

@@ -7,12 +7,7 @@ from pathlib import Path
 import pytest
 
 from robots import Robot
-from sim2real.training.config import (
-    RECIPE,
-    RECIPES,
-    TrainingRecord,
-    check_recipe,
-)
+from sim2real.training.config import RECIPE, RECIPES, TrainingRecord, check_recipe
 
 
 def make_record(**changes: object) -> dict:

@@ -48,13 +48,6 @@ def test_the_mean_reward_of_each_step_is_reported_unless_that_is_off(wrapped: Ge
     assert "rewards" in info
 
 
-def test_the_critic_observes_what_the_actor_does_and_more(env: RslEnv):
-    seen = env.get_observations()
-    width = seen["policy"].shape[1]
-    assert torch.equal(seen["critic"][:, :width], seen["policy"])
-    assert seen["critic"].shape[1] > width
-
-
 def test_symmetry_appends_the_mirror_images(env: RslEnv, action: ActionSpec):
     actions = torch.ones(4, action.size)
     both, doubled = mirror_batch(env, env.get_observations(), actions)

@@ -1,4 +1,4 @@
-"""The runner: its configuration, and the fit of a critic to a policy that is taken over."""
+"""The runner fits a critic to a policy that is taken over."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,21 +44,6 @@ def make(op3: Robot, action: ActionSpec, pool: StartPool, tmp_path: Path):
 
 def flatten(state: dict) -> "torch.Tensor":
     return torch.cat([value.flatten().float() for value in state.values()]).clone()
-
-
-def test_a_training_without_mirrors_learns_symmetry_and_one_with_them_has_it(
-    op3: Robot, action: ActionSpec, pool: StartPool
-):
-    mirrors = GetUpEnv(op3, action, pool, EnvOptions(robots=2, threads=1)).mirrors
-    plain, symmetric = build_config(RECIPE, 3), build_config(RECIPE, 3, mirrors)
-    for config, is_mirrored in ((plain, True), (symmetric, False)):
-        assert config["seed"] == 3
-        assert config["algorithm"]["symmetry_cfg"]["use_data_augmentation"] is is_mirrored
-    for name in ("actor", "critic"):
-        assert plain[name]["class_name"] == "MLPModel"
-        assert symmetric[name]["class_name"].endswith(":SymmetricModel")
-        assert symmetric[name]["hidden_dims"] == [8, 8]
-    assert "distribution_cfg" not in plain["critic"]
 
 
 def test_fitting_the_critic_leaves_the_policy_and_its_statistics_alone(make):

@@ -13,10 +13,7 @@ from humanoid_getup.policy.action import ActionSpec, choose_actions
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
 from sim2real.training.config import RECIPES
-from sim2real.training.networks.extension import (
-    FIRST_STD,
-    extend_actions,
-)
+from sim2real.training.networks.extension import FIRST_STD, extend_actions
 from sim2real.training.runner import build_config
 
 
@@ -43,10 +40,7 @@ def test_a_extended_policy_does_what_it_did_before(op3: Robot, action: ActionSpe
         seen = TensorDict({"policy": 1.0 + 2.0 * torch.randn(64, size)}, batch_size=[64])
         model.update_normalization(seen)
         model.eval()
-    state = {
-        "actor_state_dict": actor.state_dict(),
-        "critic_state_dict": critic.state_dict(),
-    }
+    state = {"actor_state_dict": actor.state_dict(), "critic_state_dict": critic.state_dict()}
     extended = extend_actions(state, list_terms(op3, action), narrow.names, action)
     wide_actor, wide_critic = make(many, action.size, "actor"), make(many + 5, 1, "critic")
     wide_actor.load_state_dict(extended["actor_state_dict"])

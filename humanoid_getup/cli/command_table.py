@@ -29,7 +29,7 @@ class TableEntry(NamedTuple):
 
     summary: str
     options: str = ""
-    """Class of its options: below ``cli.options``, or below ``jobs.requests``."""
+    """Class of its options, below ``jobs.requests``; with ``options.`` before it, below ``cli``."""
     work: str = ""
     """Function that runs it, below the folder of its section."""
     json: bool = False
@@ -39,67 +39,55 @@ class TableEntry(NamedTuple):
 COMMANDS = {
     "rise": TableEntry(
         "Get up from a fall by a planned motion or a policy.",
-        "requests.rise.RiseRequest",
+        "rise.RiseRequest",
         "rise.rise",
         json=True,
     ),
     "play": TableEntry(
-        "Play a rising motion and judge how it ends.",
-        "requests.rise.PlayRequest",
-        "rise.play",
-        json=True,
+        "Play a rising motion and judge how it ends.", "rise.PlayRequest", "rise.play", json=True
     ),
     "run": TableEntry(
-        "Run a policy once and judge how it ends.",
-        "requests.rise.RunRequest",
-        "rise.run_policy",
-        json=True,
+        "Run a policy once and judge how it ends.", "rise.RunRequest", "rise.run_policy", json=True
     ),
     "plan": TableEntry("Plan a path only, without physics.", "options.motions.Plan", "plan.plan"),
-    "sit": TableEntry(
-        "Sit and lie down from a stand.", "requests.rise.SitRequest", "rise.sit", json=True
-    ),
+    "sit": TableEntry("Sit and lie down from a stand.", "rise.SitRequest", "rise.sit", json=True),
     "hold": TableEntry(
         "Hold a robot in its stand until a key is pressed.",
-        "requests.rise.HoldRequest",
+        "rise.HoldRequest",
         "rise.hold",
         json=True,
     ),
     "fall": TableEntry(
         "Drop a limp robot, and write how it lies as a posture file.",
-        "requests.rise.FallRequest",
+        "rise.FallRequest",
         "rise.fall",
         json=True,
     ),
     "prior": TableEntry(
-        "Make the pose prior of styled policies.",
-        "requests.learning.PriorRequest",
-        "training.make_prior",
+        "Make the pose prior of styled policies.", "learning.PriorRequest", "training.make_prior"
     ),
     "train": TableEntry(
-        "Train a policy, or continue a training.",
-        "requests.learning.TrainRequest",
-        "training.train",
+        "Train a policy, or continue a training.", "learning.TrainRequest", "training.train"
     ),
     "eval": TableEntry(
         "Evaluate a policy on settled falls.",
-        "requests.learning.EvaluateRequest",
+        "learning.EvaluateRequest",
         "policies.evaluate",
         json=True,
     ),
     "export": TableEntry(
-        "Export the policy of a training.", "requests.learning.ExportRequest", "training.export"
+        "Export the policy of a training.", "learning.ExportRequest", "training.export"
     ),
     "policy": TableEntry("Import and check policies of other projects."),
     "policy import": TableEntry(
         "Make a policy that was trained elsewhere run here.",
-        "requests.learning.ImportPolicyRequest",
+        "learning.ImportPolicyRequest",
         "policies.import_policy",
         json=True,
     ),
     "policy check": TableEntry(
         "Compare an imported policy with a trace from where it was trained.",
-        "requests.learning.CheckPolicyRequest",
+        "learning.CheckPolicyRequest",
         "policies.check_policy",
         json=True,
     ),
@@ -110,11 +98,11 @@ COMMANDS = {
         "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
     ),
     "motions build": TableEntry(
-        "Build motions from keyframes.", "requests.motions.BuildRequest", "make_motions.build"
+        "Build motions from keyframes.", "motions.BuildRequest", "make_motions.build"
     ),
     "motions import": TableEntry(
         "Add keys from another program's file.",
-        "requests.motions.ImportKeysRequest",
+        "motions.ImportKeysRequest",
         "make_motions.import_motion",
     ),
     "motions record": TableEntry(
@@ -124,17 +112,17 @@ COMMANDS = {
     ),
     "motions preview": TableEntry(
         "Draw the keys of a motion and play them once.",
-        "requests.motions.PreviewRequest",
+        "motions.PreviewRequest",
         "make_motions.preview",
     ),
     "motions retarget": TableEntry(
         "Transfer the keyframes of another robot.",
-        "requests.motions.RetargetRequest",
+        "motions.RetargetRequest",
         "make_motions.retarget",
     ),
     "motions discover": TableEntry(
         "Find motions by a search in physics, or in a policy's rises.",
-        "requests.motions.DiscoverRequest",
+        "motions.DiscoverRequest",
         "make_motions.discover",
     ),
     "motions show": TableEntry(
@@ -142,19 +130,19 @@ COMMANDS = {
     ),
     "motions export": TableEntry(
         "Write a motion as CSV, or as a JointTrajectory of ROS.",
-        "requests.motions.ExportMotionRequest",
+        "motions.ExportMotionRequest",
         "motions.export",
         json=True,
     ),
     "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
     "bench all": TableEntry(
         "Measure a robot as one page that others can repeat.",
-        "requests.bench.BenchAll",
+        "bench.BenchAll",
         "bench.bench_all",
         json=True,
     ),
     "bench rise": TableEntry(
-        "Rise from many settled falls.", "requests.bench.BenchRise", "bench.bench_rise", json=True
+        "Rise from many settled falls.", "bench.BenchRise", "bench.bench_rise", json=True
     ),
     "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
@@ -214,73 +202,57 @@ COMMANDS = {
         "Restart a servo.", "options.servo.RebootServo", "servo.address.reboot"
     ),
     "servo reset": TableEntry(
-        "Set a servo to the values as shipped.",
-        "options.servo.ResetServo",
-        "servo.address.reset",
+        "Set a servo to the values as shipped.", "options.servo.ResetServo", "servo.address.reset"
     ),
     "watch": TableEntry(
         "Show a limp robot while a person turns it by hand.",
-        "requests.rise.WatchRequest",
+        "rise.WatchRequest",
         "watch.watch",
         json=True,
     ),
     "preflight": TableEntry(
         "Check whether a motion may be played.",
-        "requests.motions.PreflightRequest",
+        "motions.PreflightRequest",
         "preflight.preflight",
         json=True,
     ),
     "studio": TableEntry(
-        "Pose, plan and look in the browser.", "requests.look.StudioRequest", "studio.studio"
+        "Pose, plan and look in the browser.", "look.StudioRequest", "studio.studio"
     ),
     "replay": TableEntry(
-        "Replay a flight log and compare.",
-        "requests.look.ReplayRequest",
-        "replay.replay_log",
-        json=True,
+        "Replay a flight log and compare.", "look.ReplayRequest", "replay.replay_log", json=True
     ),
     "log": TableEntry("Export flight logs for other programs."),
     "log export": TableEntry(
         "Write a flight log as a ROS 2 bag.",
-        "requests.look.ExportLogRequest",
+        "look.ExportLogRequest",
         "replay.export_log",
         json=True,
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),
     "style list": TableEntry(
-        "List the named styles.",
-        "requests.style.ListStylesRequest",
-        "style.list_styles",
-        json=True,
+        "List the named styles.", "style.ListStylesRequest", "style.list_styles", json=True
     ),
     "style show": TableEntry(
-        "Print and draw the curves of styles.",
-        "requests.style.ShowStylesRequest",
-        "style.show",
-        json=True,
+        "Print and draw the curves of styles.", "style.ShowStylesRequest", "style.show", json=True
     ),
     "style edit": TableEntry(
-        "Raise sooner or later, slower, faster, hold.",
-        "requests.style.EditStyleRequest",
-        "style.edit",
+        "Raise sooner or later, slower, faster, hold.", "style.EditStyleRequest", "style.edit"
     ),
     "style extract": TableEntry(
         "Extract a style from a motion, a flight log or a clip.",
-        "requests.style.ExtractRequest",
+        "style.ExtractRequest",
         "style.extract",
     ),
     "mocap": TableEntry("Import clips of motion capture."),
     "mocap import": TableEntry(
         "Make a motion of a robot from a clip.",
-        "requests.motions.ClipRequest",
+        "motions.ClipRequest",
         "make_motions.import_clip",
         json=True,
     ),
     "scenes": TableEntry(
-        "List or draw the scenes.",
-        "requests.style.ScenesRequest",
-        "style.list_scenes",
-        json=True,
+        "List or draw the scenes.", "style.ScenesRequest", "style.list_scenes", json=True
     ),
     "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
     "robots list": TableEntry(
@@ -288,7 +260,7 @@ COMMANDS = {
     ),
     "robots import": TableEntry(
         "Make a robot folder from an MJCF or URDF file.",
-        "requests.robots.ImportRequest",
+        "robots.ImportRequest",
         "import_robot.import_robot",
         json=True,
     ),
@@ -299,7 +271,7 @@ COMMANDS = {
     ),
     "robots export": TableEntry(
         "Write a robot's servos and controllers for ros2_control.",
-        "requests.robots.ExportRobotRequest",
+        "robots.ExportRobotRequest",
         "export_robot.export_robot",
         json=True,
     ),

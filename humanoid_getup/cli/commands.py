@@ -107,7 +107,7 @@ def write_help(group: str = "") -> str:
 def load_options(name: str) -> type[JobRequest]:
     """Import the options of a command."""
     command = COMMANDS[name]
-    package = "cli" if command.options.startswith("options.") else "jobs"
+    package = "cli" if command.options.startswith("options.") else "jobs.requests"
     options = _load(f"{package}.{command.options}")
     return with_json(options) if command.json else options
 

@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -15,14 +14,13 @@ from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 
-import numpy as np
 import pytest
 from run_getup import Run
 
 from drivers.errors import DriverError
 from humanoid_getup.cli import commands
 from humanoid_getup.cli.command_table import COMMANDS
-from humanoid_getup.cli.commands import load_work
+from humanoid_getup.cli.commands import load_options, load_work
 from humanoid_getup.cli.main import SIGNALS, main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.requests.shared import JobRequest
@@ -176,9 +174,18 @@ def loaded() -> dict[str, set[str]]:
     return {command: set(modules) for command, modules in json.loads(done.stdout).items()}
 
 
-@pytest.mark.parametrize("command", LIGHT)
-def test_help_imports_neither_numpy_nor_physics(command: str, loaded: dict[str, set[str]]):
-    assert {*HEAVY, "mujoco", "numpy"} & loaded[command] == set()
+def test_every_command_explains_itself_without_numpy_and_has_a_function(
+    loaded: dict[str, set[str]],
+):
+    for command in LIGHT:
+        assert {*HEAVY, "mujoco", "numpy"} & loaded[command] == set(), command
+    for command in ("robots", "motions list"):
+        assert "numpy" in loaded[command]
+        assert HEAVY & loaded[command] == set(), command
+    for name, command in COMMANDS.items():
+        if command.work:
+            assert callable(load_work(name))
+            assert load_options(name).__doc__
 
 
 def test_signals_are_handled_before_anything_is_loaded(loaded: dict[str, set[str]]):
@@ -279,25 +286,6 @@ def test_an_error_of_no_file_and_no_output_is_its_own_text(
     assert run("robots") == (2, "", "getup: no folder\n")
 
 
-@pytest.mark.parametrize("command", ["robots", "motions list"])
-def test_no_command_imports_what_it_does_not_need(command: str, loaded: dict[str, set[str]]):
-    assert "numpy" in loaded[command]
-    assert HEAVY & loaded[command] == set()
-
-
-@pytest.mark.parametrize("name", [name for name, command in COMMANDS.items() if command.options])
-def test_every_command_of_the_table_explains_itself(name: str, capsys: pytest.CaptureFixture[str]):
-    with pytest.raises(SystemExit) as left:
-        main([*name.split(), "--help"])
-    assert left.value.code == 0
-    assert capsys.readouterr().out.startswith(f"usage: getup {name} ")
-
-
-@pytest.mark.parametrize("name", [name for name, command in COMMANDS.items() if command.work])
-def test_every_command_of_the_table_has_a_function(name: str):
-    assert callable(load_work(name))
-
-
 def test_completions_know_the_options_of_every_command(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit):
         main(["--tyro-print-completion", "bash"])
@@ -347,39 +335,3 @@ def test_a_motion_is_shown_as_a_film_strip_or_not_at_all(run: Run):
         assert out == "film strip in new/strip.png\n"
         assert [path.name for path in Path("new").iterdir()] == ["strip.png"]
         assert Path("new/strip.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_robots_are_listed(run: Run, op3: Robot):
-    code, out, _ = run("robots", "--json", "-")
-    assert code == 0
-    rows = {row["name"]: row for row in json.loads(out)["robots"]}
-    assert list(rows) == ["human", "op3", "toddlerbot", "wolfgang"]
-    row = rows["op3"]
-    assert row["dof"] == 20
-    assert row["mass_kg"] == pytest.approx(3.147, abs=0.001)  # the sum of the links
-    assert row["neck_height_m"] == pytest.approx(op3.standing_neck_height)
-    assert row["motions"] == len(list((op3.folder / "motions").glob("*.npz")))
-    code, out, _ = run("robots")
-    assert code == 0
-    assert [line.split()[:2] for line in out.splitlines()[1:]] == [
-        ["human", "49"],
-        ["op3", "20"],
-        ["toddlerbot", "30"],
-        ["wolfgang", "20"],
-    ]
-
-
-@pytest.mark.slow  # half a minute
-def test_a_motion_is_built_into_a_users_own_robot(run: Run, op3: Robot):
-    robot = Path(shutil.copytree(op3.folder, "mine", ignore=shutil.ignore_patterns("motions")))
-    code, out, _ = run(
-        *("motions", "build", MOTION, "--robot", "mine"),
-        *("--generations", "1", "--engine", "local:1", "--prefer", "impact"),
-    )
-    assert code == 0
-    assert out == "built 1 of 1 into mine/motions\n"
-    assert [path.name for path in (robot / "motions").iterdir()] == [f"{MOTION}.npz"]
-    motion = Motion.load(robot / "motions" / f"{MOTION}.npz")
-    assert np.isfinite(motion.joint_target).all()
-    assert motion.provenance["generations"] == 1
-    assert motion.provenance["prefer"] == "impact"

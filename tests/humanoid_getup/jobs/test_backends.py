@@ -2,17 +2,24 @@
 
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bus_stories import Served, serving
 from paths import TINY
 
-from drivers import Command
+from drivers import Command, Twin
+from drivers.flight_log.writer import FlightLog
 from drivers.virtual_bus.serving.server import TimeMode
-from humanoid_getup.jobs.backends import open_backend
+from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.jobs.backends import BackendChoice, open_backend
+from humanoid_getup.jobs.get_up.recording import recording
+from humanoid_getup.jobs.get_up.session_hooks import NoOperator, SessionHooks
 from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.jobs.requests.rise import WatchRequest
+from humanoid_getup.jobs.requests.rise import SitRequest, WatchRequest
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
+from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE
 
 STALL = 0.05  # s, many times the margin of a reply in wall time
@@ -63,3 +70,14 @@ def test_what_the_driver_finds_that_forbids_no_motion_is_kept():
         with open_served(served) as choice:
             (warning,) = choice.warnings
     assert warning.startswith("joint 'l_hip' (id 1): homing offset is 5 ticks")
+
+
+def test_what_the_driver_found_is_shown_before_torque_comes_on(world: World, tmp_path: Path):
+    """Such as a joint that may be a whole turn from where it is taken to be."""
+    warning, shown = "joint 'l_el' (id 6): may be at -3.14 rad", list[Progress]()
+    choice = BackendChoice(backend=Twin(world), realtime=False, warnings=(warning,))
+    monitor, key = ProgressMonitor(shown.append), NoOperator()
+    with recording(FlightLog(tmp_path / "flight.mcap", world.robot), monitor.tell) as recorder:
+        hooks = SessionHooks(SitRequest(), choice, recorder, monitor, key)
+        hooks.begin(world, FULL_TORQUE, SessionOptions())
+    assert [progress.message for progress in shown] == [warning]

@@ -1,7 +1,6 @@
 """A replayed flight is what the command prints, with the postures of robot and twin."""
 
 import json
-import math
 import pickle
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,6 @@ from flight_recording import record_swing, twin_of
 from paths import TINY
 
 from drivers import Cycle, Twin
-from drivers.flight_log.reader import FlightRecord
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
@@ -160,13 +158,3 @@ def _copying(log: FlightLog):
         return cycle
 
     return copy
-
-
-def test_a_log_that_was_cut_off_is_replayed_as_far_as_it_goes(swing: Path, tmp_path: Path):
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(swing.read_bytes()[: math.floor(0.6 * swing.stat().st_size)])
-    flight = replayed(cut)
-    assert flight.record.truncated
-    assert 0 < flight.record.cycles < FlightRecord.load(swing).cycles
-    assert flight.report.is_exact
-    assert len(flight.measured.qpos) == len(flight.twin.qpos) == flight.record.cycles

@@ -167,25 +167,6 @@ def test_a_search_accepts_what_the_preflight_passes(
     assert accepts[0](find_motion(op3, "supine_sit_up_fast")) == failure
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--rises", "9"), "--rises is given, expected none without a policy"),
-        (("quick", "--budget", "9"), "--budget is given, expected none with a policy"),
-        (("quick", "--resume"), "--resume is given, expected none with a policy"),
-        (("--sides", "right"), "expected supine, prone or left"),
-        (("--budget", "0"), "--budget is 0 s, expected 1 to"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(
-    bare: Path, getup: Getup, options: tuple[str, ...], message: str
-):
-    code, _, err = getup(*options)
-    assert code == 2
-    assert message in err
-    assert not (bare / "unfinished").exists()
-
-
 @pytest.mark.slow
 def test_op3_finds_a_rise_from_its_back(
     op3: Robot, tmp_path: Path, getup: Getup, monkeypatch: pytest.MonkeyPatch
@@ -243,9 +224,11 @@ def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[
         (("--robot", "one,two", "--picture", "a.png"), "--picture is given, expected none with"),
         (("quick", "--robot", "one,two"), "--robot is one,two, expected one with a policy"),
         (("quick", "--robot", "one", "--engine", "local:2"), "--engine is given, expected none"),
+        (("quick", "--robot", "one", "--resume"), "--resume is given, expected none with a policy"),
+        (("--robot", "one", "--sides", "right"), "expected supine, prone or left"),
     ],
 )
-def test_options_that_do_not_fit_several_robots_are_refused(
+def test_options_that_do_not_fit_are_refused(
     two: list[Path],
     capsys: pytest.CaptureFixture[str],
     options: tuple[str, ...],

@@ -50,15 +50,6 @@ def test_eval_counts_every_class(policy: str, falls: str, tmp_path: Path):
     )
 
 
-def test_all_that_is_wrong_is_reported_at_once(policy: str, capsys: pytest.CaptureFixture[str]):
-    assert main(("eval", policy, "--n", "5", "--delay", "90", "--voltage", "0.1")) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert line == (
-        "getup: --n is 5, expected a multiple of 4, 4 to 1000000; "
-        "--delay is 90 ms, expected 0 to 60 ms; --voltage is 0.1 V, expected 1 to 30 V"
-    )
-
-
 @pytest.mark.parametrize("kept", [0, 100, -40])
 def test_a_damaged_set_of_falls_is_refused_in_one_line(
     policy: str, falls: str, kept: int, capsys: pytest.CaptureFixture[str]

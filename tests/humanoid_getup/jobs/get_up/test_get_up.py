@@ -136,20 +136,6 @@ def test_a_run_of_a_policy_reaches_another_process(lying: str):
 
 
 @pytest.mark.parametrize(
-    "request_",
-    [
-        hg.RiseRequest(origin="supine", out=Path("out"), key=("a.json",), then="sit"),
-        hg.PlayRequest(motion=SQUAT, backend="virtual", realtime=True),
-        hg.RunRequest(policy="robust", origin="left", torque_limit=2.5),
-        hg.SitRequest(backend="dynamixel", port=("/dev/ttyUSB0",)),
-        hg.HoldRequest(then="hand-over"),
-    ],
-)
-def test_a_request_reaches_another_process(request_: hg.RiseRequest):
-    assert pickle.loads(pickle.dumps(request_)) == request_
-
-
-@pytest.mark.parametrize(
     ("phase", "calls"),
     [
         ("opening the backend", 0),

@@ -19,7 +19,6 @@ from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up import watch as jobs
 from humanoid_getup.jobs.get_up.watch import watch
 from humanoid_getup.jobs.requests.rise import WatchRequest
@@ -231,17 +230,3 @@ def test_a_servo_that_misses_reads_is_named(tiny: Robot, monkeypatch: pytest.Mon
     assert done.last.findings == (
         "joint 'r_hip' did not answer 25 of 100 reads: check its cable and plug (getup doctor)",
     )
-
-
-@pytest.mark.parametrize(
-    ("options", "problem"),
-    [
-        ({"port": ("/dev/x",), "backend": "dynamixel", "origin": "prone"}, "--from is 'prone'"),
-        ({"port": ("/dev/x",), "backend": "dynamixel", "body": "arms=2"}, "--body is arms=2"),
-        ({"backend": "dynamixel"}, "requires --port"),
-        ({"seconds": 0.0}, "--seconds is 0 s"),
-    ],
-)
-def test_what_does_not_fit_is_refused(options: dict[str, Any], problem: str):
-    with pytest.raises(BadInputError, match=problem):
-        watch(WatchRequest(**options))

@@ -52,7 +52,7 @@ class DiscoveredMotions:
     """How near to a stand a search came from them."""
     goes_on: bool
     """Whether a search can go on from where it ended."""
-    picture: Path | None
+    picture: Path | None = None
     """Film strips of all motions, and of what came nearest to a stand; None without either, or
     with nothing to draw with."""
 
@@ -108,17 +108,7 @@ def _search(request: DiscoverRequest, monitor: ProgressMonitor) -> tuple[Discove
     if twice := sorted({a.name for a in robots if [b.name for b in robots].count(a.name) > 1}):
         raise BadInputError(f"--robot has {twice[0]} twice, expected robots of different names")
     robots = [robot for robot in robots if _is_searched(robot, request, monitor)]
-    return tuple(
-        DiscoveredMotions(
-            robot=robot,
-            motions=found.motions,
-            wanting=found.wanting,
-            nearest=found.nearest,
-            goes_on=MotionSearch.file(robot).exists(),
-            picture=None,
-        )
-        for robot, found in zip(robots, spread_searches(robots, request, monitor), strict=True)
-    )
+    return spread_searches(robots, request, monitor)
 
 
 def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonitor) -> bool:
@@ -171,7 +161,6 @@ def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMo
         motions=tuple(motion for each in found for motion in each.motions),
         wanting=tuple(each.start_class for each in found if not each.motions),
         goes_on=False,
-        picture=None,
     )
 
 
@@ -245,24 +234,13 @@ class SearchPiece:
     """The search ends when it is released."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SearchEnd:
-    """What a search found."""
-
-    motions: tuple[Motion, ...]
-    wanting: tuple[str, ...]
-    """Sides without a motion."""
-    nearest: tuple[NearestStand, ...]
-
-
 def spread_searches(
     robots: Sequence[Robot], request: DiscoverRequest, monitor: ProgressMonitor
-) -> list[SearchEnd]:
+) -> tuple[DiscoveredMotions, ...]:
     """Search for motions of robots, for each of which `check_begin` was called."""
-    several, found = len(robots) > 1, dict[str, SearchEnd]()
+    several = len(robots) > 1
 
-    def end(name: str, result: SearchEnd) -> None:
-        found[name] = result
+    def end(name: str, result: DiscoveredMotions) -> None:
         if several:
             wanting = f", none from {', '.join(result.wanting)}" if result.wanting else ""
             monitor.tell(f"{name}: {len(result.motions)} motions{wanting}")
@@ -272,7 +250,9 @@ def spread_searches(
         executor = stack.enter_context(starting(request, len(robots)))
         pieces = {
             robot.name: SearchPiece(
-                request=_share(robot, request),
+                request=make_worker_request(
+                    DiscoverRequest, request, robot=str(robot.folder), picture=None
+                ),
                 before=read_simulated(path)
                 if (path := MotionSearch.file(robot)).exists()
                 else None,
@@ -283,16 +263,10 @@ def spread_searches(
         }
         # Searches write into the folders of their robots: these are no version.
         work = partial(search_piece, 0 if is_here(executor) else 1)
-        do_pieces(work, pieces, executor, ended=end, monitor=monitor)
-    return [found[robot.name] for robot in robots]
+        return tuple(do_pieces(work, pieces, executor, ended=end, monitor=monitor).values())
 
 
-def _share(robot: Robot, request: DiscoverRequest) -> DiscoverRequest:
-    """Make the request of one robot."""
-    return make_worker_request(DiscoverRequest, request, robot=str(robot.folder), picture=None)
-
-
-def search_piece(threads: int, piece: SearchPiece) -> SearchEnd:
+def search_piece(threads: int, piece: SearchPiece) -> DiscoveredMotions:
     """Search for motions of a robot, in a worker."""
     request = piece.request
     piece.folder.check()
@@ -305,8 +279,10 @@ def search_piece(threads: int, piece: SearchPiece) -> SearchEnd:
     robot = load_robot(request)
     searching = MotionSearch(robot, request, monitor, before=piece.before, threads=threads)
     searching.run()
-    return SearchEnd(
+    return DiscoveredMotions(
+        robot=robot,
         motions=tuple(motion for each in searching.sides for motion in each.kept),
         wanting=searching.list_wanting(),
         nearest=searching.list_nearest(),
+        goes_on=MotionSearch.file(robot).exists(),
     )

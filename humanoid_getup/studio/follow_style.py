@@ -80,7 +80,6 @@ class StyledTwin:
     """
 
     def __init__(self, world: World) -> None:
-        """Prepare; nothing is loaded yet."""
         self.world = world
         self._policies: dict[str, OnnxPolicy] = {}
         self._settled: tuple[Posture, Twin] | None = None

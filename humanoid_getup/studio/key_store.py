@@ -31,7 +31,6 @@ class KeyDraft:
     """One motion at a time; every change can be undone."""
 
     def __init__(self) -> None:
-        """Begin without a motion."""
         self._states: list[Keyframes] = []
         self.when_changed: list[Callable[[Keyframes], None]] = []
         """Called after every change."""

@@ -119,7 +119,6 @@ class Squats:
     """Balanced squats of a robot on flat soles, from high to deep."""
 
     def __init__(self, robot: Robot) -> None:
-        """Prepare; the search is made when they are first asked for."""
         self._robot = robot
 
     def find(self, neck_share: float) -> tuple[Squat, Posture]:

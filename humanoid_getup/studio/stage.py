@@ -31,7 +31,6 @@ class Ghost:
     """Draws the bodies of a stage's ghost; batched meshes, as of the robot, are opaque."""
 
     def __init__(self, server: viser.ViserServer, model: mujoco.MjModel) -> None:
-        """Add its meshes, hidden."""
         self._frame = server.scene.add_frame("/ghost", show_axes=False, visible=False)
         self._bodies: dict[int, viser.MeshHandle] = {}
         for body in range(model.nbody):

@@ -52,7 +52,6 @@ class SetupFolder:
     """Elements that choose robot, body and scene; a change empties the page."""
 
     def __init__(self, page: Page, change: Callable[[StudioRequest], None]) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, self._change = page, change
         given, gui, folders = page.request, page.gui, page.folders
         robots = _unite(given.robot, [*list_robots(), *find_robots(folders)])

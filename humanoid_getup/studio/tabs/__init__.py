@@ -1,1 +1,1 @@
-"""Tabs of the page, a file each."""
+"""Tabs of the page; each adds its elements where its caller is adding elements."""

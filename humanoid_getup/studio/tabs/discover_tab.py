@@ -56,7 +56,6 @@ class DiscoverTab:
     """Elements that search motions of the page's robot, and show what was reached."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, robot = page, page.world.robot
         if page.request.body:
             page.gui.add_markdown(

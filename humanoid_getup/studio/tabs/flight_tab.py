@@ -44,7 +44,6 @@ class FlightTab:
     """Elements that open a flight log, and show the robot and its twin."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, gui = page, page.gui
         self._job: BackgroundJob[Any] | None = None
         self._saving: BackgroundJob[ReplayedFlight] | None = None

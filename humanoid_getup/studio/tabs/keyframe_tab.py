@@ -38,7 +38,6 @@ class KeyframeTab:
     """Elements that make a motion of postures."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, robot = page, page.world.robot
         self._editor, self._squats = KeyEditor(robot=robot), Squats(robot)
         self.draft = KeyDraft()

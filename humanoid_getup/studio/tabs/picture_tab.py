@@ -41,7 +41,6 @@ class PictureTab:
     """Elements that save pictures and videos, as seen by the browser in which they are pressed."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, self._tab, gui = page, page.tab, page.gui
         self._file = gui.add_text("File name", "studio", hint="without .png, .mp4 or .gif")
         gui.add_button("Save picture").on_click(self._answer(self._save_picture))

@@ -59,7 +59,6 @@ class PlanTab:
     """Elements that plan a rise from the posture of the page, and compare rises."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, gui = page, page.gui
         self._keys: list[Posture] = []
         self._kept: dict[str, ListedRise] = {}

@@ -44,7 +44,6 @@ class PoseTab:
     """Elements that pose the robot."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, gui = page, page.gui
         self._state = gui.add_markdown("")
         self._figures = ""
@@ -147,7 +146,6 @@ class FallList:
     """Elements that sample falls, and pose the robot in one of them."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page, gui = page, page.gui
         self._falls: list[Fall] = []
         self._number = self._sampled = 0

@@ -59,7 +59,6 @@ class StyleTab:
     """Elements that edit a style, and the board of its curves."""
 
     def __init__(self, page: Page) -> None:
-        """Add the elements where the caller is adding them."""
         self._page = page
         policies = [] if page.request.body else list_styled_policies(page.world.robot)
         if not policies:

@@ -98,8 +98,9 @@ class Ledger:
             self.done = {row[PART]: row[RESULT] for row in rows}
             recipe = dict(head[RECIPE])
         except (ValueError, TypeError, KeyError, RecursionError) as error:
+            problem = "not JSON" if isinstance(error, json.JSONDecodeError) else "it is damaged"
             raise ValueError(
-                f"{self.path}: it is damaged, expected a recipe and parts as they were written "
+                f"{self.path}: {problem}, expected a recipe and parts as they were written "
                 f"({STARTS_OVER})"
             ) from error
         check_recipe(self.path, self.recipe, recipe, STARTS_OVER)

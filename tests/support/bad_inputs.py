@@ -744,7 +744,6 @@ GROUPS: dict[str, list[Case]] = {
         case("robots import small.xml --out new --servo ''", "--servo is empty, expected a name"),
         case("robots import small.xml --out new --fix ,", "--fix is ',', expected a name between"),
     ],
-    "plan caches": [],
     "outputs": [
         case("replay empty.mcap --json empty.mcap", "--json: empty.mcap is read, too, expected"),
         case("robots check tiny --picture tiny/model.xml", "model.xml is a file of the robot"),

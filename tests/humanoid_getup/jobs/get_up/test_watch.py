@@ -83,13 +83,13 @@ def make_request(**options: Any) -> WatchRequest:
 @pytest.fixture
 def torque(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Every value that is written to a servo's Torque Enable."""
-    written, check = list[int](), VirtualServo._check_torque
+    written, switch = list[int](), VirtualServo._switch_torque
 
-    def note(servo: VirtualServo, value: int) -> int:
+    def note(servo: VirtualServo, value: int) -> None:
         written.append(value)
-        return check(servo, value)
+        switch(servo, value)
 
-    monkeypatch.setattr(VirtualServo, "_check_torque", note)
+    monkeypatch.setattr(VirtualServo, "_switch_torque", note)
     return written
 
 

@@ -161,24 +161,12 @@ class Page:
             ended: Called with its result; a job that failed or was cancelled is told on the page.
             over: Called at the end of any job, however it ended.
         """
-
         tab = self._find_tab()
-
-        def conclude(end: JobEnd[Result]) -> None:
-            self.answer(over, tab)(None)
-            if end.cancelled:
-                self.say("Cancelled.", tab)
-            elif end.result is None:
-                self.refuse(end.problem, tab)
-            else:
-                result = end.result
-                self.answer(lambda: ended(result), tab)(None)
-
         job = BackgroundJob(
             work,
             request,
             report=lambda progress: self._show_progress(progress, tab),
-            ended=conclude,
+            ended=self._conclude(ended, over),
         )
         self.jobs = [job, *(each for each in self.jobs if each.is_running)]
         return job
@@ -194,18 +182,27 @@ class Page:
             work: Does a request.
             ended: Called with each result, as a callback; a failure is told on the page.
         """
+        job = LatestJob(work, self._conclude(ended))
+        self._latest.append(job)
+        return job
 
+    def _conclude(
+        self, ended: Callable[[Result], None], over: Callable[[], None] = lambda: None
+    ) -> Callable[[JobEnd[Result]], None]:
+        """Make what answers the end of a job in the name of the tab that begins it."""
         tab = self._find_tab()
 
         def conclude(end: JobEnd[Result]) -> None:
-            if end.result is None:
-                return self.refuse(end.problem, tab)
-            result = end.result
-            return self.answer(lambda: ended(result), tab)(None)
+            self.answer(over, tab)(None)
+            if end.cancelled:
+                self.say("Cancelled.", tab)
+            elif end.result is None:
+                self.refuse(end.problem, tab)
+            else:
+                result = end.result
+                self.answer(lambda: ended(result), tab)(None)
 
-        job = LatestJob(work, conclude)
-        self._latest.append(job)
-        return job
+        return conclude
 
     def note_files(self) -> None:
         """Tell the tabs that there may be new files."""

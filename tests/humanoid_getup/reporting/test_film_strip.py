@@ -7,9 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from PIL import Image
 
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.reporting.figure import save_figure
+from humanoid_getup.reporting.video import write_video
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot, quaternion
 from robots.kinematics import place
@@ -88,3 +90,20 @@ def test_without_gl_the_answer_is_an_error_that_says_so(
         film_strip.NoRendererError, match=r"no GL to render with .*: cannot open a disp"
     ):
         film_strip.render_frames(op3, world.model, place(op3, world.model, op3.standing)[None])
+
+
+FRAMES = [np.full((8, 8, 3), 25 * number, np.uint8) for number in range(10)]
+
+
+@pytest.mark.parametrize("suffix", ["gif", "webp"])
+def test_every_picture_is_shown_for_the_time_of_the_rate(tmp_path: Path, suffix: str):
+    path = tmp_path / f"rise.{suffix}"
+    write_video(FRAMES, 20, path)
+    with Image.open(path) as video:
+        assert video.n_frames == len(FRAMES)
+        for number, frame in enumerate(FRAMES):
+            video.seek(number)
+            video.load()
+            assert video.info["duration"] == 50  # ms
+            shown = np.asarray(video.convert("RGB"), float)
+            assert np.abs(shown - frame).max() < 6.0

@@ -1,13 +1,17 @@
 """`getup rise`: what it says before it plans."""
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 from run_getup import Run
 
+from humanoid_getup.cli.main import main
 from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up import rise
+from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.retargeting import BODY
 from robots import Robot
 
 
@@ -29,3 +33,20 @@ def test_a_side_without_motion_is_warned_of_at_the_beginning(
         f"getup: 'op3' has no motion from {side}; next: getup motions discover --robot {mini}\n"
     )
     assert (code, error) == (2, (warning if side == "supine" else "") + "getup: that is all\n")
+
+
+BODY_TEXT = "shoulders=1.2"
+
+
+@pytest.mark.usefixtures("no_film")
+def test_a_flight_with_another_body_is_replayed_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "wide"
+    flown = f"play prone_push_up_gentle --body {BODY_TEXT} --out {out}"
+    assert main(flown.split()) == 0
+    assert json.loads((out / "report.json").read_text())["body"] == BODY_TEXT
+    assert Motion.load(out / "motion.npz").provenance[BODY] == BODY_TEXT
+    capsys.readouterr()
+    assert main(["replay", str(out / "flight.mcap"), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["about"]["body"] == BODY_TEXT

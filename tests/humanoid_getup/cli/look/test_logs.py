@@ -1,13 +1,17 @@
 """`getup replay`, as a person uses it."""
 
 import resource
+import sys
+from pathlib import Path
 
+import pytest
 from flight_recording import SECOND, Swing, twin_of
 from paths import TINY
 
 from drivers import Cycle, Ending, GuardLimits, SafetyGuard, run
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.cli import commands
+from humanoid_getup.cli.main import main
 
 
 def parse(*arguments: object) -> commands.Invocation:
@@ -40,3 +44,19 @@ def test_the_command_replays_what_a_full_disk_has_of_a_flight(tiny, tmp_path, ca
     message = " ".join(capsys.readouterr().out.split())
     assert "the twin moved exactly as logged" in message
     assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
+
+
+def test_without_the_extra_one_line_names_the_command_that_installs_it(
+    swing: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.delitem(sys.modules, "humanoid_getup.ros.rosbag", raising=False)
+    monkeypatch.setitem(sys.modules, "mcap_ros2", None)
+    monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
+    words = ["log", "export", str(swing), "--robot", str(TINY), "--rosbag2", str(tmp_path / "bag")]
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "pip install 'humanoid-getup[ros]'" in line
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""`getup replay`, as a person uses it."""
+"""`getup replay` and `getup log export`, as a person uses them."""
 
 import resource
 import sys

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from humanoid_getup.cli.shared.console import console_for, showing
+from humanoid_getup.cli.shared.console import console_for, do
 from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.evaluate_policy import EvaluatedCase
 from humanoid_getup.jobs.evaluate_policy import evaluate as judge
@@ -34,9 +33,7 @@ LEGEND = (
 
 def evaluate(command: EvaluateRequest) -> int:
     """Evaluate the policy; print a table of each case."""
-    with showing(command) as report:
-        found = judge(command, report)
-    write_json(found, command)
+    found = do(judge, command)
     console = console_for(command)
     for label, case in found.cases.items():
         text = f"{found.policy}, {label}; robots {found.trial}:\n\n{_tabulate(case)}\n"
@@ -73,9 +70,7 @@ def _format_spread(spread: Quantiles) -> str:
 
 def import_policy(command: ImportPolicyRequest) -> int:
     """Import a policy; print its description with sources, and notes."""
-    with showing(command) as report:
-        found = read_and_write(command, report)
-    write_json(found, command)
+    found = do(read_and_write, command)
     console = console_for(command)
     console.print(f"{command.network}: {found.format}, for robot '{found.robot}'", markup=False)
     for row in found.fields:
@@ -90,9 +85,7 @@ def import_policy(command: ImportPolicyRequest) -> int:
 
 def check_policy(command: CheckPolicyRequest) -> int:
     """Compare a policy with a trace; print a line for observations and one for actions."""
-    with showing(command) as report:
-        found = compare(command, report)
-    write_json(found, command)
+    found = do(compare, command)
     console = console_for(command)
     for compared in found.comparisons:
         console.print(compared.describe(), markup=False, soft_wrap=True)

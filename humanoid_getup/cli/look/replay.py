@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from humanoid_getup.cli.shared.console import console_for, showing
+from humanoid_getup.cli.shared.console import console_for, do, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT
 from humanoid_getup.cli.shared.output import write_json
 from humanoid_getup.jobs.export_log import export_log as write_bag
@@ -44,9 +44,7 @@ def _print(flight: ReplayedFlight, console: Console) -> None:
 
 def export_log(command: ExportLogRequest) -> int:
     """Export, and print what the bag contains."""
-    with showing(command) as report:
-        found = write_bag(command, report)
-    write_json(found, command)
+    found = do(write_bag, command)
     console = console_for(command)
     cut = f", cut off or damaged: {found.lost_bytes} bytes lost" if found.truncated else ""
     console.print(f"{found.robot}, {found.started}, {found.duration_s:.2f} s{cut}", markup=False)

@@ -8,9 +8,9 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.shared.console import console_for, make_table, showing
+from humanoid_getup.cli.shared.console import console_for, do, make_table, showing
 from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import find_json_target, write_json
+from humanoid_getup.cli.shared.output import find_json_target
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.requests.style import (
@@ -30,9 +30,7 @@ from humanoid_getup.style.style_editor import rise_time
 
 def list_styles(command: ListStylesRequest) -> int:
     """Print a table or JSON of the named styles."""
-    with showing(command) as report:
-        found = describe_all(command, report)
-    write_json(found, command)
+    found = do(describe_all, command)
     if find_json_target(command) is None:
         texts = ("style", "about")
         table = make_table((*texts, "curves", "duration [s]", "rises at [s]"), left=texts)
@@ -50,9 +48,7 @@ def list_styles(command: ListStylesRequest) -> int:
 
 def show(command: ShowStylesRequest) -> int:
     """Print the control points of styles; draw them."""
-    with showing(command) as report:
-        found = show_styles(command, report)
-    write_json(found, command)
+    found = do(show_styles, command)
     for row in found["styles"] if find_json_target(command) is None else ():
         _print_points(row)
     return DID_IT
@@ -105,9 +101,7 @@ def _span(values: list[float]) -> str:
 
 def list_scenes(command: ScenesRequest) -> int:
     """Print a table or JSON of the scenes, and draw one or all if a picture is requested."""
-    with showing(command) as report:
-        found = show_scenes(command, report)
-    write_json(found, command)
+    found = do(show_scenes, command)
     if find_json_target(command) is None:
         _print(found["scenes"])
     return DID_IT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,10 +14,12 @@ from rich.progress import TaskID
 from rich.status import Status
 from rich.table import Table
 
-from humanoid_getup.cli.shared.output import STANDARD_OUTPUT, find_json_target
+from humanoid_getup.cli.shared.output import STANDARD_OUTPUT, find_json_target, write_json
 from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.progress.callback import Progress, Report
 
+Request = TypeVar("Request", bound=JobRequest)
+Result = TypeVar("Result")
 SMALL_FIGURE = 0.1  # below which two decimals are too few
 ROUNDING = 1e-9  # below which a figure is 0
 WIDTH = 120  # characters of a line that goes to no terminal
@@ -69,6 +71,14 @@ def showing(command: JobRequest | None = None) -> Iterator[Report]:
         yield display.show
     finally:
         display.stop()
+
+
+def do(job: Callable[[Request, Report], Result], command: Request) -> Result:
+    """Do the job of a command, show its progress, and write its result as JSON."""
+    with showing(command) as report:
+        result = job(command, report)
+    write_json(result, command)
+    return result
 
 
 class ProgressDisplay:

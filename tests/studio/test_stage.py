@@ -4,8 +4,7 @@ import pytest
 pytest.importorskip("mjviser", reason="needs the studio extra")
 
 from humanoid_getup.simulation.world import World
-from humanoid_getup.studio.stage import contains, find_hull
-from humanoid_getup.studio.stage_model import build_model
+from humanoid_getup.studio.stage import build_model, contains, find_hull
 from robots import Robot, load_robot
 from robots.kinematics import place
 

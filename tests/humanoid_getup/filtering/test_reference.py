@@ -1,10 +1,13 @@
 """References: targets that lead by the servos' lag, and where the center of mass should be."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from humanoid_getup.filtering.ground_fit import GroundFit
 from humanoid_getup.filtering.reference import (
     Reference,
     compose,
@@ -124,3 +127,19 @@ def test_the_center_of_mass_continues_where_the_path_ends(world, op3, path, moti
         np.testing.assert_allclose(reference.com[row + ahead], here[0])
     rest = len(reference.com) - row
     assert rest == len(motion.time) - frame
+
+
+def test_legs_fit_the_ground_on_which_an_earlier_rollout_has_been(world, path, motion):
+    """Its place and heading count, but not its height; after its end, it stays there."""
+    asked = list[tuple[np.ndarray, ...]]()
+    fit = cast("GroundFit", SimpleNamespace(shift=lambda *at: asked.append(at) or 0.0 * at[2]))
+    compose(world, path, motion, 0, fit=fit)
+    (place, orientation, _), turn = asked[0], quaternion.from_yaw(0.5)
+    turned = quaternion.multiply(turn, orientation)
+    seen = np.concatenate([place + np.array([1.0, -2.0, 9.0]), turned], axis=1)[:10]
+    compose(world, path, motion, 0, fit=fit, seen=seen)
+    followed, heading, _ = asked[1]
+    np.testing.assert_allclose(followed[:10], place[:10] + np.array([1.0, -2.0, 0.0]))
+    np.testing.assert_allclose(followed[10:, :2], np.tile(followed[9, :2], (len(place) - 10, 1)))
+    np.testing.assert_allclose(followed[:, 2], place[:, 2])
+    assert quaternion.angle_between(heading[:10], turned[:10]).max() < 1e-6

@@ -262,8 +262,6 @@ def test_op3_finds_rises_from_its_back_that_disturbances_do_not_break(
     assert outcome.stood.mean() >= 0.5
 
 
-pytestmark = pytest.mark.usefixtures("few_postures")
-
 WORLDS = 2
 
 

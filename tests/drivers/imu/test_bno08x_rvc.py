@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from imu_bench import KINDS, PERIOD, ImuBench
+from nonempty import nonempty
 
 from drivers.imu.bno08x_rvc import FRAME_PERIOD, INDICES, decode_frame
 
@@ -27,7 +28,7 @@ def test_the_example_of_the_data_sheet_is_read_as_printed_there():
 
 
 def test_a_wrong_byte_anywhere_is_noticed():
-    for place in range(len(EXAMPLE)):
+    for place in nonempty(range(len(EXAMPLE))):
         spoiled = bytearray(EXAMPLE)
         spoiled[place] ^= 0x10
         assert decode_frame(bytes(spoiled)) is None, place

@@ -52,7 +52,8 @@ def test_it_weighs_65_kg_and_is_170_cm_tall_with_joints_at_zero(model):
 
 def test_segments_are_winters_shares_of_mass_and_height(model):
     for name, (mass, length) in nonempty(SHARES.items()):
-        for body in (model.body(f"{side}_{name}") for side in "lr"):
+        for side in ("l", "r"):
+            body = model.body(f"{side}_{name}")
             end = model.body_parentid.tolist().index(body.id)
             assert body.mass[0] == pytest.approx(mass * MASS, rel=1e-4), name
             reach = np.linalg.norm(model.body_pos[end])

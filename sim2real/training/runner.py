@@ -148,8 +148,9 @@ class TrainingRunner(OnPolicyRunner):
     def freeze_normalizers(self) -> None:
         """Keep the statistics of observations as they are."""
         self._frozen = True
-        for model in (self.alg._raw_actor, self.alg._raw_critic):
-            model.obs_normalizer.until = 1  # pyright: ignore[reportAttributeAccessIssue]
+        models: tuple[Any, ...] = (self.alg._raw_actor, self.alg._raw_critic)
+        for model in models:
+            model.obs_normalizer.until = 1
 
     def fit_critic(self, seed: int) -> list[float]:
         """Fit the critic to the returns of the present policy; return the error of each round.

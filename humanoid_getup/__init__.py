@@ -14,7 +14,6 @@ Each name is imported when it is first used.
 
 from __future__ import annotations
 
-import ast
 import os
 from importlib import import_module
 from pathlib import Path
@@ -22,10 +21,11 @@ from typing import Any
 
 from humanoid_getup.library_environment import prepare
 
+_STUB = Path(__file__).with_suffix(".pyi").read_text("utf-8")
 _HOMES = {
-    line.names[0].name: str(line.module)
-    for line in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
-    if isinstance(line, ast.ImportFrom)
+    words[-1]: words[1]  # from module import name as name
+    for words in map(str.split, _STUB.splitlines())
+    if words[:1] == ["from"]
 }
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]  (the stub has it)
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from humanoid_getup.progress.callback import Cancel, CancelledError, Report
-from humanoid_getup.progress.worker import GRACE, Worker, is_cancelled, report
+from humanoid_getup.progress.worker import GRACE, Worker, find_receiver, is_cancelled
 
 Result = TypeVar("Result")
 Request = TypeVar("Request")
@@ -84,7 +84,8 @@ class BackgroundJob(Generic[Result]):
 
 
 def _run(work: Callable[..., Any], request: object) -> Any:
-    return work(request, report, is_cancelled)
+    # Not `report`: within the pieces of a job it leads to the job itself.
+    return work(request, find_receiver(), is_cancelled)
 
 
 class LatestJob(Generic[Request, Result]):

@@ -31,6 +31,11 @@ def report(progress: Progress) -> None:
     _receive(progress)
 
 
+def find_receiver() -> Report:
+    """Return where reports of the work of this process go now."""
+    return _receive
+
+
 @contextmanager
 def passing_reports(receive: Report) -> Iterator[None]:
     """Pass the reports of work in this process to a function."""

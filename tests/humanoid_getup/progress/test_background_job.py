@@ -11,6 +11,7 @@ from waiting import wait_until
 
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
+from humanoid_getup.progress.worker import passing_reports, report
 
 TIMEOUT = 60.0  # s; a wait ends with its event
 
@@ -49,6 +50,17 @@ def test_a_job_reports_its_progress_and_its_result():
     assert seen == [Progress(phase="doubling"), Progress(message="easy")]
     assert ends == [JobEnd(result=42)]
     assert not job.is_running
+
+
+def nest(_: object, receive: Callable[[Progress], None], *__: object) -> None:
+    with passing_reports(receive):
+        report(Progress(phase="piece"))
+
+
+def test_a_job_passes_on_what_its_pieces_report():
+    seen = list[Progress]()
+    assert BackgroundJob(nest, None, report=seen.append).wait(TIMEOUT) == JobEnd(result=None)
+    assert seen == [Progress(phase="piece")]
 
 
 @pytest.mark.parametrize(("work", "problem"), [(fail, "no such robot"), (die, "process ended")])

@@ -40,7 +40,7 @@ HERE = Path(humanoid_getup.__file__).parents[1]
 PACKAGES = ("robots", "drivers", "humanoid_getup", "sim2real")
 PLUGINS = "plugins"
 _HG = {
-    "application": ("cli", "jobs", "__init__.py", "library_environment.py"),
+    "application": ("cli", "jobs", "__init__.py", "__init__.pyi", "library_environment.py"),
     "studio": ("studio",),
     "reporting, benchmarks": ("reporting", "benchmarks"),
     "planning, filtering, strategies": ("planning", "filtering", "strategies"),
@@ -115,7 +115,8 @@ def count(tree: Path) -> dict[str, Any]:
 
 def list_files(tree: Path) -> list[Path]:
     """List the files of Python that are installed, those of plugins included."""
-    packages = [file for name in PACKAGES for file in (tree / name).rglob("*.py")]
+    packages = [file for name in PACKAGES for file in (tree / name).rglob("*.py*")]
+    packages = [file for file in packages if file.suffix in (".py", ".pyi")]
     plugins = (tree / PLUGINS).rglob("*.py")
     return packages + [file for file in plugins if "tests" not in file.relative_to(tree).parts]
 

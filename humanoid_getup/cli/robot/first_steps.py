@@ -23,7 +23,7 @@ from robots.imu import IMU_PORT
 from robots.storage.files import write_atomically
 
 
-class Step(NamedTuple):
+class Task(NamedTuple):
     """A command of `getup`, what it is for, and what a person does before it."""
 
     name: str
@@ -33,48 +33,48 @@ class Step(NamedTuple):
     asks: str = ""
     """What a person adds as the last word of the command."""
 
-    def fill(self, known: dict[str, str]) -> Step:
+    def fill(self, known: dict[str, str]) -> Task:
         """Fill in what is known of the robot and its port."""
-        return Step(*(text.format_map(known) for text in self))
+        return Task(*(text.format_map(known) for text in self))
 
 
 LITTLE, GENTLE = 0.3, 0.6  # shares of the strongest servo's stall torque: in the air, and to rise
 # fmt: off
-LIST = Step("list", "Find the servos, and what they measure: one line for each.",
+LIST = Task("list", "Find the servos, and what they measure: one line for each.",
             "servo list --port {port}", "Supply them; close other programs on the port.")
 DESK = (
     LIST,
-    Step("id", "Give a servo that is alone on the port another id.", "servo id --port {port}",
+    Task("id", "Give a servo that is alone on the port another id.", "servo id --port {port}",
          "Unplug all servos but one.", "new id"),
-    Step("read", "Read its supply and its temperature.",
+    Task("read", "Read its supply and its temperature.",
          "servo read present_input_voltage present_temperature --port {port}"),
-    Step("monitor", "See its angle follow your hand.", "servo monitor --port {port}",
+    Task("monitor", "See its angle follow your hand.", "servo monitor --port {port}",
          "Turn the horn where its torque is off; q ends it."),
-    Step("move", "Move it by 10°: the first torque.", "servo move --by 10 --port {port}",
+    Task("move", "Move it by 10°: the first torque.", "servo move --by 10 --port {port}",
          "Fasten it, its horn free; any key stops it."),
 )
 ROBOT = (
     LIST,
-    Step("ids", "Give each servo its id and baud rate, one at a time.", "servo setup {on}",
+    Task("ids", "Give each servo its id and baud rate, one at a time.", "servo setup {on}",
          "Skip it unless the list lacks an id, or shows one twice."),
-    Step("doctor", "Check every servo, the IMU and the timing; nothing moves.",
+    Task("doctor", "Check every servo, the IMU and the timing; nothing moves.",
          "doctor {on}"),
-    Step("signs", "Measure which way each servo turns.", "calibrate {on} --signs",
+    Task("signs", "Measure which way each servo turns.", "calibrate {on} --signs",
          "Hang the robot up, or lay it down; then turn one joint after the other."),
-    Step("zeros", "Measure the zeros of the servos.", "calibrate {on} --at {posture}",
+    Task("zeros", "Measure the zeros of the servos.", "calibrate {on} --at {posture}",
          "Hold the robot in this posture: {posture}."),
-    Step("watch", "Compare angles and IMU with the robot.", "watch --backend dynamixel {on}",
+    Task("watch", "Compare angles and IMU with the robot.", "watch --backend dynamixel {on}",
          "Turn joints by hand and lay the robot on each side; q ends it."),
-    Step("move", "Move a joint by 5°: the first torque, and little of it.",
+    Task("move", "Move a joint by 5°: the first torque, and little of it.",
          "servo move {on} --torque-limit {little} --by 5 --joint",
          "Hang the robot up with its limbs free; any key stops it.", "joint"),
 )
-DISCOVER = Step("motions", "Find motions for this body in physics; it takes a while.",
+DISCOVER = Task("motions", "Find motions for this body in physics; it takes a while.",
                 "motions discover --robot {robot}")
-PREFLIGHT = Step("preflight", "Check in simulation that {motion} works with little torque.",
+PREFLIGHT = Task("preflight", "Check in simulation that {motion} works with little torque.",
                  "preflight {motion} --robot {robot} --torque-limit {limit}",
                  "Where it does not stand, leave, and begin again with more --torque-limit.")
-RISE = Step("rise", "Get up once, gently; then {then}.",
+RISE = Task("rise", "Get up once, gently; then {then}.",
             "{way} --backend dynamixel {on} --torque-limit {limit} --then {end} --out {out}/rise",
             "Lay the robot on its back, a meter free on all sides; any key stops it.")
 # fmt: on
@@ -127,7 +127,7 @@ def run_getup(*words: str) -> int:
             raise
 
 
-def list_steps(command: FirstSteps, robot: Robot | None, folder: Path) -> list[Step]:
+def list_steps(command: FirstSteps, robot: Robot | None, folder: Path) -> list[Task]:
     """List the steps of a robot, as far as they are known, or those of servos on a desk."""
     first = next((word for word in command.port if not word.startswith(f"{IMU_PORT}=")), "")
     known = {"port": shlex.quote(first.rpartition("=")[2])}

@@ -17,7 +17,7 @@ from robots import Robot, load_robot
 PORT = ("/dev/ttyUSB0",)
 
 
-def list_steps(name: str, **changes) -> dict[str, first_steps.Step]:
+def list_steps(name: str, **changes) -> dict[str, first_steps.Task]:
     command = FirstSteps(robot=name, port=PORT, **changes)
     robot = None if command.desk else load_robot(name)
     return {step.name: step for step in first_steps.list_steps(command, robot, Path("out"))}

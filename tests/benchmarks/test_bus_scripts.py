@@ -14,6 +14,7 @@ from inject_faults import FaultOptions, is_harmed
 from drivers.dynamixel.servo_states import ServoStates
 
 
+@pytest.mark.slow
 def test_each_fault_ends_safely_or_is_bridged(tmp_path: Path):
     names = ("one reply late", "servo dead", "overload latch", "command of NaN", "unplugged")
     file = tmp_path / "faults.json"
@@ -74,6 +75,7 @@ def test_ways_down_are_played_under_each_limit_by_processes_as_by_one(tmp_path: 
     assert len({case["peak_torque_nm"]["median"] for case in here["cases"].values()}) == 3
 
 
+@pytest.mark.slow
 def test_the_filter_is_timed_beside_bare_physics(capsys: pytest.CaptureFixture[str]):
     filter_speed.main(filter_speed.FilterOptions(n=1))
     assert "one_thread" in capsys.readouterr().out

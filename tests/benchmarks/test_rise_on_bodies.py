@@ -28,6 +28,7 @@ def small_body(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(HEADS, NAME, 0.58)
 
 
+@pytest.mark.slow
 def test_a_body_without_motions_is_counted_with_honest_zeros(repository: Repository, tmp_path):
     file = tmp_path / "bodies.json"
     options = BodyOptions(

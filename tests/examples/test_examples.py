@@ -86,6 +86,7 @@ def test_the_work_of_commands_runs_as_the_page_shows_it(tmp_path, capsys, monkey
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_and_holds_no_output(tmp_path: Path):
     cells = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]

@@ -77,6 +77,7 @@ def test_obstacles_touch_none_of_the_postures_that_stay_free(humanoid: Robot):
     assert touched.isdisjoint(obstacle.name for obstacle in obstacles)
 
 
+@pytest.mark.slow
 def test_the_cost_is_measured_with_every_number_of_joints_and_obstacles(tmp_path: Path):
     seen = []
     options = {"seed": 0, "each": 2, "joints": (20, 49), "obstacles": (0, 8)}

@@ -66,6 +66,7 @@ def test_a_weak_supply_saturates_sooner_where_the_gain_does_not_shrink_with_it(o
     assert np.array_equal(sent, target) is not yields
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_caught_under_the_body_does_not_trip_its_servos(monkeypatch):
     """ToddlerBot on its front: without yielding, an elbow or a shoulder presses for too long."""
     robot = load_robot("toddlerbot")

@@ -50,6 +50,7 @@ def test_a_worker_that_does_not_share_the_folder_builds_nothing(copied_op3: Path
     assert not (copied_op3 / "unfinished").exists()
 
 
+@pytest.mark.slow
 def test_a_build_on_another_machine_ends_after_the_generation_in_which_it_is_released(
     copied_op3: Path,
 ):

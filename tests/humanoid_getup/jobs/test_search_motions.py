@@ -191,6 +191,7 @@ def two(bare: Path) -> list[Path]:
     return folders
 
 
+@pytest.mark.slow
 def test_several_robots_are_searched_in_one_command(
     two: list[Path], capsys: pytest.CaptureFixture[str]
 ):
@@ -202,6 +203,7 @@ def test_several_robots_are_searched_in_one_command(
     assert Path("one_motions.png").exists() and Path("two_motions.png").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_film")
 def test_a_cancelled_search_of_several_robots_is_resumed_where_it_was(two: list[Path]):
     reports = list[Progress]()

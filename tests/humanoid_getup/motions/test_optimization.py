@@ -76,6 +76,7 @@ def test_a_preference_replaces_what_the_keyframes_weigh(world, keyframes, trace)
     np.testing.assert_array_equal(*costs)
 
 
+@pytest.mark.slow
 def test_keyframes_that_nearly_succeed_are_improved_by_the_worlds_in_which_they_fail(
     world, op3, monkeypatch
 ):

@@ -51,6 +51,7 @@ def test_a_run_is_resumed_and_ends_the_same(op3: Robot, tmp_path: Path, run: Run
     assert "made with another seed (0, now 1)" in error
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_film")
 def test_workers_measure_what_one_process_measures(op3: Robot, tmp_path: Path, run: Run):
     folder = tmp_path / "mine"

@@ -66,6 +66,7 @@ def test_a_start_inside_a_block_is_refused_in_one_line(op3: Robot):
         sample_falls(world, {"prone": 1}, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_sampling_ends_where_no_robot_comes_to_lie_as_requested(
     op3: Robot, monkeypatch: pytest.MonkeyPatch
 ):

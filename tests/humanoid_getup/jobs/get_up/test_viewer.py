@@ -112,6 +112,7 @@ def test_mp4_without_its_package_is_refused_before_the_robot_moves(
         play_motion(PlayRequest(motion=MOTION, video=Path("rise.mp4")))
 
 
+@pytest.mark.slow
 def test_a_video_shows_the_whole_run_at_its_own_speed(tmp_path: Path):
     finished = play_motion(PlayRequest(motion=MOTION, video=tmp_path / "rise.gif"))
     if finished.report.warnings and "no GL" in finished.report.warnings[-1]:

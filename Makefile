@@ -72,7 +72,7 @@ rise: $(VENV)/core  ## Get an OP3 up that fell on its back; report, pictures, vi
 	$(BIN)/getup rise --robot op3 --from supine --seed 0 --out out/rise --video out/rise/rise.webp
 	@echo
 	@echo "The rise: out/rise/rise.webp, as pictures out/rise/strip.png, its figures out/rise/report.json"
-	@echo "Next:     $(BIN)/getup rise --from prone --seed 3 --view     another fall, in a window"
+	@echo "Next:     $(BIN)/getup rise --from prone --seed 3 --view     another fall, in a window (needs a display)"
 	@echo "          $(BIN)/getup robots                                the robots at hand"
 	@echo "          docs/how-to/your_robot.md                          a body of your own"
 

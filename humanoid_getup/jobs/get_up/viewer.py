@@ -40,7 +40,9 @@ def viewing(
         yield lambda _: None
         return
     if not has_display():
-        raise BadInputError("--view: no window can be opened, expected a display")
+        raise BadInputError(
+            "--view: no window can be opened, expected a display: log in with ssh -X, or leave it out"
+        )
     window, pacer = _Window(world), None if realtime else Pacer(world.robot.control_period)
 
     def show(cycle: Cycle) -> None:

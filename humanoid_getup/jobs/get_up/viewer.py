@@ -41,7 +41,7 @@ def viewing(
         return
     if not has_display():
         raise BadInputError(
-            "--view: no window can be opened, expected a display: log in with ssh -X, or leave it out"
+            "--view: no window can be opened, expected a display: use ssh -X, or leave it out"
         )
     window, pacer = _Window(world), None if realtime else Pacer(world.robot.control_period)
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mirror_images import mirror_posture
 
 from humanoid_getup.motions.posture_metric import (
+    SEGMENT_WEIGHT,
     PostureMetric,
     align,
     aligned_orientation_distance,
@@ -110,3 +111,9 @@ def test_an_aligned_posture_is_turned_by_the_best_yaw_and_keeps_its_height(seed:
     left = 0.5 * quaternion.angle_between(a.orientation, aligned.orientation)
     assert abs(left - aligned_orientation_distance(a.orientation, b.orientation)) < 1e-9
     np.testing.assert_allclose(aligned.gravity_b, b.gravity_b, atol=1e-9)
+
+
+def test_segments_that_the_op3_lacks_weigh_what_the_paper_says():
+    """[Lin12], section 5."""
+    names = ("wrist", "hand", "finger", "thumb", "toes")
+    assert [SEGMENT_WEIGHT[name] for name in names] == [0.5, 0.3, 0.1, 0.1, 0.1]

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.description.servo_catalog import servo_models
-from robots.model_import.servo_choice import choose_servos
+from robots.model_import.servo_choice import choose_servos, describe_motor
 from robots.model_import.source import ActuatorFigures, ModelImportError
 
 JOINTS = ("l_knee", "r_knee", "l_elbow", "r_elbow")
@@ -105,3 +105,13 @@ def test_only_servos_that_the_driver_speaks_to_are_guessed(weight: float, effort
 def test_a_joint_stronger_than_servos_is_refused():
     with pytest.raises(ModelImportError, match="torque limit of 300 N·m, expected at most 200"):
         choose({"l_knee": 300.0}, weight=80.0, leg_length=1.0)
+
+
+@given(effort=TORQUES, supply=st.floats(5.0, 48.0))
+def test_a_motors_current_is_that_of_its_power(effort: float, supply: float):
+    """At a stall, watts per newton meter are those of the XM540-W270, whatever the supply."""
+    like = servo_models()["XM540-W270"]
+    motor = describe_motor(effort, 6.0, supply, 5.0)
+    power = motor["stall_current"] * motor["nominal_voltage"] / motor["stall_torque"]
+    own = like.stall_current * like.nominal_voltage / like.stall_torque
+    assert power == pytest.approx(own, rel=0.01, abs=0.01 * supply / effort)

@@ -11,7 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robots.storage.arrays import MAX_BYTES, ArchiveError, load_arrays, save_arrays
+from robots.storage.arrays import (
+    MAX_BYTES,
+    ArchiveError,
+    load_arrays,
+    save_arrays,
+    to_numbers,
+    to_text,
+)
 
 ARRAYS = {
     "text": np.array("sit-up"),
@@ -195,3 +202,19 @@ def test_a_file_beyond_its_limit_is_refused(tmp_path: Path):
     (tmp_path / "a.npz").write_bytes(bytes(1001))
     with pytest.raises(ArchiveError, match="more than 1000 bytes"):
         load_arrays(tmp_path / "a.npz", ("a",), max_bytes=1000)
+
+
+def test_texts_and_numbers_are_distinguished_from_each_other():
+    assert to_text(np.array("a"), "key") == "a"
+    assert to_numbers(np.array([1, 2]), "key", (None,)).tolist() == [1.0, 2.0]
+    for wrong in (np.array(["a"]), np.array(1.0)):
+        with pytest.raises(ArchiveError, match="key is not a text"):
+            to_text(wrong, "key")
+    for wrong, message in (
+        (np.array("a"), "not an array of numbers"),
+        (np.zeros(3), r"shape \(3,\), expected \(any, 2\)"),
+        (np.zeros((3, 1)), r"shape \(3, 1\), expected \(any, 2\)"),
+        (np.array([[1.0, np.inf]]), "holds inf, expected finite"),
+    ):
+        with pytest.raises(ArchiveError, match=message):
+            to_numbers(wrong, "key", (None, 2))

@@ -92,7 +92,7 @@ def first_steps(command: FirstSteps) -> int:
     try:
         kept = dict(json.loads(file.read_text("utf-8"))) if file.exists() else {}
     except (ValueError, TypeError) as error:
-        raise BadInputError(f"{file} is damaged ({error}): remove it to begin anew") from error
+        raise BadInputError(f"{file} is damaged ({error}): remove it to start over") from error
     while step := next((s for s in list_steps(command, robot, folder) if s.name not in kept), None):
         console.print(f"\n[bold]step {len(kept) + 1}, {step.name}[/]: {escape(step.aim)}")
         if step.before:

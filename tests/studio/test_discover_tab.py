@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("viser", reason="needs the studio extra")
+
 from searched_robot import copy_bare_robot, search_a_little, store
 from studio_page import StudioPage, open_studio
 

@@ -3,13 +3,15 @@ from http import HTTPStatus
 
 import pytest
 
-pytest.importorskip("websockets", reason="needs the studio extra")
+pytest.importorskip("viser", reason="needs the studio extra")
 
 import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from humanoid_getup.studio.studio import PageGuard
+
+pytestmark = pytest.mark.studio
 
 OPEN = PageGuard.for_address("127.0.0.1", 8090)
 CLOSED = PageGuard.for_address("0.0.0.0", 8090)

@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("viser", reason="needs the studio extra")
+
 from nonempty import nonempty
 from searched_robot import copy_bare_robot, search_a_little, store
 
@@ -19,6 +22,8 @@ from humanoid_getup.studio.boards.state_board import WAY_UP, MappedState, read_s
 from robots import load_robot
 from robots.robot import Robot
 from robots.storage.arrays import save_arrays
+
+pytestmark = pytest.mark.studio
 
 
 @pytest.fixture(scope="module")

@@ -72,11 +72,7 @@ class GuardLimits:
                 raise ValueError(f"guard limits: {name} is {values}, expected 0 or more")
 
     def check_range(self, robot: Robot) -> None:
-        """Check that the range of each target lies within that of its joint.
-
-        Raises:
-            ValueError: naming every joint of which it does not.
-        """
+        """Check that the range of each target lies within that of its joint."""
         outside = ~((self.lower >= robot.lower) & (self.upper <= robot.upper))
         if problems := [
             f"joint '{robot.joint_names[i]}': {self.lower[i]:+.3f} to {self.upper[i]:+.3f} rad, "

@@ -57,11 +57,7 @@ class Body:
 
     @classmethod
     def parse(cls, text: str) -> Body:
-        """Make the body that a text such as ``arms=1.6,torso=2.2`` describes.
-
-        Raises:
-            BodyError: naming all that is wrong in it.
-        """
+        """Make the body that a text such as ``arms=1.6,torso=2.2`` describes."""
         factors: dict[str, float] = {}
         problems: list[str] = []
         for item in text.split(",") if text.strip() else []:

@@ -36,11 +36,7 @@ class TorqueLimit:
             )
 
     def on(self, robot: Robot) -> TorqueLimit:
-        """Return this limit with the mode in which a robot's servos apply it.
-
-        Raises:
-            ValueError: if they do not have the mode, or cannot make that torque.
-        """
+        """Return this limit with the mode in which a robot's servos apply it."""
         by = robot.limit_by if self.by is None else self.by
         check_mode(robot, by)
         full = float(robot.max_torque.max())
@@ -74,12 +70,7 @@ FULL_TORQUE = TorqueLimit()
 
 
 def check_torque_limit(limit: TorqueLimit, robot: Robot) -> TorqueLimit:
-    """Return a torque limit with the mode in which a robot's servos apply it.
-
-    Raises:
-        ValueError: if it is anything else, such as a number, or if the servos do not have its mode
-            or its torque.
-    """
+    """Return a torque limit with the mode in which a robot's servos apply it."""
     expect("torque_limit", limit, TorqueLimit, "a TorqueLimit, e.g. TorqueLimit(2.5)")
     return limit.on(robot)
 

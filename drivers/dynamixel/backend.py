@@ -162,11 +162,8 @@ class DynamixelBackend(Backend):
     def connect(self) -> None:
         """Open the ports, diagnose and configure all devices, and measure once.
 
-        Torque is off from here on. Harmless if it is connected already.
-
-        Raises:
-            PortError: if a port does not open.
-            DiagnosticsError: listing all that is wrong.
+        Torque is off from here on. Harmless if it is connected already. Raises `PortError`, or one
+        `DiagnosticsError` that lists all that is wrong.
         """
         if self._connected:
             return
@@ -381,10 +378,7 @@ class DynamixelBackend(Backend):
         """Restart a joint's servo and configure it, torque off, its goal at its position.
 
         This clears a latched hardware error, so it should be decided by a person. It takes
-        half a second, in which all other joints should have no torque either.
-
-        Raises:
-            SetupError: if the joint has torque, or the servo does not come back.
+        half a second, in which all other joints should have no torque either. Raises `SetupError`.
         """
         self._check_connected()
         row = self.robot.joint_names.index(joint)

@@ -299,9 +299,6 @@ def table_named(model: str, firmware: int | None = None) -> ControlTable:
     Args:
         model: Name of a model, such as "XM430-W350", or of a type of servo that has its table.
         firmware: Firmware version of the device; None for the newest known.
-
-    Raises:
-        UnknownModelError: if there is no such model.
     """
     if model not in table_names():
         raise UnknownModelError(model)

@@ -45,11 +45,7 @@ def checksum(body: bytes) -> int:
 
 
 def seal(device: int, code: int, params: bytes) -> bytes:
-    """Build a frame.
-
-    Raises:
-        ValueError: if it is too long for its length field.
-    """
+    """Build a frame."""
     if len(params) + 2 > 0xFF:
         raise ValueError(f"a frame has {len(params)} bytes of parameters, expected at most 253")
     body = bytes((device, len(params) + 2, code)) + params
@@ -60,11 +56,7 @@ def seal(device: int, code: int, params: bytes) -> bytes:
 
 
 def narrow(packet: Packet) -> bytes:
-    """Return an instruction's parameters with addresses and lengths of one byte.
-
-    Raises:
-        ValueError: if one needs more, or it is a reset that keeps something.
-    """
+    """Return an instruction's parameters with addresses and lengths of one byte."""
     kind, params = packet.instruction, packet.params
     if kind in ADDRESSED and len(params) >= 2:
         words = 2 if kind == Instruction.READ else 1
@@ -214,11 +206,7 @@ class Frame1:
     overhead: int = PREFIX + 2
 
     def encode(self, packet: Packet) -> bytes:
-        """Build the frame of an instruction.
-
-        Raises:
-            ValueError: if the protocol has no such instruction, or a number does not fit.
-        """
+        """Build the frame of an instruction."""
         return seal(packet.id, packet.instruction, narrow(packet))
 
     def encode_status(self, status: Status) -> bytes:

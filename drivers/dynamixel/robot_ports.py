@@ -43,9 +43,6 @@ def build_ports(
 
     ``paths`` names the device of each port, by its name in the robot's description; the other
     parameters are those of `DynamixelBus`.
-
-    Raises:
-        SetupError: if the robot has no bus, or servos that cannot be driven.
     """
     settings, ports = find_bus(robot), list[RobotPort]()
     for name, joints in settings.ports.items():

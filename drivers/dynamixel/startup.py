@@ -217,9 +217,6 @@ def measure_once(
     """Read every joint and the IMU once, so that every value comes from a measurement.
 
     Without an IMU, no sample is returned.
-
-    Raises:
-        DiagnosticsError: naming all devices that stay silent.
     """
     for _ in range(FIRST_READS):
         for chain in chains:

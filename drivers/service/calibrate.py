@@ -129,11 +129,7 @@ class Calibrator:
         return tuple(self._measured.values())
 
     def check(self) -> None:
-        """Check that the chosen joints' servos reply and can be calibrated.
-
-        Raises:
-            DiagnosticsError: listing all that cannot.
-        """
+        """Check that the chosen joints' servos reply and can be calibrated."""
         for joint in (measured.joint for measured in self.measured):
             if joint.servo.model.ticks_per_turn != TICKS_PER_TURN:
                 raise SetupError(
@@ -153,12 +149,7 @@ class Calibrator:
             raise DiagnosticsError(blocking)
 
     def measure_zeros(self, joint_pos: Array, orientation: Array | None = None) -> None:
-        """Compute zeros from the present positions at known angles [rad], (n,).
-
-        Raises:
-            SetupError: if the robot is not still.
-            SetupError: if the IMU does not measure the torso's orientation (4,), where known.
-        """
+        """Compute zeros from the present positions at known angles [rad], (n,)."""
         ticks = measure_ticks(self._bus, [m.joint for m in self.measured])
         if orientation is not None and self._bus.imu is not None:
             check_tilt(self._robot, self._bus.imu, orientation)
@@ -211,11 +202,7 @@ class Calibrator:
 
 
 def check_tilt(robot: Robot, imu: ImuSource, orientation: Array) -> None:
-    """Check that an IMU, if it replies, measures gravity as in a torso of an orientation (4,).
-
-    Raises:
-        SetupError: if it does not, with the axes with which it would.
-    """
+    """Check that an IMU, if it replies, measures gravity as in a torso of an orientation (4,)."""
     if (sample := imu.measure()) is None:
         return
     key, setting = "imu.axes", robot.imu.axes if robot.imu else AXES[0]
@@ -240,12 +227,7 @@ def check_tilt(robot: Robot, imu: ImuSource, orientation: Array) -> None:
 
 
 def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
-    """Measure the positions [ticks] of joints that are held still.
-
-    Raises:
-        SetupError: naming those that are not.
-        SetupError: naming those that do not reply.
-    """
+    """Measure the positions [ticks] of joints that are held still."""
     reads: list[dict[str, int]] = []
     for i in range(READS):
         if i:
@@ -263,11 +245,7 @@ def measure_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
 
 
 def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
-    """Read the positions of joints once [ticks].
-
-    Raises:
-        SetupError: naming those that do not reply after several tries.
-    """
+    """Read the positions of joints once [ticks]."""
     ticks: dict[str, int] = {}
     for _ in range(TRIES):
         for port in bus.ports:
@@ -288,11 +266,7 @@ def read_ticks(bus: RobotBus, joints: Sequence[Joint]) -> dict[str, int]:
 
 
 def check_ranges(measured: Sequence[JointMeasurement]) -> None:
-    """Check that every joint can reach its range within one turn of its servo, if any zero can.
-
-    Raises:
-        DriverError: naming those that cannot.
-    """
+    """Check that every joint can reach its range within one turn of its servo, if any zero can."""
     ranges = ", ".join(
         f"{name_of(m.joint)}: zero {m.zero_ticks} needs ticks {m.ticks[0]} to {m.ticks[1]}"
         for m in measured
@@ -306,12 +280,7 @@ def check_ranges(measured: Sequence[JointMeasurement]) -> None:
 
 
 def save(robot: Robot, measured: Sequence[JointMeasurement], path: Path) -> Calibration:
-    """Write measurements into a calibration file; its other joints stay as they are.
-
-    Raises:
-        OSError: if the file cannot be written.
-        CalibrationError: if there is a file that is damaged or another robot's.
-    """
+    """Write measurements into a calibration file; its other joints stay as they are."""
     old = Calibration.load(path, robot).joints if path.exists() else {}
     new = {m.joint.name: JointCalibration(zero_ticks=m.zero_ticks, sign=m.sign) for m in measured}
     joints = {name: (old | new)[name] for name in robot.joint_names if name in old or name in new}

@@ -57,11 +57,7 @@ class LooseServo:
         return f"{self.table.model} (id {self.id})"
 
     def find_item(self, register: str) -> Item:
-        """Find a register by name.
-
-        Raises:
-            SetupError: if the model has no such register, with those that have a similar name.
-        """
+        """Find a register by name."""
         if register in self.table:
             return self.table[register]
         near = get_close_matches(register, self.table.items, n=3)
@@ -69,12 +65,7 @@ class LooseServo:
         raise SetupError(f"{self.name} has no register '{register}', expected {expected}")
 
     def read(self, register: str) -> int:
-        """Read a register, in counts.
-
-        Raises:
-            SetupError: if the model has no such register.
-            ServoError: if it does not reply.
-        """
+        """Read a register, in counts."""
         item = self.find_item(register)
         value = self.bus.read_item(self.id, item)
         if value is None:
@@ -82,11 +73,7 @@ class LooseServo:
         return value
 
     def read_table(self) -> dict[str, int]:
-        """Read all registers but the indirect ones, by name, in counts.
-
-        Raises:
-            ServoError: if it does not reply.
-        """
+        """Read all registers but the indirect ones, by name, in counts."""
         names = [item.name for item in self.table if not item.name.startswith("indirect_")]
         values = read_items(self.bus, self.id, self.table, names)
         if values is None:
@@ -94,11 +81,7 @@ class LooseServo:
         return {name: values[name] for name in names}
 
     def check_write(self, register: str, value: int) -> Item:
-        """Check that a register may be written with a value; nothing is written.
-
-        Raises:
-            SetupError: if it may not, with what is expected.
-        """
+        """Check that a register may be written with a value; nothing is written."""
         item = self.find_item(register)
         if not item.writable:
             raise SetupError(f"{self.name}: {register} can only be read")
@@ -118,12 +101,7 @@ class LooseServo:
         return item
 
     def write(self, register: str, value: int) -> None:
-        """Write a register, in counts, and read it back.
-
-        Raises:
-            SetupError: if it may not be written like that, or the servo has torque.
-            ServoError: if it does not confirm, or reads back another value.
-        """
+        """Write a register, in counts, and read it back."""
         item = self.check_write(register, value)
         if register not in HARMLESS:
             self.check_released()
@@ -136,11 +114,7 @@ class LooseServo:
 
     @contextmanager
     def unlocked(self, item: Item) -> Iterator[None]:
-        """Make what is written to an item last without power, inside the block.
-
-        Raises:
-            ServoError: if it does not confirm that.
-        """
+        """Make what is written to an item last without power, inside the block."""
         if not item.eeprom:
             yield
             return
@@ -154,11 +128,7 @@ class LooseServo:
             raise ServoError(f"{self.name}: {NOT_LOCKED}")
 
     def unlock(self) -> None:
-        """Open the lock of what it keeps without power, where it has one.
-
-        Raises:
-            ServoError: if it does not confirm that; it is locked then, if it can be reached.
-        """
+        """Open the lock of what it keeps without power, where it has one."""
         if not self._set_lock(0):
             self.try_lock()
             raise ServoError(
@@ -176,11 +146,7 @@ class LooseServo:
         return self.bus.read_item(self.id, self.table[lock]) == value
 
     def check_released(self) -> None:
-        """Check that it has no torque.
-
-        Raises:
-            SetupError: if it has.
-        """
+        """Check that it has no torque."""
         if self.read("torque_enable"):
             raise SetupError(
                 f"{self.name} has torque, expected none: "
@@ -188,31 +154,18 @@ class LooseServo:
             )
 
     def check_instruction(self, instruction: Instruction, what: str, instead: str) -> None:
-        """Check that it knows an instruction.
-
-        Raises:
-            SetupError: if not, with what to do instead.
-        """
+        """Check that it knows an instruction."""
         if instruction not in self.table.instructions:
             raise SetupError(f"{self.name} knows no {what} over its bus: {instead}")
 
     def reboot(self) -> LooseServo:
-        """Restart it, and wait until it replies again.
-
-        Raises:
-            SetupError: if it knows no restart.
-            ServoError: if it does not reply.
-        """
+        """Restart it, and wait until it replies again."""
         self.check_instruction(Instruction.REBOOT, "restart", "switch its power off and on")
         _check_status(self, "reboot", self.bus.reboot(self.id, TRIES))
         return self.await_reply(self.id)
 
     def await_reply(self, servo_id: int) -> LooseServo:
-        """Wait until it replies at an id after a restart.
-
-        Raises:
-            ServoError: if it does not.
-        """
+        """Wait until it replies at an id after a restart."""
         until = time.monotonic() + BOOT_TIME
         with using_margin((self.bus,), BOOT_MARGIN):
             while time.monotonic() < until:
@@ -232,9 +185,6 @@ def open_servo(
         servo_id: Id of the servo; None for the only one on the port.
         baud: Baud rate [bit/s]; None for the first of `COMMON_RATES` at which it replies.
         protocol: What it speaks; None for that in which it replies.
-
-    Raises:
-        SetupError: if port, baud rate, id or protocol cannot be used.
     """
     with open_bus(path, COMMON_RATES[0] if baud is None else baud, protocol) as bus:
         yield find_servo(bus, servo_id, COMMON_RATES if baud is None else (baud,))
@@ -242,11 +192,7 @@ def open_servo(
 
 @contextmanager
 def open_bus(path: str, baud: int, protocol: str | None = None) -> Iterator[DynamixelBus]:
-    """Open a port at a baud rate [bit/s], to look for servos of a protocol, or of any.
-
-    Raises:
-        SetupError: if no servo has that baud rate, or the port does not open.
-    """
+    """Open a port at a baud rate [bit/s], to look for servos of a protocol, or of any."""
     try:
         check_rate(baud)
     except ValueError as error:
@@ -261,11 +207,7 @@ def open_bus(path: str, baud: int, protocol: str | None = None) -> Iterator[Dyna
 
 
 def find_servo(bus: DynamixelBus, servo_id: int | None, rates: Sequence[int]) -> LooseServo:
-    """Find a servo on an open port at one of several baud rates [bit/s], and stay at its rate.
-
-    Raises:
-        SetupError: if there is none, or if it is not named and there are several.
-    """
+    """Find a servo on an open port at one of several baud rates [bit/s], and stay at its rate."""
     found = find_servos(bus, rates, () if servo_id is None else (servo_id,))
     if len(found) > 1:
         listed = ", ".join(str(servo.id) for servo in found)
@@ -281,10 +223,6 @@ def find_servos(
     """Find the servos of some ids, or all, at the first of several baud rates with a reply.
 
     The port stays at that rate.
-
-    Raises:
-        SetupError: if there is none at any rate, or replies are garbled; naming those of ``ids``
-            that do not reply.
     """
     for find in (_find_by_ping, _find_by_sweep):  # which takes longer: a wait for each silent id
         for rate in rates:
@@ -319,11 +257,7 @@ def _find_by_sweep(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
 
 
 def _list_present(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
-    """List the servos of some ids that reply; boards are left out.
-
-    Raises:
-        UnknownModelError: if one is of an unknown model.
-    """
+    """List the servos of some ids that reply; boards are left out."""
     found = []
     for servo_id in ids:
         if (pong := bus.ping(servo_id, TRIES)) is not None:

@@ -36,10 +36,6 @@ def find_bench(
 
     Returns:
         The bench, and the stored settings that the driver changes before it moves the servo.
-
-    Raises:
-        SetupError: if the port cannot be used, the servo does not reply, or has no range.
-        DiagnosticsError: listing all that forbids motion.
     """
     with open_servo(path, servo_id, baud, protocol) as servo:
         found = diagnose(servo.bus, [_make_joint(servo)])
@@ -75,11 +71,7 @@ def _make_joint(servo: LooseServo) -> Joint:
 
 
 def check_target(robot: Robot, joint: int, angle: float) -> None:
-    """Check that a target [rad] is in the range of a joint, given by its number.
-
-    Raises:
-        SetupError: if it is not; nothing has moved.
-    """
+    """Check that a target [rad] is in the range of a joint, given by its number."""
     lower, upper = robot.lower[joint], robot.upper[joint]
     if not lower <= angle <= upper:
         degrees = np.degrees([angle, lower, upper])
@@ -110,11 +102,7 @@ class MoveController:
     """Moves a joint to its target with a smooth step, and holds it there; the others are limp."""
 
     def __init__(self, robot: Robot, move: Move, state: State) -> None:
-        """Prepare to move a joint from where it is measured.
-
-        Raises:
-            SetupError: if the target is out of its range.
-        """
+        """Prepare to move a joint from where it is measured."""
         self._robot, self._move = robot, move
         self.start = self.angle = float(state.joint_pos[move.joint])
         """Angles before the move, and newest [rad]."""
@@ -152,11 +140,7 @@ class MoveController:
 
 
 def make_driver(robot: Robot, ports: Mapping[str, str]) -> DynamixelBackend:
-    """Make the driver of a robot or a bench, not connected yet.
-
-    Raises:
-        SetupError: if its bus or IMU is not described as its ports need.
-    """
+    """Make the driver of a robot or a bench, not connected yet."""
     options = None
     if isinstance(robot, ServoBench):  # beside any other work
         margin = max(ANSWER_MARGIN, MARGIN_SHARE * robot.control_period)

@@ -122,11 +122,7 @@ def list_serial_ports() -> tuple[PortFacts, ...]:
 
 
 def check_rate(baud: int) -> None:
-    """Refuse a baud rate that no servo has.
-
-    Raises:
-        ValueError: listing the rates that there are.
-    """
+    """Refuse a baud rate that no servo has."""
     if baud not in BAUD_RATES:
         raise ValueError(f"baud is {baud} bit/s, expected {', '.join(map(str, BAUD_RATES))}")
 
@@ -137,10 +133,6 @@ def scan_port(
     """Find the devices of some protocols on a port at some baud rates; it is closed afterwards.
 
     Only pings and reads are sent: nothing changes.
-
-    Raises:
-        PortRefusedError: if the port does not open at any of the rates.
-        PortLostError: if it goes away meanwhile.
     """
     tried: list[int] = []
     refused: list[int] = []

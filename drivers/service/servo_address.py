@@ -23,12 +23,7 @@ MISSED = 2  # pings in a row without a reply, of an id that is free
 
 
 def check_new_id(servo: LooseServo, new: int) -> None:
-    """Check that a servo may have an id; nothing is written.
-
-    Raises:
-        SetupError: if there is no such id, another device has it or that of the servo, or the servo
-            has torque.
-    """
+    """Check that a servo may have an id; nothing is written."""
     if not 0 <= new <= servo.bus.wire.max_id:
         raise SetupError(f"{servo.name}: id is {new}, expected 0 to {servo.bus.wire.max_id}")
     if new == servo.id:
@@ -42,11 +37,7 @@ def check_new_id(servo: LooseServo, new: int) -> None:
 
 
 def _check_alone(servo: LooseServo) -> None:
-    """Check that no other device has a servo's id: what differs between them is garbled.
-
-    Raises:
-        SetupError: if replies are garbled.
-    """
+    """Check that no other device has a servo's id: what differs between them is garbled."""
     statistics = servo.bus.statistics
     for _ in range(READS):
         before = replace(statistics)
@@ -57,12 +48,7 @@ def _check_alone(servo: LooseServo) -> None:
 
 
 def change_id(servo: LooseServo, new: int) -> LooseServo:
-    """Give a servo another id; return it at its new one.
-
-    Raises:
-        SetupError: if it may not have it, or has torque.
-        ServoError: if it does not reply at its new id; it is locked where it can be reached.
-    """
+    """Give a servo another id; return it at its new one, locked wherever it can be reached."""
     check_new_id(servo, new)
     if new == servo.id:
         return servo
@@ -76,11 +62,7 @@ def change_id(servo: LooseServo, new: int) -> LooseServo:
 
 
 def check_new_baud(servo: LooseServo, new: int) -> int:
-    """Check that a servo and its adapter have a baud rate [bit/s]; return its register value.
-
-    Raises:
-        SetupError: if one of them does not, or the servo has torque.
-    """
+    """Check that a servo and its adapter have a baud rate [bit/s]; return its register value."""
     item = servo.table["baud_rate"]
     rates = {rate: code for code, rate in servo.table.bauds.items() if item.accepts(code)}
     if new not in rates:
@@ -100,12 +82,7 @@ def check_new_baud(servo: LooseServo, new: int) -> int:
 
 
 def change_baud(servo: LooseServo, new: int) -> LooseServo:
-    """Give a servo another baud rate [bit/s], and stay with it; the port changes as well.
-
-    Raises:
-        SetupError: if servo or adapter do not have it, or the servo has torque.
-        ServoError: if it does not reply at its new rate; the port is at the old one then.
-    """
+    """Give a servo and its port another baud rate [bit/s]; the port's old one if it is silent."""
     code = check_new_baud(servo, new)
     if new == servo.bus.port.baud:
         return servo
@@ -124,11 +101,7 @@ def change_baud(servo: LooseServo, new: int) -> LooseServo:
 
 
 def check_reset(servo: LooseServo, kept: Reset) -> None:
-    """Check that a servo may be reset; nothing is written.
-
-    Raises:
-        SetupError: if it knows no such reset, has torque, or if another device would have its id.
-    """
+    """Check that a servo may be reset; nothing is written."""
     instead = "write its registers one by one"
     servo.check_instruction(Instruction.FACTORY_RESET, "reset", instead)
     if kept is not Reset.ALL and servo.bus.wire is PROTOCOL_1:
@@ -139,12 +112,7 @@ def check_reset(servo: LooseServo, kept: Reset) -> None:
 
 
 def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
-    """Set a servo's stored settings to those as shipped; return it where it replies now.
-
-    Raises:
-        SetupError: if it may not be reset.
-        ServoError: if it does not confirm, or does not reply afterwards.
-    """
+    """Set a servo's stored settings to those as shipped; return it where it replies now."""
     check_reset(servo, kept)
     if not is_confirmed(servo.bus.factory_reset(servo.id, kept)):
         raise ServoError(f"{servo.name}: the reset is not confirmed")
@@ -158,10 +126,6 @@ def set_up_servo(bus: DynamixelBus, robot: Robot, joint: Joint) -> tuple[int, in
 
     Returns:
         Its id and its baud rate [bit/s] before.
-
-    Raises:
-        SetupError: if no servo or several reply, it is of another model, or has torque.
-        ServoError: if it does not reply afterwards.
     """
     baud, table = find_bus(robot).baud, table_named(robot.joints[0].servo.model.name)
     bus.searched = (table.wire,)
@@ -193,11 +157,7 @@ def _write_unconfirmed(servo: LooseServo, register: str, value: int) -> None:
 
 
 def _lock(servo: LooseServo) -> LooseServo:
-    """Lock what a servo keeps without power again, where it has a lock.
-
-    Raises:
-        ServoError: if it does not confirm that.
-    """
+    """Lock what a servo keeps without power again, where it has a lock."""
     if not servo.try_lock():
         raise ServoError(f"{servo.name}: {NOT_LOCKED}")
     return servo

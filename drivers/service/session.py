@@ -68,11 +68,7 @@ class RobotBus:
         )
 
     def release(self) -> None:
-        """Switch off the torque of every joint that has it.
-
-        Raises:
-            DiagnosticsError: naming those that do not confirm it.
-        """
+        """Switch off the torque of every joint that has it."""
         held = self.find_torque()
         failed = [
             joint
@@ -136,10 +132,6 @@ def open_robot_bus(
     """Open the ports of a robot with a bus for service, and close them afterwards.
 
     ``ports`` names the device of each port, by its name in the robot's description.
-
-    Raises:
-        SetupError: if it has no bus, or servos that cannot be driven, or if ports do not open,
-            naming all of them.
     """
     built = build_ports(robot, ports, make_port, answer_margin=SETUP_MARGIN)
     imu = find_imu(robot, built, ports)

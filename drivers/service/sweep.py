@@ -26,11 +26,7 @@ ROUNDS = 2  # of ids that are silent, so that one damaged or late reply hides no
 
 
 def choose_wires(protocol: str | None) -> tuple[Wire, ...]:
-    """Return the protocols in which to look for servos: that of a name, or all without one.
-
-    Raises:
-        SetupError: if there is no such protocol.
-    """
+    """Return the protocols in which to look for servos: that of a name, or all without one."""
     if protocol is None:
         return tuple(WIRES.values())
     if protocol not in WIRES:
@@ -42,9 +38,6 @@ def sweep(bus: DynamixelBus, wires: Sequence[Wire], ids: Iterable[int] | None = 
     """Find the ids, all or some, that reply in one of the protocols; the bus speaks it afterwards.
 
     Only pings and reads are sent: nothing changes.
-
-    Raises:
-        SetupError: if it cannot be known which protocol they speak, or they speak two.
     """
     found = list_speakers(bus, wires, ids)
     if unclear := [device for device, wire in found.items() if wire is None]:

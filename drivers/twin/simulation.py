@@ -182,11 +182,7 @@ class Simulation:
         self._grip = None
 
     def turn(self, joint: int, by: float) -> None:
-        """Turn a joint, by its number, by an angle [rad], as a person does who holds the robot.
-
-        Raises:
-            ValueError: if the robot is not held, or the joint has torque or would leave its range.
-        """
+        """Turn a joint, by its number, by an angle [rad], as a person does who holds the robot."""
         robot, place = self.robot, self._layout.qpos[joint]
         name, target = robot.joint_names[joint], float(self.data.qpos[place]) + by
         lower, upper = robot.lower[joint], robot.upper[joint]

@@ -42,9 +42,6 @@ class VirtualDevices:
 
         ``powered`` says whether servos have power from the start, not only once the board switches
         it; ``quirks`` are None for the defaults.
-
-        Raises:
-            SetupError: if the robot has no bus, or servos that cannot be driven.
         """
         self.robot = robot
         self.quirks = quirks = quirks or Quirks()

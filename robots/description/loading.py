@@ -97,9 +97,6 @@ def reshape(robot: Robot, body: Body) -> Robot:
 
     It stands with the same joint angles. The factors are on the lengths of the model, not on
     those of a body that it was given before.
-
-    Raises:
-        BodyError: if the robot lacks a part of it, or its model cannot be stretched.
     """
     values: dict[str, Any] = {field.name: getattr(robot, field.name) for field in fields(robot)}
     values["body"] = body

@@ -47,9 +47,6 @@ def load_posture(path: Path, robot: Robot, *, fill: Callable[[str], None] | None
 
     Joints that it leaves out take the angles of the stance if ``fill`` is given, and ``fill`` is
     called with a line that names them; otherwise they are an error.
-
-    Raises:
-        ValueError: naming everything in the file that is wrong.
     """
     try:
         record, problems = parse_file(path, "JSON", _parse_json)

@@ -109,11 +109,7 @@ class ImportedRobot:
 
 
 def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
-    """Find a robot in an MJCF or URDF file.
-
-    Raises:
-        ModelImportError: if there is none, naming all that is wrong.
-    """
+    """Find a robot in an MJCF or URDF file."""
     source = read_model(path)
     notes, guesses = list(source.notes), []
     tree = find_tree(source, notes)

@@ -33,11 +33,7 @@ SERVOS_COMMENTS = (
 
 
 def write_robot(robot: ImportedRobot, folder: Path) -> None:
-    """Write a robot's folder, which must not exist or be empty: one that loads, or none.
-
-    Raises:
-        ModelImportError: if the folder is not empty or cannot be written, or the robot not loaded.
-    """
+    """Write a robot's folder, which must not exist or be empty: one that loads, or none."""
     try:
         wrong = "not empty" if folder.exists() and any(folder.iterdir()) else ""
         wrong = wrong or ("a symbolic link" if folder.is_symlink() else "")

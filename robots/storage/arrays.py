@@ -38,11 +38,7 @@ def load_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays of an .npz file: numbers and texts, by the names that it must or may have.
 
-    ``max_bytes`` limits the file and all its arrays together.
-
-    Raises:
-        OSError: if the file cannot be read.
-        ArchiveError: if it is damaged or too large, or holds other arrays or objects.
+    ``max_bytes`` limits the file and all its arrays together. Raises `OSError` or `ArchiveError`.
     """
     try:
         content = read_bounded(path, max_bytes)

@@ -36,11 +36,8 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
 def check_file(path: Path, max_bytes: int) -> int:
     """Check that a path leads to a regular file of a limited size; return its size [bytes].
 
-    Other files, such as a FIFO, may block a reader forever.
-
-    Raises:
-        OSError: if there is none, or it is a folder, FIFO, socket or device.
-        ValueError: if it is larger.
+    Other files, such as a FIFO, may block a reader forever: they raise `OSError`, and a larger
+    one `ValueError`.
     """
     found = path.stat()
     kind = stat.S_IFMT(found.st_mode)
@@ -81,9 +78,6 @@ def atomic_path(path: Path) -> Iterator[Path]:
     A reader sees the old file or the complete new one. If the block raises, the old file
     stays and the temporary file is removed. Symbolic links are followed and stay. What is
     not a regular file, such as a FIFO, a terminal or /dev/stdout, is written through.
-
-    Raises:
-        OSError: if the file cannot be written, or ``path`` is a directory; it names the file.
     """
     target = _follow_links(path)
     mode = _find_mode(target)
@@ -115,9 +109,6 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder that becomes ``folder`` when the block ends.
 
     If the block raises, nothing is left of it.
-
-    Raises:
-        OSError: if it cannot be made, or ``folder`` exists and is not an empty folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = folder.parent / f".getup-{os.getpid()}-{secrets.token_hex(4)}.tmp"

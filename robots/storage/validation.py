@@ -147,11 +147,7 @@ def load_toml(file: Path) -> dict[str, Any]:
 def parse_file(
     file: Path, language: str, parse: Callable[[str], T], max_bytes: int = MAX_TEXT
 ) -> T:
-    """Read and parse a text file in a language such as "TOML".
-
-    Raises:
-        ValueError: if that fails; the message is the reason, in one line.
-    """
+    """Parse a text file in a language such as "TOML"; raise `ValueError` with one line why not."""
     try:
         content = read_bounded(file, max_bytes)
     except OSError as error:

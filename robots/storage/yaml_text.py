@@ -12,13 +12,9 @@ MOST_NODES = MAX_TEXT // 2  # as many values as a file can hold without aliases
 
 
 def parse_yaml(text: str, *, keeps_tagged: bool = False) -> Any:
-    """Read the first document of a text; None if it has none.
+    """Read the first document of a text, None if it has none; raise `ValueError` if it is no YAML.
 
     Tagged Python objects are refused, or kept as the lists, tables or texts that they tag.
-
-    Raises:
-        ValueError: if it is not YAML, or its aliases stand for too much.
-        ModuleNotFoundError: if pyyaml is missing.
     """
     import yaml
 

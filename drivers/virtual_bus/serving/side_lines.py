@@ -50,11 +50,7 @@ class I2cLine:
     """
 
     def __init__(self, chip: I2cChip, address: int, *, link: Path | None) -> None:
-        """Plug the bus in, with a chip at an address; at the path of its socket or a temporary one.
-
-        Raises:
-            SetupError: if the socket cannot be created.
-        """
+        """Plug the bus in, with a chip at an address; its socket at a path or a temporary one."""
         self._chip, self._address = chip, address
         self._folder = Path(tempfile.mkdtemp(prefix="virtual-bus-")) if link is None else None
         self._link = link or Path(self._folder or "", "i2c")

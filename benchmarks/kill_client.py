@@ -22,7 +22,7 @@ from script import Options, write_results
 
 from drivers.errors import DriverError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
+from drivers.virtual_bus.served_robot import RealTimeRobot
 from humanoid_getup.experiments.starts.falls import find_rest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion

@@ -6,14 +6,16 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from operator import is_
-from typing import Protocol
 
 import numpy as np
 
 from drivers.servo_units import ServoUnits
 from drivers.twin.simulation import Simulation
+from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.motor_servo import MotorCommand
+from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.sensors import Measured
+from drivers.virtual_bus.devices.servo import VirtualServo
 from robots import Posture
 from robots.drive import Drive
 from robots.quaternion import Array
@@ -22,46 +24,43 @@ REST_SPEED = 0.01  # m/s and rad/s, of a robot that lies still
 REST_TIME = 0.5  # s without torque and motion after which it is simulated no further
 
 
-class Motor(Protocol):
-    """What physics drives and moves of a servo."""
+class RemoteServo:
+    """Motor and sensors of a servo in another process, where its clock is."""
 
-    @property
-    def id(self) -> int:
-        """Return its id."""
-        ...
-
-    @property
-    def has_profile(self) -> bool:
-        """Return whether a profile is being executed."""
-        ...
+    def __init__(self, servo_id: int) -> None:
+        self.id = servo_id
+        self.measured = Measured()
+        self.has_profile = False
+        self.command = MotorCommand()  # as long as it has sent none
 
     def motor_command(self) -> MotorCommand:
-        """Return the present command; the same object until it changes."""
-        ...
+        """Return its newest command."""
+        return self.command
 
     def sense(self, measured: Measured) -> None:
         """Measure."""
-        ...
+        self.measured = measured
 
     def advance(self, now: float) -> None:
-        """Advance to a bus time [s]."""
-        ...
+        """Do nothing."""
 
 
-class BoardSensors(Protocol):
-    """What physics moves of a board."""
+class RemoteBoard:
+    """Sensors of a board in another process."""
+
+    def __init__(self) -> None:
+        self.voltage, self.gyro, self.accelerometer = 0.0, np.zeros(3), np.zeros(3)
 
     def sense_voltage(self, voltage: float) -> None:
         """Measure the supply [V]."""
-        ...
+        self.voltage = voltage
 
     def sense_body(self, gyro: Array, accelerometer: Array) -> None:
-        """Measure rates [rad/s] and forces [m/s²] in the axes of the IMU site, (3,) each."""
-        ...
+        """Measure rates [rad/s] and forces [m/s²], (3,) each."""
+        self.gyro, self.accelerometer = gyro, accelerometer
 
     def advance(self, now: float) -> None:
-        """Advance to a bus time [s]."""
-        ...
+        """Do nothing."""
 
 
 class HandledRobot(ABC):
@@ -102,8 +101,8 @@ class ServoPhysics:
     def __init__(
         self,
         simulation: Simulation,
-        servos: Sequence[Motor],
-        board: BoardSensors | None = None,
+        servos: Sequence[VirtualServo | PlainServo | RemoteServo],
+        board: VirtualBoard | RemoteBoard | None = None,
         *,
         rests: bool = False,
     ) -> None:

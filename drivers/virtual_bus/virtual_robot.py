@@ -9,14 +9,14 @@ from drivers.dynamixel.robot_ports import find_bus
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.plain_servo import PlainServo
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 from drivers.virtual_bus.imu.sending_imus import VirtualBno08xRvc, VirtualSerialLine
 from drivers.virtual_bus.imu.virtual_imu import ImuReading
-from drivers.virtual_bus.serving.physics import Physics
+from drivers.virtual_bus.serving.fault_injector import Physics
 from drivers.virtual_bus.servo_physics import HandledRobot, ServoPhysics
 from robots import Robot
 from robots.imu import ImuSettings, SensorAxes

@@ -12,8 +12,8 @@ from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.serial_port import PortLostError, PortRefusedError
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.serving.exchange import expects_reply
+from drivers.virtual_bus.serving.fault_injector import Physics
 from drivers.virtual_bus.serving.lock_step import QUIET
-from drivers.virtual_bus.serving.physics import Physics
 
 
 class MemoryPort:

@@ -12,7 +12,7 @@ from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.errors import UnreleasedError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots import Robot

@@ -10,8 +10,7 @@ import numpy as np
 from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.errors import SetupError
 from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
-from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
 from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes
 from robots.quaternion import Array

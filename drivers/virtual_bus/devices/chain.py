@@ -22,8 +22,7 @@ from drivers.dynamixel.protocol2 import (
     crc16,
 )
 from drivers.dynamixel.wire import PROTOCOL_2, Wire
-from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+from drivers.virtual_bus.devices.device import Quirks, ReadGap, VirtualDevice
 
 # s for the reply of each id to a broadcast ping: the wait of the vendor's library per id
 PING_SLOT = 0.003

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.state import HardwareError
-from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
 from drivers.virtual_bus.devices.registers import Registers
 from robots.servo import ServoModel
 

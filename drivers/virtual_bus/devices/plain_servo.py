@@ -8,8 +8,8 @@ from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
 from drivers.state import HardwareError
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.registers import clamp
 from drivers.virtual_bus.devices.sensors import Measured
 from robots.description.servo_catalog import servo_models

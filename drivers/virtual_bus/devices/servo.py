@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Reset, Status
 from drivers.state import HardwareError
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
-from drivers.virtual_bus.devices.quirks import Quirks
-from drivers.virtual_bus.devices.registers import clamp
+from drivers.virtual_bus.devices.registers import Registers, clamp
 from drivers.virtual_bus.devices.sensors import Measured, Sensors
-from drivers.virtual_bus.devices.write_rules import TRIPPED, make_checks
 from robots.description.servo_catalog import servo_models
 from robots.servo import PWM_FULL_SCALE
 
@@ -30,6 +31,9 @@ CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 TORQUE_AT_BOOT = 1  # bit of startup_configuration
 WATCHDOG_UNIT = 0.02  # s
+TRIPPED = -1  # value of bus_watchdog after it stopped the servo
+NOT_MODELLED = (OperatingMode.CURRENT, OperatingMode.VELOCITY, OperatingMode.PWM)
+PROTOCOL_2_TYPE = 2  # value of protocol_type (e-manual)
 
 
 class VirtualServo(MotorServo):
@@ -323,3 +327,38 @@ class VirtualServo(MotorServo):
         self._is_booting = False
         if self.registers.value_or_zero("startup_configuration") & TORQUE_AT_BOOT:
             self._switch_torque(1)
+
+
+def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:
+    """Make the check of each item's values by other registers; it returns an `ErrorNumber`."""
+    # The mask of the model's bits, without that of profiles by time, which are not modelled.
+    drive_bits = (registers.table["drive_mode"].upper or 0) & ~DriveMode.TIME_BASED
+
+    def check_range(accepts: Callable[[int], object], value: int) -> int:
+        return ErrorNumber.NONE if accepts(value) else ErrorNumber.DATA_RANGE
+
+    def check_position(goal: int) -> int:
+        if registers["bus_watchdog"] == TRIPPED:
+            return ErrorNumber.DATA_RANGE
+        lower, upper = registers["min_position_limit"], registers["max_position_limit"]
+        is_free = registers["operating_mode"] != OperatingMode.POSITION
+        return ErrorNumber.NONE if is_free or lower <= goal <= upper else ErrorNumber.DATA_LIMIT
+
+    def check_by(limit: str, goal: int) -> int:
+        if registers["bus_watchdog"] == TRIPPED:
+            return ErrorNumber.DATA_RANGE
+        return ErrorNumber.DATA_LIMIT if abs(goal) > registers[limit] else ErrorNumber.NONE
+
+    ranges: dict[str, Callable[[int], object]] = {
+        "operating_mode": lambda mode: mode in registers.table.modes and mode not in NOT_MODELLED,
+        "drive_mode": lambda bits: not bits & ~drive_bits,
+        # A real one speaks Protocol 1.0 after it was set to 1; a virtual one cannot, and refuses.
+        "protocol_type": lambda kind: kind == PROTOCOL_2_TYPE,
+        "bus_watchdog": lambda value: not value or registers["bus_watchdog"] != TRIPPED,
+    }
+    return {name: partial(check_range, accepts) for name, accepts in ranges.items()} | {
+        "goal_position": check_position,
+        "goal_pwm": partial(check_by, "pwm_limit"),
+        "goal_current": partial(check_by, "current_limit"),
+        "goal_velocity": partial(check_by, "velocity_limit"),
+    }

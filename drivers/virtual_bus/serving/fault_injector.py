@@ -14,7 +14,6 @@ from drivers.dynamixel.protocol2 import MAX_ID, Damaged, Packet
 from drivers.dynamixel.wire import PROTOCOL_2, Wire, encode_item
 from drivers.errors import DriverError
 from drivers.virtual_bus.devices.chain import Chain, Reply
-from drivers.virtual_bus.serving.physics import Physics
 
 T = TypeVar("T")
 LONGEST_NOISE = 8  # bytes
@@ -157,6 +156,27 @@ def _rename(wire: Wire, data: bytes, device: int) -> bytes:
         return wire.encode_status(replace(wire.decode_status(items[0]), id=other))
     at = data.find(bytes((device,)), 1)
     return data if at < 0 else data[:at] + bytes((other,)) + data[at + 1 :]
+
+
+class Physics(Protocol):
+    """What a bus asks of the physics behind its devices."""
+
+    time: float
+    """Bus time that it has reached [s]."""
+    is_light: bool
+    """Whether it computes next to nothing, so that its thread may go before all others."""
+
+    def advance(self, to: float) -> None:
+        """Advance physics and devices to a bus time [s], or to the last step before it."""
+
+    def pass_period(self) -> None:
+        """Advance by one control period."""
+
+    def heat(self, servo_id: int, temperature: float) -> None:
+        """Set the temperature of a servo [°C]."""
+
+    def sag(self, voltage: float) -> None:
+        """Set the supply voltage [V]."""
 
 
 class Faulty(Protocol):

@@ -6,8 +6,12 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.virtual_bus.devices.chain import Reply
-from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
-from drivers.virtual_bus.serving.instruction_reader import InstructionReader, ReceivedInstruction
+from drivers.virtual_bus.serving.exchange import (
+    Exchange,
+    InstructionReader,
+    ReceivedInstruction,
+    expects_reply,
+)
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 
 QUIET = 0.01  # s that a client waits before it gives up a reply

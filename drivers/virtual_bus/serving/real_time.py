@@ -10,8 +10,8 @@ from time import monotonic, sleep
 
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.virtual_bus.devices.chain import Reply
-from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.instruction_reader import (
+from drivers.virtual_bus.serving.exchange import (
+    Exchange,
     InstructionReader,
     ReceivedInstruction,
     byte_time,

@@ -18,12 +18,10 @@ import numpy as np
 from drivers.errors import DriverError
 from drivers.real_time_class import WIRE_PRIORITY, enter_real_time_class
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.exchange import Exchange
-from drivers.virtual_bus.serving.fault_injector import FaultInjector
+from drivers.virtual_bus.serving.exchange import Exchange, WireStatistics
+from drivers.virtual_bus.serving.fault_injector import FaultInjector, Physics
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.instruction_reader import WireStatistics
 from drivers.virtual_bus.serving.lock_step import LockStep
-from drivers.virtual_bus.serving.physics import Physics
 from drivers.virtual_bus.serving.pseudo_terminal import PseudoTerminal
 from drivers.virtual_bus.serving.real_time import RealTime
 from drivers.virtual_bus.serving.side_lines import SideLine

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.own_process.real_time_robot import RealTimeRobot
+from drivers.virtual_bus.served_robot import RealTimeRobot
 from robots import load_robot
 
 TINY = Path(__file__).parents[3] / "tests" / "robots" / "tiny"

@@ -20,7 +20,7 @@ from drivers.errors import CommandError, SetupError, UnreleasedError
 from drivers.serial_port import SDK, PortError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+from drivers.virtual_bus.devices.device import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts

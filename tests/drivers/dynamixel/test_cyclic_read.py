@@ -16,8 +16,8 @@ from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Packet, Status
 from drivers.dynamixel.requests import Replies
 from drivers.virtual_bus.devices.chain import Chain
+from drivers.virtual_bus.devices.device import Quirks, ReadGap
 from drivers.virtual_bus.devices.plain_servo import PlainServo
-from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
 from robots.bench import make_bench_joint

@@ -24,7 +24,7 @@ from drivers.service.servo_address import change_baud, change_id, reset_servo
 from drivers.service.sweep import sweep
 from drivers.state import Command
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot

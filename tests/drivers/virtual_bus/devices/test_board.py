@@ -6,7 +6,7 @@ from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.devices.quirks import Quirks
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 

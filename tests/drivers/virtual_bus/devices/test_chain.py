@@ -18,7 +18,7 @@ from drivers.dynamixel.protocol2 import (
     decode_fast_status,
 )
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.devices.quirks import Quirks, ReadGap
+from drivers.virtual_bus.devices.device import Quirks, ReadGap
 from drivers.virtual_bus.devices.servo import VirtualServo
 
 POSITION = Span(132, 4)

@@ -8,10 +8,10 @@ from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain, Reply
-from drivers.virtual_bus.devices.device import VirtualDevice
-from drivers.virtual_bus.devices.quirks import (
+from drivers.virtual_bus.devices.device import (
     Quirks,
     ReadGap,
+    VirtualDevice,
 )
 from drivers.virtual_bus.devices.servo import VirtualServo
 

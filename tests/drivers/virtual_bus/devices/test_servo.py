@@ -12,8 +12,8 @@ from wire_talk import read, sense, write
 
 from drivers.dynamixel.control_table import OperatingMode, known_models, table_named
 from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset, Status
+from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.plain_servo import PlainServo
-from drivers.virtual_bus.devices.quirks import Quirks
 from drivers.virtual_bus.devices.servo import CLEAR_TURNS, VirtualServo
 
 MODELS = [name for name in known_models() if table_named(name).has_watchdog]

@@ -20,7 +20,7 @@ from drivers.dynamixel import protocol2
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.errors import DriverError
 from drivers.twin.simulation import Simulation
-from drivers.virtual_bus.own_process.real_time_robot import LONGEST_CATCH_UP, RealTimeRobot
+from drivers.virtual_bus.served_robot import LONGEST_CATCH_UP, RealTimeRobot
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
 from drivers.virtual_bus.serving.server import PortOptions
 from robots import ImuSettings, Robot

@@ -8,10 +8,9 @@ from fake_wire import FakeWire, exchange_with
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import BROADCAST, Damaged, FrameParser, Instruction, Packet, Span
-from drivers.virtual_bus.serving.exchange import Exchange, expects_reply
+from drivers.virtual_bus.serving.exchange import Exchange, ReceivedInstruction, expects_reply
 from drivers.virtual_bus.serving.fault_injector import LineFault
 from drivers.virtual_bus.serving.fault_schedule import FaultSchedule
-from drivers.virtual_bus.serving.instruction_reader import ReceivedInstruction
 
 IDS = (1, 2, 3)
 BAUD = 1_000_000

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from drivers.dynamixel import protocol2
 from drivers.dynamixel.protocol2 import Damaged, Instruction, Packet, Span
-from drivers.virtual_bus.serving.instruction_reader import (
+from drivers.virtual_bus.serving.exchange import (
     LONGEST_GAP,
     InstructionReader,
     ReceivedInstruction,

@@ -11,7 +11,7 @@ from drivers.dynamixel.clock import CycleClock
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus import TimeMode, VirtualPorts, VirtualRobot
 from drivers.virtual_bus.devices.chain import Chain
-from drivers.virtual_bus.serving.lock_step_port import LockStepPort
+from drivers.virtual_bus.virtual_ports import LockStepPort
 from robots import Robot
 
 BUSY = 0.3  # s for which the computer has no time for the bus: longer than a driver waits

@@ -8,8 +8,8 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.diagnostics import Finding, find_baud_rate
 from drivers.dynamixel.protocol2 import Span, read_identity
+from drivers.imu.fusion import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.imu.source import ImuError, ImuSample, ImuSource
-from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
 from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes
 

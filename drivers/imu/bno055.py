@@ -10,8 +10,7 @@ from enum import Enum
 import numpy as np
 
 from drivers.imu.i2c import REMEDY, I2cChip
-from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSample, ImuSource
+from drivers.imu.source import FIRST_SAMPLE, POLL_STEP, ImuError, ImuSample, ImuSource, SerialLink
 from robots.imu import ImuSettings, SensorAxes
 
 # Registers of page 0, and of page 1 (data sheet, 4.2).

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import ImuSample, ImuSource
-from drivers.orientation_filter import GRAVITY
+from drivers.imu.fusion import GRAVITY
+from drivers.imu.source import ImuSample, ImuSource, SerialLink
 from drivers.serial_port import SerialPort
 from robots.imu import ImuSettings, SensorAxes
 from robots.quaternion import Array

@@ -12,8 +12,7 @@ from drivers.imu.bno08x_i2c import Bno08xI2c
 from drivers.imu.bno08x_rvc import Bno08xRvc
 from drivers.imu.i2c import I2cChip, LinuxI2cChip, SocketI2cChip
 from drivers.imu.serial_line import SerialLineImu
-from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import ImuError, ImuSample, ImuSource
+from drivers.imu.source import ImuError, ImuSample, ImuSource, SerialLink
 from drivers.real_time_class import LOOP_PRIORITY, enter_real_time_class
 from drivers.serial_port import MakePort
 from robots.imu import ImuSettings

@@ -8,9 +8,8 @@ from operator import xor
 
 import numpy as np
 
-from drivers.imu.serial_link import SerialLink
-from drivers.imu.source import ImuSample, ImuSource
-from drivers.orientation_filter import GRAVITY
+from drivers.imu.fusion import GRAVITY
+from drivers.imu.source import ImuSample, ImuSource, SerialLink
 from drivers.serial_port import SerialPort
 from robots.imu import VALUES, ImuSettings, SensorAxes
 

@@ -26,8 +26,8 @@ from drivers.dynamixel.diagnostics import (
 )
 from drivers.dynamixel.requests import GroupLayout, Request
 from drivers.dynamixel.robot_ports import RobotPort
+from drivers.imu.fusion import GRAVITY
 from drivers.imu.source import POLL_STEP, ImuSample, ImuSource
-from drivers.orientation_filter import GRAVITY
 from drivers.real_time_class import in_real_time_class
 from drivers.safety_limits import DERATE_MARGIN, HOT_MARGIN
 from drivers.serial_port import read_latency_timer

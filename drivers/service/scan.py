@@ -1,10 +1,11 @@
-"""Finds the devices on serial ports at all baud rates, independent of the robot."""
+"""Finds devices, independent of the robot: on serial ports at all baud rates, IMUs on I2C."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from serial.tools import list_ports
 
@@ -16,6 +17,9 @@ from drivers.dynamixel.requests import Request
 from drivers.dynamixel.robot_ports import using_margin
 from drivers.dynamixel.wire import PROTOCOL_2, WIRES, Wire
 from drivers.errors import DriverError
+from drivers.imu.bno055 import CHIP_IDS, IDS
+from drivers.imu.bno08x_i2c import CONTINUED, LONGEST_PACKET, PACKET
+from drivers.imu.i2c import I2cChip, LinuxI2cChip
 from drivers.serial_port import PortRefusedError, SerialPort, read_latency_timer
 from drivers.service.sweep import ALIKE, list_speakers
 from robots.bus_settings import BAUD_RATES
@@ -27,6 +31,8 @@ CONFIRM_MARGIN = 0.05  # s; longer than an adapter or a busy computer holds back
 PONG = OVERHEAD + 1 + PING_DATA  # bytes of a reply to a ping
 EITHER = " or ".join(alike.name for alike in ALIKE)  # of which it is not known what it speaks
 ONBOARD_PORT = re.compile(r"/ttyS\d+$")  # on the mainboard, not a USB adapter
+BNO055_ADDRESSES, BNO08X_ADDRESSES = (0x28, 0x29), (0x4A, 0x4B)  # by the address pin
+CHANNELS = 6  # of a sensor hub
 
 # Values that change all the time or differ between servos: two of one id that reply equally
 # to a ping garble each other here.
@@ -286,3 +292,56 @@ def _list_requests(bus: DynamixelBus, device: int, table: ControlTable) -> list[
     """List what two devices of one id answer differently, or at different times."""
     reads = [bus.group({device: table[name].span}) for name in TELLTALES if name in table]
     return [bus.ask_identity(device), *reads]
+
+
+# IMUs -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundImu:
+    """An IMU chip that replies."""
+
+    path: str
+    """Bus and address."""
+    model: str
+
+
+def list_i2c_buses() -> tuple[int, ...]:
+    """List the I2C buses of this computer, N of each /dev/i2c-N."""
+    numbers = (path.name.removeprefix("i2c-") for path in Path("/dev").glob("i2c-*"))
+    return tuple(sorted(int(number) for number in numbers if number.isdecimal()))
+
+
+def find_imus(
+    buses: Sequence[int], make_chip: Callable[[int, int], I2cChip] = LinuxI2cChip
+) -> list[FoundImu]:
+    """Find the IMUs on some I2C buses; chips at other addresses are left alone."""
+    found = []
+    for bus in buses:
+        for address in BNO055_ADDRESSES + BNO08X_ADDRESSES:
+            is_bno055 = address in BNO055_ADDRESSES
+            chip = make_chip(bus, address)
+            if _replies(chip, _is_bno055 if is_bno055 else _is_bno08x):
+                model = "BNO055" if is_bno055 else "BNO08x"
+                found.append(FoundImu(path=chip.path, model=model))
+    return found
+
+
+def _replies(chip: I2cChip, is_expected: Callable[[I2cChip], bool]) -> bool:
+    try:
+        chip.open()
+        return is_expected(chip)
+    except OSError:  # no such bus, no permission, or no acknowledgement
+        return False
+    finally:
+        chip.close()
+
+
+def _is_bno055(chip: I2cChip) -> bool:
+    return chip.transfer(bytes([CHIP_IDS]), len(IDS)) == IDS
+
+
+def _is_bno08x(chip: I2cChip) -> bool:
+    """Return whether a chip's reply begins with the header of a packet, or of none."""
+    length, channel, _ = PACKET.unpack(chip.transfer(b"", PACKET.size))
+    return (length & ~CONTINUED) <= LONGEST_PACKET and channel < CHANNELS

@@ -8,10 +8,10 @@ import numpy as np
 
 from drivers.backend import Backend, Release
 from drivers.errors import NoImuError, NotConnectedError
-from drivers.orientation_filter import OrientationFilter
+from drivers.imu.fusion import OrientationFilter
 from drivers.servo_units import ServoUnits
 from drivers.state import Command, State, check_command
-from drivers.twin.servo_model import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, quantize
+from drivers.twin.device_models import CURRENT_STEP, VELOCITY_STEP, VOLTAGE_STEP, quantize
 from drivers.twin.simulation import CompiledWorld, Simulation, SimulationOptions
 from robots import Posture, Robot
 from robots.arguments import expect

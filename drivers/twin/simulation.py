@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 
 from drivers.errors import NoImuError, SetupError
+from drivers.twin.device_models import SensorNoise, TwinImu, Windings
 from drivers.twin.ground_truth import GroundTruth
-from drivers.twin.imu_model import TwinImu
-from drivers.twin.servo_model import SensorNoise, Windings
 from robots import Posture, Robot
 from robots.drive import Drive
 from robots.ground import GROUND_FRICTION, add_ground

@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from drivers.safety_limits import find_max_temperature
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from drivers.twin.device_models import AMBIENT_TEMPERATURE
 from humanoid_getup.experiments.judging.torque import LONG_SATURATION
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.motions.motion import Motion

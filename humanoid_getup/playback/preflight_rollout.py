@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers import Cycle, GuardLimits, SafetyGuard, Twin
 from drivers.safety_limits import find_max_temperature
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from drivers.twin.device_models import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.torque import find_longest, find_saturation
 from humanoid_getup.experiments.starts.falls import find_rest

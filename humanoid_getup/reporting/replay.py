@@ -11,7 +11,7 @@ import numpy as np
 from drivers import State, Twin
 from drivers.flight_log.reader import FlightRecord
 from drivers.state import Integers
-from drivers.twin.servo_model import VOLTAGE_STEP
+from drivers.twin.device_models import VOLTAGE_STEP
 from robots import Posture, Robot, quaternion
 from robots.quaternion import Array
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from drivers.twin.device_models import AMBIENT_TEMPERATURE, Windings
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import HOLD_TIME

@@ -14,7 +14,7 @@ from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import full_scale
 from drivers.errors import CommandError, NotConnectedError
 from drivers.serial_port import SDK
-from drivers.twin.servo_model import CURRENT_STEP
+from drivers.twin.device_models import CURRENT_STEP
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts

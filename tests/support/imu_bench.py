@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from drivers.imu.build import build_i2c_source, build_imu_source
+from drivers.imu.fusion import GRAVITY
 from drivers.imu.source import ImuSample
-from drivers.orientation_filter import GRAVITY
 from drivers.serial_port import PortLostError, PortRefusedError
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu
 from drivers.virtual_bus.virtual_robot import build_virtual_imu

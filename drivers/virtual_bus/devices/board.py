@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.dynamixel.control_table import ControlTable, table_named
 from drivers.errors import SetupError
-from drivers.orientation_filter import ACCELEROMETER_STEP, GYRO_STEP
+from drivers.imu.fusion import ACCELEROMETER_STEP, GYRO_STEP
 from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
 from robots.bus_settings import BoardSettings
 from robots.imu import SensorAxes

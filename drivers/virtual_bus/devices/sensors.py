@@ -11,7 +11,7 @@ import struct
 from typing import NamedTuple
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE
+from drivers.twin.device_models import AMBIENT_TEMPERATURE
 from drivers.virtual_bus.devices.profile import PositionControl
 from drivers.virtual_bus.devices.registers import MAX_COUNTS, Registers, clamp
 from robots.servo import PWM_FULL_SCALE, TICKS_PER_TURN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.orientation_filter import GRAVITY
+from drivers.imu.fusion import GRAVITY
 from drivers.virtual_bus.imu.virtual_imu import (
     ImuReading,
     VirtualI2cChip,

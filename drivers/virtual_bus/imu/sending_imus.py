@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from drivers.imu.fusion import GRAVITY
 from drivers.imu.serial_line import ACCELEROMETER_UNITS, GYRO_UNITS, checksum_of
-from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.imu.virtual_imu import ImuReading, VirtualUartImu, to_counts
 from robots.imu import VALUES, ImuSettings
 from robots.quaternion import Array, slerp

@@ -20,9 +20,8 @@ from paths import TINY
 
 from drivers import Cycle
 from drivers.control_loop import Timing
-from drivers.flight_log.content import Event
 from drivers.flight_log.foxglove import SCHEMAS
-from drivers.flight_log.reader import FlightRecord
+from drivers.flight_log.reader import Event, FlightRecord
 from drivers.flight_log.writer import FlightLog
 from robots import Posture, Robot, load_robot
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-MODULES = ("bno055", "bno08x_i2c", "serial_link", "source")
+MODULES = ("bno055", "bno08x_i2c", "source")
 LOOK = 0.0005  # s that pass with each look at the clock
 
 

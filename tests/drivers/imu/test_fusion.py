@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.imu.fusion import FROZEN_CYCLES, SINKING_CYCLES, ImuFusion
+from drivers.imu.fusion import FROZEN_CYCLES, GRAVITY, SINKING_CYCLES, ImuFusion
 from drivers.imu.source import ImuSample
-from drivers.orientation_filter import GRAVITY
 
 UP = np.array([0.0, 0.0, GRAVITY])
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from imu_bench import KINDS, PERIOD, ImuBench
 
 from drivers.imu.build import build_i2c_source
-from drivers.imu.fusion import FROZEN_CYCLES, ImuFusion
+from drivers.imu.fusion import FROZEN_CYCLES, GRAVITY, ImuFusion
 from drivers.imu.source import ImuError
-from drivers.orientation_filter import GRAVITY
 from drivers.virtual_bus.virtual_robot import build_virtual_imu
 from robots import ImuSettings, quaternion
 
@@ -81,7 +80,7 @@ def test_a_slow_line_delivers_its_samples_some_cycles_later(kind: str):
 def test_an_unplugged_sensor_raises_nothing_and_comes_back(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("drivers.imu.serial_link.REOPEN_EVERY", 0.0)
+    monkeypatch.setattr("drivers.imu.source.REOPEN_EVERY", 0.0)
     bench = ImuBench(KINDS[kind])
     assert bench.port is not None and bench.port.is_open
     bench.first()

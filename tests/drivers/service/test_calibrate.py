@@ -12,8 +12,8 @@ from paths import TINY
 from service_bench import ServiceBench
 
 from drivers.errors import DriverError, SetupError
+from drivers.imu.fusion import GRAVITY
 from drivers.imu.source import ImuSample
-from drivers.orientation_filter import GRAVITY
 from drivers.service import calibrate
 from drivers.service.calibrate import (
     AXES,

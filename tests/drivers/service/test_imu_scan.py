@@ -1,6 +1,6 @@
 """IMU chips on I2C buses, found by what they say of themselves."""
 
-from drivers.service.imu_scan import FoundImu, find_imus
+from drivers.service.scan import FoundImu, find_imus
 from drivers.virtual_bus.imu.bno055 import VirtualBno055
 from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 

@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drivers.twin.imu_model import TwinImu
-from drivers.twin.servo_model import SensorNoise
+from drivers.twin.device_models import SensorNoise, TwinImu
 
 GYRO_STEP = np.radians(1.0 / 16.4)  # ICM-20648 at 2000 deg/s
 FORCE_STEP = 9.81 / 16384.0  # at 2 g

@@ -12,7 +12,7 @@ import pytest
 from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, Twin
-from drivers.twin.servo_model import Windings
+from drivers.twin.device_models import Windings
 from humanoid_getup.cli.commands import load_options
 from humanoid_getup.cli.plan_and_check import preflight as command
 from humanoid_getup.motions.motion import Motion

@@ -9,7 +9,7 @@ import pytest
 from records import make_record
 from tiny_robots import LEGS, limb, make_robot
 
-from drivers.twin.servo_model import Windings
+from drivers.twin.device_models import Windings
 from humanoid_getup.experiments.judging.record import Record
 from humanoid_getup.experiments.judging.standing import Stance
 from humanoid_getup.robot_check import stance_check

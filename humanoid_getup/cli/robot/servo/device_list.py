@@ -11,13 +11,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.serial_port import PortError, SerialPort
-from drivers.service.imu_scan import find_imus, list_i2c_buses
 from drivers.service.scan import (
     COMMON_RATES,
     FoundDevice,
     PortFacts,
     PortScan,
     check_rate,
+    find_imus,
+    list_i2c_buses,
     list_serial_ports,
     scan_port,
 )

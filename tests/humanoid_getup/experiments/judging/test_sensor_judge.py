@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers import Command, Cycle, SafetyGuard, State, Twin, run
 from drivers.control_loop import Timing
 from drivers.safety_limits import ClipCounts
-from drivers.twin.servo_model import SensorNoise
+from drivers.twin.device_models import SensorNoise
 from drivers.twin.simulation import SimulationOptions
 from humanoid_getup.experiments.judging.judge import (
     GroundTruthJudge,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.twin.servo_model import AMBIENT_TEMPERATURE, Windings
+from drivers.twin.device_models import AMBIENT_TEMPERATURE, Windings
 from robots import Robot
 from robots.description.servo_catalog import servo_models
 

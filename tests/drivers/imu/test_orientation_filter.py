@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import Command, SafetyGuard, Twin, run
-from drivers.orientation_filter import GRAVITY, OrientationFilter, upright_from
+from drivers.imu.fusion import GRAVITY, OrientationFilter, upright_from
 from robots import quaternion
 
 UP = np.array([0.0, 0.0, GRAVITY])

@@ -15,12 +15,11 @@ from humanoid_getup.jobs.requests.learning import (
     ImportPolicyRequest,
 )
 from humanoid_getup.policy.contract import PolicyContract
-from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignPolicyError
+from humanoid_getup.policy.foreign.description import FOREIGN_KEY
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, seal_model
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, PolicyError
 from humanoid_getup.policy.parity import Comparison, compare_policy, load_trace
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
-from robots import Robot
 from robots.storage.encoding import to_json
 from robots.storage.files import describe
 
@@ -53,29 +52,12 @@ def import_policy(
     ImportPolicyRequest.accept(request)
     robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
     monitor.begin("reading the policy")
-    model, found = _wrap(request, robot)
-    monitor.begin("writing the policy")
-    with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
-        (folder / POLICY_FILE).write_bytes(model)
-        try:
-            OnnxPolicy.load(folder / POLICY_FILE, robot)
-        except PolicyError as error:
-            problems = "; ".join(error.problems)
-            raise BadInputError(f"policy file {request.network}: {problems}") from error
-        (folder / DESCRIPTION_FILE).write_text(to_json(found))
-        monitor.check()
-    return found
-
-
-def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImport]:
-    """Wrap a network of others, and add contract and description to it."""
     with needing("policies"):
         import yaml  # noqa: F401
         from onnx import helper
 
-        from humanoid_getup.policy.foreign.fitting import fit_policy, list_notes
         from humanoid_getup.policy.foreign.reading import describe_policy, read_network
-        from humanoid_getup.policy.foreign.wrapping import wrap_network
+        from humanoid_getup.policy.foreign.wrapping import fit_policy, wrap_network
     try:
         network = read_network(request.network)
         policy = describe_policy(
@@ -86,7 +68,7 @@ def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImpo
             gain=request.gain,
         )
         wrapping = fit_policy(policy, robot, dict(pair.split("=") for pair in request.rename))
-    except (ForeignPolicyError, OSError) as error:
+    except (ValueError, OSError) as error:
         raise BadInputError(f"policy file {request.network}: {describe(error)}") from error
     made = wrap_network(network.model, wrapping)
     provenance = {"imported_from": policy.format, "network": request.network.name}
@@ -101,9 +83,19 @@ def _wrap(request: ImportPolicyRequest, robot: Robot) -> tuple[bytes, PolicyImpo
         robot=robot.name,
         fields=tuple(DescribedField(field=f, value=v, source=s) for f, v, s in policy.describe()),
         joints={name: robot.joint_names[i] for name, i in wrapping.places.items()},
-        notes=tuple(list_notes(wrapping)),
+        notes=tuple(wrapping.list_notes()),
     )
-    return seal_model(made.SerializeToString()), found
+    monitor.begin("writing the policy")
+    with staging(request.out, (POLICY_FILE, DESCRIPTION_FILE)) as folder:
+        (folder / POLICY_FILE).write_bytes(seal_model(made.SerializeToString()))
+        try:
+            OnnxPolicy.load(folder / POLICY_FILE, robot)
+        except PolicyError as error:
+            problems = "; ".join(error.problems)
+            raise BadInputError(f"policy file {request.network}: {problems}") from error
+        (folder / DESCRIPTION_FILE).write_text(to_json(found))
+        monitor.check()
+    return found
 
 
 class PolicyCheck(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,8 +13,7 @@ import msgspec
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignRecord
-from humanoid_getup.policy.foreign.joint_names import map_joints
+from humanoid_getup.policy.foreign.description import FOREIGN_KEY, ForeignRecord, map_joints
 from humanoid_getup.policy.observation import Sensed, observe
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from robots import Robot, quaternion
@@ -57,8 +56,7 @@ def load_trace(file: Path, robot: Robot) -> Trace:
 
     Raises:
         OSError: if it cannot be read.
-        ArchiveError: if it is damaged, or naming what is missing or wrong.
-        ForeignPolicyError: if it has other joints.
+        ValueError: if it is damaged, or naming what is missing or wrong.
     """
     shapes = {"time": (), "orientation": (4,), "gyro": (3,), "joint_pos": (robot.n,)}
     shapes |= {"joint_vel": (robot.n,), "observation": (None,), "action": (None,)}

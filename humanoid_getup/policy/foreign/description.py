@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import msgspec
 import numpy as np
 
 from humanoid_getup.policy.action import ActionMode
+from robots import Robot
 from robots.quaternion import Array
 
 if TYPE_CHECKING:
@@ -39,10 +41,8 @@ IMMEASURABLE = {
     "foot_contact": "contacts of the feet",
 }
 MOST_HISTORY = 200
-
-
-class ForeignPolicyError(ValueError):
-    """A policy that was trained elsewhere cannot be run; the message names every problem."""
+SIDES = {"left": "l", "right": "r"}
+EMPTY = ("joint", "dof", "motor", "act", "actuator", "")  # words of joints that tell nothing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,41 +68,27 @@ class Window(msgspec.Struct, frozen=True, kw_only=True):
     """Number of policy steps that it holds, the oldest first."""
 
 
-class ForeignRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """What an imported policy keeps of its description in its own metadata, for checks."""
-
-    format: str
-    joints: tuple[str, ...]
-    """The robot's names of its joints, in the order of its observation."""
-    moved: tuple[str, ...]
-    """The robot's names of the joints that actions move, in the order of its actions."""
-    windows: tuple[Window, ...]
-    scale: tuple[float, ...] = ()
-    """Changes of targets by an action of 1 [rad], in the order of ``moved``."""
-    damping: tuple[float, ...] = ()
-    """Gains kd of its training [N·m·s/rad], in the order of ``joints``; () if not known."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ForeignTerm:
+class ForeignTerm(Window, frozen=True, kw_only=True, eq=False):
     """A term of an observation: a quantity, clipped, then scaled, then kept for some steps."""
 
-    name: str
-    quantity: str
     scale: Array
     """Factors, shape (size,)."""
     lower: float = -np.inf
     """Lower limit before the factors."""
     upper: float = np.inf
     """Upper limit before the factors."""
-    history: int = 1
     is_offset: bool = True
     """Whether joint angles are counted from the default posture."""
 
-    @property
-    def size(self) -> int:
-        """Return the size of the quantity."""
-        return len(self.scale)
+
+class ForeignRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """What an imported policy keeps of its description in its own metadata, for checks."""
+
+    joints: tuple[str, ...]
+    """The robot's names of its joints, in the order of its observation."""
+    moved: tuple[str, ...]
+    """The robot's names of the joints that actions move, in the order of its actions."""
+    windows: tuple[Window, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,21 +132,21 @@ class ForeignPolicy:
         gain = "the robot's" if self.p_gain is None else f"register value {self.p_gain:g}"
         if self.position_gain is not None:
             gain = f"{_range(self.position_gain)} N·m/rad"
-        terms = (
-            f"{term.name}[{term.size}{f' x {term.history}' * (term.history > 1)}]"
-            for term in self.observation
-        )
+        damping = "the robot's"
+        if self.damping is not None:
+            damping = f"{_range(self.damping)} N·m·s/rad"
         values = {
             "joints": f"{len(self.joints)}: {', '.join(self.joints)}",
             "default_pos": f"{_range(self.default_pos)} rad",
             "action": f"{self.mode}, scale {_range(self.scale)} rad",
             "position_gain": gain,
-            "damping": "the robot's",
+            "damping": damping,
             "rate": f"{self.rate:g} Hz",
-            "observation": " ".join(terms),
+            "observation": " ".join(
+                f"{term.name}[{term.size}{f' x {term.history}' * (term.history > 1)}]"
+                for term in self.observation
+            ),
         }
-        if self.damping is not None:
-            values["damping"] = f"{_range(self.damping)} N·m·s/rad"
         return [(name, text, self.sources[name]) for name, text in values.items()]
 
 
@@ -170,58 +156,47 @@ def _range(values: Array) -> str:
 
 
 def spread(values: Any, size: int, what: str) -> Array:
-    """Return ``size`` numbers: those of a list of that length, or one number for all.
-
-    Raises:
-        ForeignPolicyError: if they are neither.
-    """
+    """Return ``size`` finite numbers: those of a list of that length, or one number for all."""
     try:
         array = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError, OverflowError):
-        raise ForeignPolicyError(f"{what} is {values!r:.60}, expected numbers") from None
+        raise ValueError(f"{what} is {values!r:.60}, expected numbers") from None
     if array.shape not in ((1,), (size,)):
-        raise ForeignPolicyError(f"{what} has shape {array.shape}, expected ({size},)")
+        raise ValueError(f"{what} has shape {array.shape}, expected ({size},)")
     if not np.isfinite(array).all():
-        raise ForeignPolicyError(f"{what} holds {array[~np.isfinite(array)][0]}, expected finite")
+        raise ValueError(f"{what} holds {array[~np.isfinite(array)][0]}, expected finite")
     return np.resize(array, size)
 
 
-def find_quantity(name: str) -> str:
+def check_terms(names: Sequence[str]) -> None:
+    """Raise an error that names all terms that no robot measures, and unknown ones."""
+    known = ", ".join(known[0] for quantity, known in NAMES.items() if quantity != COMMAND)
+    problems = [
+        f"observation '{name}' is the {IMMEASURABLE[name]}, which the robot does not measure: "
+        "train a policy without it"
+        if name in IMMEASURABLE
+        else f"observation '{name}' is unknown, expected {known}, *_commands"
+        for name in names
+        if not _find_quantity(name)
+    ]
+    if problems:
+        raise ValueError("; ".join(problems))
+
+
+def find_size(name: str, joints: int, actions: int) -> int | None:
+    """Return the size of a term; ``None`` for a command, whose size its name does not say."""
+    quantity = _find_quantity(name)
+    if quantity == COMMAND:
+        return 3 if "velocity" in name or "vel" in name.split("_") else None
+    return {"gyro": 3, "gravity": 3, "last_action": actions}.get(quantity, joints)
+
+
+def _find_quantity(name: str) -> str:
     """Find the quantity of a term by its name; "" if it is not known."""
     # What a policy of motions tracks is no wish of a user.
     if name.endswith(("_command", "_commands")) and not name.startswith("motion"):
         return COMMAND
     return next((quantity for quantity, names in NAMES.items() if name in names), "")
-
-
-def check_terms(names: Sequence[str]) -> None:
-    """Refuse terms that no robot measures, and unknown ones.
-
-    Raises:
-        ForeignPolicyError: naming all of them.
-    """
-    problems = [
-        f"observation '{name}' is the {IMMEASURABLE[name]}, which the robot does not measure: "
-        "train a policy without it"
-        for name in names
-        if name in IMMEASURABLE
-    ]
-    known = ", ".join(known[0] for quantity, known in NAMES.items() if quantity != COMMAND)
-    problems += [
-        f"observation '{name}' is unknown, expected {known}, *_commands"
-        for name in names
-        if name not in IMMEASURABLE and not find_quantity(name)
-    ]
-    if problems:
-        raise ForeignPolicyError("; ".join(problems))
-
-
-def find_size(name: str, joints: int, actions: int) -> int | None:
-    """Return the size of a term; ``None`` for a command, whose size its name does not say."""
-    quantity = find_quantity(name)
-    if quantity == COMMAND:
-        return 3 if "velocity" in name or "vel" in name.split("_") else None
-    return {"gyro": 3, "gravity": 3, "last_action": actions}.get(quantity, joints)
 
 
 def make_term(
@@ -230,32 +205,80 @@ def make_term(
     *,
     scale: Any = None,
     clip: Any = None,
-    history: Any = 1,
+    history: Any = None,
     is_offset: bool = True,
     label: str = "",
 ) -> ForeignTerm:
-    """Make a term whose quantity its name tells; a label is what messages call it.
-
-    Raises:
-        ForeignPolicyError: if a value does not fit.
-    """
-    owner = f"observation '{label or name}'"
+    """Make a term whose quantity its name tells; a label is what messages call it."""
+    label = label or name
+    owner = f"observation '{label}'"
     try:
         lower, upper = (-np.inf, np.inf) if clip is None else map(float, clip)
     except (TypeError, ValueError, OverflowError):
-        raise ForeignPolicyError(f"{owner}: clip is {clip!r:.40}, expected two numbers") from None
+        raise ValueError(f"{owner}: clip is {clip!r:.40}, expected two numbers") from None
     if not lower < upper:
-        raise ForeignPolicyError(f"{owner}: clip is {lower:g} to {upper:g}, expected a range")
-    if not isinstance(history, int) or not 0 <= history <= MOST_HISTORY:
-        raise ForeignPolicyError(
-            f"{owner}: history is {history!r:.40}, expected 0 to {MOST_HISTORY} steps"
-        )
+        raise ValueError(f"{owner}: clip is {lower:g} to {upper:g}, expected a range")
     return ForeignTerm(
-        name=label or name,
-        quantity=find_quantity(name),
+        name=label,
+        quantity=_find_quantity(name),
+        size=size,
+        history=read_history(history, owner),
         scale=spread(1.0 if scale is None else scale, size, f"{owner}: scale"),
         lower=lower,
         upper=upper,
-        history=max(history, 1),
         is_offset=is_offset,
     )
+
+
+def read_history(steps: Any, owner: str) -> int:
+    """Return the number of policy steps that a term holds: 1 or more."""
+    if not isinstance(steps or 0, int | float) or not 0 <= (steps or 0) <= MOST_HISTORY:
+        raise ValueError(f"{owner}: history is {steps!r:.40}, expected 0 to {MOST_HISTORY} steps")
+    return max(int(steps or 0), 1)
+
+
+def map_joints(
+    names: Sequence[str], robot: Robot, renamed: Mapping[str, str] | None = None
+) -> dict[str, int]:
+    """Find the joints of a robot that names mean: the same ones, but for words for the sides.
+
+    Args:
+        names: Names of joints elsewhere.
+        robot: Robot whose joints they mean.
+        renamed: Names of the robot's joints by those elsewhere, which count more.
+
+    Raises:
+        ValueError: naming every joint that the robot does not have, or has once for two names.
+    """
+    renamed, own = renamed or {}, robot.joint_names
+    if strange := [name for name in renamed.values() if name not in own]:
+        raise ValueError(
+            f"--rename names {', '.join(strange)}, expected joints of robot '{robot.name}': "
+            f"{', '.join(own)}"
+        )
+    known = {_simplify(name): name for name in own} | {(name,): name for name in own}
+    found = {
+        name: renamed.get(name) or known.get((name,)) or known.get(_simplify(name), "")
+        for name in names
+    }
+    problems = []
+    if lacking := [name for name, joint in found.items() if not joint]:
+        problems.append(
+            f"robot '{robot.name}' has no {', '.join(lacking)}, expected {', '.join(own)}; "
+            "--rename THEIRS=OURS,... says which are the same"
+        )
+    joints = [joint for joint in found.values() if joint]
+    if len(found) < len(names) or len(set(joints)) < len(joints):
+        twice = sorted({joint for joint in joints if joints.count(joint) > 1})
+        problems.append(f"two names mean one joint: {', '.join(twice or names)}")
+    if problems:
+        raise ValueError("; ".join(problems))
+    return {name: own.index(joint) for name, joint in found.items()}
+
+
+def _simplify(name: str) -> tuple[str, ...]:
+    """Return the words of a name behind that of a model: lower case, sides as letters in front."""
+    plain = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name.rpartition("/")[2]).lower()
+    words = [SIDES.get(word, word) for word in re.split(r"[_\-. ]+", plain)]
+    kept = [word for word in words if word not in EMPTY]
+    return tuple(sorted(kept, key=lambda word: word not in SIDES.values()))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,6 @@ from humanoid_getup.policy.action import ActionMode
 from humanoid_getup.policy.foreign.description import (
     ForeignNetwork,
     ForeignPolicy,
-    ForeignPolicyError,
     ForeignTerm,
     check_terms,
     find_size,
@@ -34,7 +34,8 @@ GROUPS = ("policy", "actor")  # names of the observation group that the network 
 MOST_WAYS = 1_000_000  # in which a pattern may match a name; all are tried within about 10 ms
 
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
-Positive = Annotated[float, Meta(gt=0.0, lt=1e6, description="a number above 0")]
+Positive = Annotated[float, Meta(gt=1e-9, lt=1e6, description="a number above 0")]
+Figures = dict[str, float] | float
 Numbers = Annotated[dict[str, Number] | Number, Meta(description="numbers")]
 Limits = Annotated[dict[str, tuple[Number, Number]], Meta(description="two numbers a joint")]
 Texts = Annotated[tuple[str, ...], Meta(description="texts")]
@@ -43,147 +44,120 @@ Choice = Annotated[bool, Meta(description="true or false")]
 Table = Annotated[dict[str, Any], Meta(description="a table")]
 
 
+@dataclass(frozen=True)
 class Config:
     """Values of a YAML file by the paths of their keys, which messages and sources name."""
 
-    def __init__(self, file: Path) -> None:
-        """Read a file; tags of Python objects become the lists or tables that they tag.
+    file: str
+    values: Any
 
-        Raises:
-            ForeignPolicyError: if it cannot be read, is not YAML, or holds no table.
-        """
-        try:
-            self._values = parse_file(file, "YAML", partial(parse_yaml, keeps_tagged=True))
-        except ValueError as error:
-            raise ForeignPolicyError(f"{file}: {error}") from error
-        if not isinstance(self._values, dict):
-            raise ForeignPolicyError(f"{file} holds no table, expected Isaac Lab's env.yaml")
-        self._file = file.name
-
-    def name(self, *path: str) -> str:
-        """Name a value for people."""
-        return f"{self._file} {'.'.join(path)}"
-
-    def get(self, kind: Any, *path: str, default: Any = None) -> Any:
-        """Return a value of an annotated type; the default if it is missing or null.
-
-        Raises:
-            ForeignPolicyError: if it is missing without a default, or of another type.
-        """
-        value: Any = self._values
-        for depth, key in enumerate(path):
+    def get(self, path: str, kind: Any, default: Any = None) -> Any:
+        """Return a value of an annotated type; the default if it is missing or null."""
+        value, place = self.values, self.file
+        for key in path.split("."):
             if not isinstance(value, dict):
-                found = f"{self.name(*path[:depth])} is {value!r:.40}"
-                raise ForeignPolicyError(f"{found}, expected a table")
+                raise ValueError(f"{place} is {value!r:.40}, expected a table")
+            place += f".{key}" if place != self.file else f" {key}"
             if (value := value.get(key)) is None:
-                if default is not None:
-                    return default
-                raise ForeignPolicyError(f"{self.name(*path[: depth + 1])} is missing")
+                if default is None:
+                    raise ValueError(f"{place} is missing")
+                return default
         try:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError:
             expected = kind.__metadata__[0].description
-            raise ForeignPolicyError(
-                f"{self.name(*path)} is {value!r:.40}, expected {expected}"
-            ) from None
+            raise ValueError(f"{place} is {value!r:.40}, expected {expected}") from None
 
 
 def read_isaac_env(
     file: Path, network: ForeignNetwork, joints: tuple[str, ...], gain: float | None
 ) -> ForeignPolicy:
-    """Read an env.yaml; the order of the joints is given, as it has none.
-
-    Raises:
-        ForeignPolicyError: naming what is missing or wrong.
-    """
-    config, robot = Config(file), ("scene", "robot")
+    """Read an env.yaml; the order of the joints is given, as it has none."""
+    try:  # tagged Python objects are the lists or tables that they tag
+        values = parse_file(file, "YAML", partial(parse_yaml, keeps_tagged=True))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+    if not isinstance(values, dict):
+        raise ValueError(f"{file} holds no table, expected Isaac Lab's env.yaml")
+    config, name = Config(file.name, values), file.name
     if not joints:
-        raise ForeignPolicyError(
-            f"{file.name} does not state the order of the joints: expected their names in the "
+        raise ValueError(
+            f"{name} does not state the order of the joints: expected their names in the "
             "simulator's order with --joints NAME,..."
         )
-    default = _match(config.get(Numbers, *robot, "init_state", "joint_pos"), joints, missing=0.0)
-    action = _find_action(config)
-    moved = _find_moved(config, action, joints)
+    default = _match(config.get("scene.robot.init_state.joint_pos", Numbers), joints)
+    action, mode = _find_action(config)
+    patterns = config.get(f"{action}.joint_names", Texts, (".*",))
+    found = [joint for pattern in patterns for joint in joints if _fits(pattern, joint)]
+    if not found:
+        raise ValueError(f"{name} {action}.joint_names fits none of --joints")
+    if not config.get(f"{action}.preserve_order", Choice, False):  # of the patterns
+        found.sort(key=joints.index)
+    moved = tuple(dict.fromkeys(found))
     offset = default[[joints.index(joint) for joint in moved]]
-    if not config.get(Choice, *action, "use_default_offset", default=True):
-        offset = _match(config.get(Numbers, *action, "offset", default=0.0), moved, missing=0.0)
-    step = config.get(Positive, "sim", "dt") * config.get(Positive, "decimation")
+    if not config.get(f"{action}.use_default_offset", Choice, True):
+        offset = _match(config.get(f"{action}.offset", Numbers, 0.0), moved)
+    limits = np.full((2, len(moved)), [[-np.inf], [np.inf]])
+    clip = config.get(f"{action}.clip", Limits, {})
+    for pattern, pair in clip.items():
+        limits[:, [_fits(pattern, joint) for joint in moved]] = np.transpose([pair])
+    motors = "scene.robot.actuators"
     return ForeignPolicy(
         format="isaac",
         joints=joints,
         moved=moved,
         default_pos=default,
-        mode=MODES[_last_word(config.get(Text, *action, "class_type"))],
-        scale=_match(config.get(Numbers, *action, "scale", default=1.0), moved, missing=1.0),
+        mode=mode,
+        scale=_match(config.get(f"{action}.scale", Numbers, 1.0), moved, missing=1.0),
         offset=offset,
-        limits=_read_limits(config.get(Limits, *action, "clip", default={}), moved),
-        position_gain=None if gain else _read_motors(config, "stiffness", joints),
-        damping=_read_motors(config, "damping", joints),
-        rate=1.0 / step,
+        limits=limits if clip else None,
+        position_gain=None if gain else _read_motors(config, motors, "stiffness", joints),
+        damping=_read_motors(config, motors, "damping", joints),
+        rate=1.0 / (config.get("sim.dt", Positive) * config.get("decimation", Positive)),
         observation=_read_terms(config, len(joints), network.action),
         sources={
             "joints": "--joints",
-            "default_pos": config.name(*robot, "init_state", "joint_pos"),
-            "action": f"{config.name(*action, 'class_type')}, scale, offset",
-            "position_gain": config.name(*robot, "actuators", "*", "stiffness"),
-            "damping": config.name(*robot, "actuators", "*", "damping"),
-            "rate": f"{config.name('sim', 'dt')} and decimation",
-            "observation": config.name("observations"),
+            "default_pos": f"{name} scene.robot.init_state.joint_pos",
+            "action": f"{name} {action}.class_type, scale, offset",
+            "position_gain": f"{name} {motors}.*.stiffness",
+            "damping": f"{name} {motors}.*.damping",
+            "rate": f"{name} sim.dt and decimation",
+            "observation": f"{name} observations",
         },
     )
 
 
-def _find_action(config: Config) -> tuple[str, str]:
-    """Find the one action that moves joints to positions."""
-    actions = config.get(Table, "actions")
+def _find_action(config: Config) -> tuple[str, ActionMode]:
+    """Find the place of the one action that moves joints to positions, and its mode."""
     kinds = {
         name: _last_word(action.get("class_type", ""))
-        for name, action in actions.items()
+        for name, action in config.get("actions", Table).items()
         if isinstance(action, dict)
     }
     if len(kinds) != 1 or not MODES.keys() & kinds.values():
         found = ", ".join(f"{name} ({kind})" for name, kind in kinds.items()) or "none"
-        raise ForeignPolicyError(
-            f"{config.name('actions', '*')}: {found}, expected one action, {' or '.join(MODES)}"
+        raise ValueError(
+            f"{config.file} actions.*: {found}, expected one action, {' or '.join(MODES)}"
         )
-    return "actions", next(iter(kinds))
+    ((name, kind),) = kinds.items()
+    return f"actions.{name}", MODES[kind]
 
 
-def _find_moved(
-    config: Config, action: tuple[str, str], joints: tuple[str, ...]
-) -> tuple[str, ...]:
-    patterns = config.get(Texts, *action, "joint_names", default=(".*",))
-    found = [joint for pattern in patterns for joint in joints if _fits(pattern, joint)]
-    if not found:
-        raise ForeignPolicyError(f"{config.name(*action, 'joint_names')} fits none of --joints")
-    if not config.get(Choice, *action, "preserve_order", default=False):  # of the patterns
-        found.sort(key=joints.index)
-    return tuple(dict.fromkeys(found))
-
-
-def _read_limits(clip: Mapping[str, tuple[float, float]], moved: Sequence[str]) -> Array | None:
-    limits = np.full((2, len(moved)), [[-np.inf], [np.inf]])
-    for pattern, pair in clip.items():
-        limits[:, [_fits(pattern, joint) for joint in moved]] = np.transpose([pair])
-    return limits if clip else None
-
-
-def _read_motors(config: Config, key: str, joints: Sequence[str]) -> Array:
+def _read_motors(config: Config, place: str, key: str, joints: Sequence[str]) -> Array:
     """Read a figure of the groups of actuators; each joint is in one."""
-    place, found = ("scene", "robot", "actuators"), np.full(len(joints), np.nan)
-    for group in config.get(Table, *place):
-        patterns = config.get(Texts, *place, group, "joint_names_expr")
+    found = np.full(len(joints), np.nan)
+    for group in config.get(place, Table):
+        patterns = config.get(f"{place}.{group}.joint_names_expr", Texts)
         own = [i for i, joint in enumerate(joints) if any(_fits(p, joint) for p in patterns)]
-        value = config.get(Numbers, *place, group, key)
+        value = config.get(f"{place}.{group}.{key}", Numbers)
         found[own] = _match(value, [joints[i] for i in own], missing=np.nan)
     if np.isnan(found).any():
         lacking = ", ".join(np.array(joints)[np.isnan(found)])
-        raise ForeignPolicyError(f"{config.name(*place, '*', key)} is missing for {lacking}")
+        raise ValueError(f"{config.file} {place}.*.{key} is missing for {lacking}")
     return found
 
 
-def _match(value: dict[str, float] | float, joints: Sequence[str], *, missing: float) -> Array:
+def _match(value: Figures, joints: Sequence[str], missing: float = 0.0) -> Array:
     """Return one number for all joints, or numbers by patterns of their names."""
     found = np.full(len(joints), missing)
     for pattern, number in value.items() if isinstance(value, dict) else [(".*", value)]:
@@ -200,30 +174,28 @@ def _fits(pattern: str, joint: str) -> bool:
     repeats, choices = len(re.findall("[*+?{]", pattern[:200])), pattern[:200].count("|")
     ways = 2**choices * (len(joint) + 1) ** repeats
     if len(pattern) > 200 or re.search(r"\)[*+{\s#]", pattern) or ways > MOST_WAYS:
-        raise ForeignPolicyError(
+        raise ValueError(
             f"pattern '{pattern:.40}' could take too long to match '{joint:.40}', expected no "
             "repeated groups, and fewer of * + ? and |, such as .*_(hip|knee)_.*"
         )
     try:
         return re.fullmatch(pattern, joint) is not None
     except (re.error, OverflowError, ValueError) as error:
-        raise ForeignPolicyError(f"pattern '{pattern}' is malformed: {error}") from None
+        raise ValueError(f"pattern '{pattern}' is malformed: {error}") from None
 
 
 def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm, ...]:
-    groups = config.get(Table, "observations")
-    place = ("observations", next((name for name in GROUPS if name in groups), GROUPS[0]))
-    terms = {
-        label: term for label, term in config.get(Table, *place).items() if isinstance(term, dict)
-    }
-    names = [_last_word(config.get(Text, *place, label, "func")) for label in terms]
+    groups = config.get("observations", Table)
+    place = f"observations.{next((name for name in GROUPS if name in groups), GROUPS[0])}"
+    table = config.get(place, Table)
+    terms = {label: term for label, term in table.items() if isinstance(term, dict)}
+    names = [_last_word(config.get(f"{place}.{label}.func", Text)) for label in terms]
     check_terms(names)
-    history = config.get(Table, *place).get("history_length")
     for label in terms:
-        asset = (*place, label, "params", "asset_cfg", "joint_names")
-        if (joint_names := config.get(Any, *asset, default=".*")) not in ([".*"], ".*"):
-            raise ForeignPolicyError(
-                f"{config.name(*place, label, 'params')} has joint_names {joint_names!r:.40}, "
+        chosen = config.get(f"{place}.{label}.params.asset_cfg.joint_names", Any, ".*")
+        if chosen not in ([".*"], ".*"):
+            raise ValueError(
+                f"{config.file} {place}.{label}.params has joint_names {chosen!r:.40}, "
                 "expected all joints"
             )
     return tuple(
@@ -232,7 +204,7 @@ def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm,
             find_size(name, joints, actions) or 3,
             scale=term.get("scale"),
             clip=term.get("clip"),
-            history=history or term.get("history_length") or 0,
+            history=table.get("history_length") or term.get("history_length"),
             is_offset=name != "joint_pos",
             label=label,
         )
@@ -240,6 +212,6 @@ def _read_terms(config: Config, joints: int, actions: int) -> tuple[ForeignTerm,
     )
 
 
-def _last_word(function: Any) -> str:
+def _last_word(function: object) -> str:
     """Return the name of a function or class from `module:name`."""
     return re.split(r"[:.]", str(function))[-1]

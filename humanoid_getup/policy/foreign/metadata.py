@@ -11,18 +11,17 @@ import numpy as np
 from msgspec import Meta
 
 from humanoid_getup.policy.foreign.description import (
-    MOST_HISTORY,
     ForeignNetwork,
     ForeignPolicy,
-    ForeignPolicyError,
     ForeignTerm,
     check_terms,
     find_size,
     make_term,
+    read_history,
     spread,
 )
 from robots.quaternion import Array
-from robots.storage.validation import Names, read_table, within
+from robots.storage.validation import Names, read_table, whole, within
 
 MICRODUCK_KEY = "microduck"
 MJLAB_KEYS = ("joint_names", "observation_names", "action_scale", "default_joint_pos")
@@ -31,42 +30,47 @@ NO_GAIN = 1.0  # N·m/rad that mjlab writes where the model does not have the ga
 
 
 def read_mjlab(network: ForeignNetwork, gain: float | None) -> ForeignPolicy:
-    """Read the description that mjlab writes, lists as texts with commas.
-
-    Raises:
-        ForeignPolicyError: naming what is missing or wrong.
-    """
+    """Read the description that mjlab writes, lists as texts with commas."""
     data = network.metadata
     joints, names = _split(data["joint_names"]), _split(data["observation_names"])
-    n, k = len(joints), network.action
     check_terms(names)
-    if k != n:
-        raise ForeignPolicyError(
-            f"it has {k} actions for {n} joint_names: which ones they move is not in its metadata"
+    if network.action != len(joints):
+        raise ValueError(
+            f"it has {network.action} actions for {len(joints)} joint_names: which ones they move "
+            "is not in its metadata"
         )
-    default, damping = _numbers(data, "default_joint_pos", n), None
-    if "joint_damping" in data:
-        damping = np.abs(_numbers(data, "joint_damping", n))
+    figures = {
+        key: _read_numbers(data, key, len(joints))
+        for key in ("default_joint_pos", "action_scale", "joint_stiffness", "joint_damping")
+        if key in data and not (gain and key == "joint_stiffness")
+    }
+    stiffness, damping = figures.get("joint_stiffness"), figures.get("joint_damping")
+    if stiffness is not None and np.all(stiffness == NO_GAIN):
+        raise ValueError(
+            "joint_stiffness is 1 N·m/rad for every joint, which mjlab writes for actuators "
+            "whose gain it does not know: expected the gain of the training with --gain"
+        )
+    sources = {
+        "joints": "joint_names",
+        "default_pos": "default_joint_pos",
+        "action": "action_scale; mode assumed",
+        "position_gain": "joint_stiffness" * ("joint_stiffness" in data),
+        "damping": "joint_damping" * (damping is not None),
+        "rate": "",
+        "observation": "observation_names",
+    }
     return ForeignPolicy(
         format="mjlab",
         joints=joints,
         moved=joints,
-        default_pos=default,
-        scale=_numbers(data, "action_scale", k),
-        offset=default,
-        position_gain=None if gain else _read_gain(data, n),
-        damping=damping,
+        default_pos=figures["default_joint_pos"],
+        scale=figures["action_scale"],
+        offset=figures["default_joint_pos"],
+        position_gain=stiffness,
+        damping=None if damping is None else np.abs(damping),
         rate=ASSUMED_RATE,
-        observation=_read_terms(data, names, n, network),
-        sources={
-            "joints": "ONNX metadata joint_names",
-            "default_pos": "ONNX metadata default_joint_pos",
-            "action": "ONNX metadata action_scale; mode assumed",
-            "position_gain": _find_source(data, "joint_stiffness"),
-            "damping": _find_source(data, "joint_damping"),
-            "rate": "assumed",
-            "observation": "ONNX metadata observation_names",
-        },
+        observation=_read_terms(data, names, len(joints), network),
+        sources=_name_sources(sources),
     )
 
 
@@ -78,90 +82,85 @@ class Microduck:
     default_joint_pos: Annotated[Any, Meta(description="numbers")]
     action_scale: Annotated[Any, Meta(description="numbers")]
     control_hz: Annotated[float, within(0.1, 10_000.0, "Hz")]
-    observation: Annotated[Any, Meta(description="[[name, width], ...]")]
+    observation: Annotated[
+        tuple[tuple[str, Annotated[int, whole(1, 10_000)]], ...],
+        Meta(min_length=1, description="[[name, width], ...]"),
+    ]
     kp_fw: Annotated[float, within(0.0, 1e5)] | None = None
     """A register value of the servos."""
 
 
 def read_microduck(network: ForeignNetwork) -> ForeignPolicy:
-    """Read the description that microduck writes.
-
-    Raises:
-        ForeignPolicyError: naming what is missing or wrong.
-    """
-    record = _read_json(network.metadata[MICRODUCK_KEY])
-    joints, layout = record.joint_names, _read_layout(record.observation)
-    check_terms([name for name, _ in layout])
-    default = spread(record.default_joint_pos, len(joints), "default_joint_pos")
+    """Read the description that microduck writes."""
+    try:
+        table = json.loads(network.metadata[MICRODUCK_KEY])
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"its metadata 'microduck' is not JSON: {error}") from None
+    if not isinstance(table, dict):
+        raise ValueError("its metadata 'microduck' is not a JSON object")
+    record = read_table(Microduck, table, "microduck.", problems := list[str]())
+    if problems:
+        raise ValueError("; ".join(problems))
+    check_terms([name for name, _ in record.observation])
+    default = spread(record.default_joint_pos, len(record.joint_names), "default_joint_pos")
+    sources = {
+        "joints": "microduck.joint_names",
+        "default_pos": "microduck.default_joint_pos",
+        "action": "microduck.action_scale",
+        "position_gain": "microduck.kp_fw" * (record.kp_fw is not None),
+        "damping": "",
+        "rate": "microduck.control_hz",
+        "observation": "microduck.observation",
+    }
     return ForeignPolicy(
         format="microduck",
-        joints=joints,
-        moved=joints,
+        joints=record.joint_names,
+        moved=record.joint_names,
         default_pos=default,
         scale=spread(record.action_scale, network.action, "action_scale"),
         offset=default,
         p_gain=record.kp_fw,
         rate=record.control_hz,
-        observation=tuple(make_term(name, size) for name, size in layout),
-        sources={
-            "joints": "ONNX metadata microduck.joint_names",
-            "default_pos": "ONNX metadata microduck.default_joint_pos",
-            "action": "ONNX metadata microduck.action_scale",
-            "position_gain": "assumed" if record.kp_fw is None else "ONNX metadata microduck.kp_fw",
-            "damping": "assumed",
-            "rate": "ONNX metadata microduck.control_hz",
-            "observation": "ONNX metadata microduck.observation",
-        },
+        observation=tuple(make_term(name, size) for name, size in record.observation),
+        sources=_name_sources(sources),
     )
+
+
+def _name_sources(keys: dict[str, str]) -> dict[str, str]:
+    return {field: f"ONNX metadata {key}" if key else "assumed" for field, key in keys.items()}
 
 
 def _read_terms(
     data: dict[str, str], names: tuple[str, ...], n: int, network: ForeignNetwork
 ) -> tuple[ForeignTerm, ...]:
     """Read the terms; their sizes are not stated, and that of one command is what is left."""
-    count, key = len(names), "observation_terms_history_length"
-    scales = _read_a_term(data, "observation_terms_scale", count)
-    clips = _read_a_term(data, "observation_terms_clip", count)
-    steps = [0.0 if step is None else step for step in _read_a_term(data, key, count)]
-    if not all(isinstance(step, float) and 0 <= step <= MOST_HISTORY for step in steps):
-        raise ForeignPolicyError(f"{key} is {data[key]!r:.40}, expected 0 to {MOST_HISTORY} steps")
-    histories = [max(1, int(step)) for step in steps]
+
+    def read(key: str) -> list[Any]:
+        values = _read_values(data, key) if key in data else [None] * len(names)
+        if len(values) != len(names):
+            raise ValueError(f"its metadata has {len(values)} values for {len(names)} observations")
+        return values
+
+    scales, clips = read("observation_terms_scale"), read("observation_terms_clip")
+    key = "observation_terms_history_length"
+    histories = [read_history(steps, key) for steps in read(key)]
     sizes = [find_size(name, n, network.action) for name in names]
-    unknown = [i for i, size in enumerate(sizes) if size is None]
+    unknown = [name for name, size in zip(names, sizes, strict=True) if size is None]
     if len(unknown) > 1:
-        listed = ", ".join(names[i] for i in unknown)
-        raise ForeignPolicyError(f"the sizes of observations {listed} are not in its metadata")
-    left = network.observation - sum(
-        (size or 0) * history for size, history in zip(sizes, histories, strict=True)
-    )
-    rows = zip(names, sizes, scales, clips, histories, strict=True)
+        raise ValueError(f"the sizes of observations {', '.join(unknown)} are not in its metadata")
+    rows = [*zip(names, sizes, scales, clips, histories, strict=True)]
+    left = network.observation - sum((size or 0) * history for _, size, _, _, history in rows)
     return tuple(
         make_term(name, size or max(left // history, 1), scale=scale, clip=clip, history=history)
         for name, size, scale, clip, history in rows
     )
 
 
-def _read_gain(data: dict[str, str], n: int) -> Array | None:
-    if "joint_stiffness" not in data:
-        return None
-    gain = _numbers(data, "joint_stiffness", n)
-    if np.all(gain == NO_GAIN):
-        raise ForeignPolicyError(
-            "joint_stiffness is 1 N·m/rad for every joint, which mjlab writes for actuators "
-            "whose gain it does not know: expected the gain of the training with --gain"
-        )
-    return gain
-
-
-def _find_source(data: dict[str, str], key: str) -> str:
-    return f"ONNX metadata {key}" if key in data else "assumed"
-
-
 def _split(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
-def _numbers(data: dict[str, str], key: str, size: int) -> Array:
+def _read_numbers(data: dict[str, str], key: str, size: int) -> Array:
     values = _read_values(data, key)
     return spread(values[0] if len(values) == 1 else values, size, key)
 
@@ -175,38 +174,4 @@ def _read_values(data: dict[str, str], key: str) -> list[Any]:
             for part in filter(None, parts)
         ]
     except ValueError:
-        raise ForeignPolicyError(f"{key} is {data[key]!r:.60}, expected numbers") from None
-
-
-def _read_a_term(data: dict[str, str], key: str, count: int) -> list[Any]:
-    """Read a value for each term; ``None`` for all if none is stated."""
-    values = _read_values(data, key) if key in data else [None] * count
-    if len(values) != count:
-        raise ForeignPolicyError(f"its metadata has {len(values)} values for {count} observations")
-    return values
-
-
-def _read_json(text: str) -> Microduck:
-    try:
-        record = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ForeignPolicyError(f"its metadata 'microduck' is not JSON: {error}") from None
-    if not isinstance(record, dict):
-        raise ForeignPolicyError("its metadata 'microduck' is not a JSON object")
-    problems: list[str] = []
-    found = read_table(Microduck, record, "microduck.", problems)
-    if problems:
-        raise ForeignPolicyError("; ".join(problems))
-    return found
-
-
-def _read_layout(rows: Any) -> list[tuple[str, int]]:
-    try:
-        layout = [(str(name), int(size)) for name, size in rows]
-    except (TypeError, ValueError, OverflowError):
-        layout = []
-    if not layout or not all(0 < size <= 10_000 for _, size in layout):
-        raise ForeignPolicyError(
-            "microduck.observation is malformed, expected [[name, width], ...]"
-        )
-    return layout
+        raise ValueError(f"{key} is {data[key]!r:.60}, expected numbers") from None

@@ -13,7 +13,6 @@ from onnx import ModelProto, TensorProto, external_data_helper
 from humanoid_getup.policy.foreign.description import (
     ForeignNetwork,
     ForeignPolicy,
-    ForeignPolicyError,
     find_size,
 )
 from humanoid_getup.policy.foreign.isaac_env import read_isaac_env
@@ -42,36 +41,36 @@ def read_network(file: Path) -> ForeignNetwork:
 
     Raises:
         OSError: if it cannot be read.
-        ForeignPolicyError: if it is a pickle, or another thing than such a network.
+        ValueError: if it is a pickle, or another thing than such a network.
     """
-    try:
-        content = read_bounded(file, MAX_BYTES)
-    except ValueError as error:
-        raise ForeignPolicyError(str(error)) from error
+    content = read_bounded(file, MAX_BYTES)
     if content.startswith(PICKLES) or file.suffix in PICKLE_SUFFIXES:
-        raise ForeignPolicyError(
+        raise ValueError(
             "it is a pickle of torch, which is never opened, since that runs code in it: export "
             "it to ONNX where it was trained"
         )
     try:
         problems, metadata = find_content_problems(content), read_metadata(content)
     except ValueError as error:
-        raise ForeignPolicyError(f"it is not an ONNX file: {error}") from error
+        raise ValueError(f"it is not an ONNX file: {error}") from error
     if CONTRACT_KEY in metadata:
-        raise ForeignPolicyError("it has a policy contract of ours: `getup run` plays it as it is")
+        raise ValueError("it has a policy contract of ours: `getup run` plays it as it is")
     if problems := [problem for problem in problems if problem != EXTERNAL_WEIGHTS]:
-        raise ForeignPolicyError("; ".join(problems))
+        raise ValueError("; ".join(problems))
     try:
         model = onnx.load_from_string(content)
         _load_weights(model, file.parent)
         onnx.checker.check_model(model)
-    except ForeignPolicyError:
+    except ValueError:
         raise
     except Exception as error:  # protobuf's and onnx's errors have no base of their own
-        raise ForeignPolicyError(describe_refusal(onnx, error)) from error
-    observation = _measure("input", find_inputs(model))
-    action = _measure("output", list(model.graph.output))
-    return ForeignNetwork(model=model, metadata=metadata, observation=observation, action=action)
+        raise ValueError(describe_refusal(onnx, error)) from error
+    return ForeignNetwork(
+        model=model,
+        metadata=metadata,
+        observation=_measure("input", find_inputs(model)),
+        action=_measure("output", list(model.graph.output)),
+    )
 
 
 def describe_policy(
@@ -84,15 +83,11 @@ def describe_policy(
 ) -> ForeignPolicy:
     """Read the description of a policy from Isaac Lab's env.yaml, or else from its metadata.
 
-    Args:
-        network: Network with its metadata.
-        config: That env.yaml; ``None`` for none.
-        joints: Names of its joints where files only number them.
-        rate: Policy steps per second, which counts more than what is described [Hz].
-        gain: Position gain of all joints, which counts more than what is described [N·m/rad].
+    Names of joints are those that files only number. A rate [Hz] and a position gain [N·m/rad]
+    count more than what is described.
 
     Raises:
-        ForeignPolicyError: naming what is missing or wrong.
+        ValueError: naming what is missing or wrong.
     """
     if config is not None:
         policy = read_isaac_env(config, network, joints, gain)
@@ -101,7 +96,7 @@ def describe_policy(
     elif all(key in network.metadata for key in MJLAB_KEYS):
         policy = read_mjlab(network, gain)
     else:
-        raise ForeignPolicyError(
+        raise ValueError(
             "nothing describes it, expected an ONNX file with the metadata of mjlab or microduck, "
             "or Isaac Lab's env.yaml with --config"
         )
@@ -136,7 +131,7 @@ def _check_sizes(policy: ForeignPolicy, network: ForeignNetwork) -> None:
     if not 0.1 <= policy.rate <= 10_000.0:
         problems.append(f"its rate is {policy.rate:g} Hz, expected 0.1 to 10000 Hz")
     if problems:
-        raise ForeignPolicyError("; ".join(problems))
+        raise ValueError("; ".join(problems))
 
 
 def _load_weights(model: ModelProto, folder: Path) -> None:
@@ -147,15 +142,15 @@ def _load_weights(model: ModelProto, folder: Path) -> None:
             continue
         name = {entry.key: entry.value for entry in tensor.external_data}.get("location", "")
         if not name or Path(name).name != name:
-            raise ForeignPolicyError(f"its weights are in '{name:.60}', expected a file beside it")
+            raise ValueError(f"its weights are in '{name:.60}', expected a file beside it")
         try:
             check_file(folder / name, MAX_BYTES)
         except (OSError, ValueError) as error:
-            raise ForeignPolicyError(f"its weights in {name}: {describe(error)}") from error
+            raise ValueError(f"its weights in {name}: {describe(error)}") from error
         external_data_helper.load_external_data_for_tensor(tensor, str(folder))
         size += len(tensor.raw_data)
         if size > MAX_BYTES:  # many tensors may name the same bytes of a file
-            raise ForeignPolicyError(f"its weights have more than {MAX_BYTES} bytes")
+            raise ValueError(f"its weights have more than {MAX_BYTES} bytes")
         tensor.data_location = TensorProto.DEFAULT
         del tensor.external_data[:]
 
@@ -164,7 +159,7 @@ def _measure(what: str, values: list[Any]) -> int:
     """Return the size of the one input or output of a network, of shape (N, size)."""
     if len(values) != 1:
         named = ", ".join(value.name for value in values) or "none"
-        raise ForeignPolicyError(
+        raise ValueError(
             f"its network has {len(values)} {what}s ({named}), expected one: export it without "
             "memory, values or a motion of its own"
         )
@@ -172,12 +167,10 @@ def _measure(what: str, values: list[Any]) -> int:
     tensor = value.type.tensor_type
     kinds = {number: name.lower() for name, number in TensorProto.DataType.items()}
     if (kind := kinds.get(tensor.elem_type, "of no type")) != "float":
-        raise ForeignPolicyError(
+        raise ValueError(
             f"'{value.name}' of its network is {kind}, expected 32-bit float: export it so"
         )
     sizes = [dim.dim_value for dim in tensor.shape.dim]
     if len(sizes) != 2 or sizes[0] not in (0, 1) or sizes[1] < 1:
-        raise ForeignPolicyError(
-            f"'{value.name}' of its network has shape {sizes}, expected (N, size)"
-        )
+        raise ValueError(f"'{value.name}' of its network has shape {sizes}, expected (N, size)")
     return sizes[1]

@@ -1,4 +1,4 @@
-"""Networks that were trained elsewhere, wrapped so that our one runner runs them.
+"""Networks that were trained elsewhere, fitted to a robot and wrapped so that our runner runs them.
 
 Graph nodes before the network turn our observation into its own: they reorder joints, count angles
 from its posture, clip, scale and keep past steps. Nodes behind it turn its actions into shares of
@@ -11,7 +11,8 @@ step), its last raw action (k), its last observation (size).
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -19,23 +20,33 @@ import numpy as np
 from numpy.typing import NDArray
 from onnx import ModelProto, NodeProto, TensorProto, ValueInfoProto, compose, helper, numpy_helper
 
-from humanoid_getup.policy.action import ActionMode, ActionSpec
+from humanoid_getup.policy.action import (
+    HOMING_SHARE,
+    SPEED_SHARE,
+    ActionMode,
+    ActionSpec,
+    build_posture_spec,
+)
 from humanoid_getup.policy.foreign.description import (
     COMMAND,
     ForeignPolicy,
     ForeignRecord,
     Window,
+    map_joints,
 )
 from humanoid_getup.policy.observation import list_terms
 from robots import Robot
-from robots.quaternion import Array
 
 PREFIX = "foreign_"  # of the names in the network that is wrapped
+NO_LEAD = 10.0  # rad of a target before its joint: more than joints turn, so none is cut
+GAIN_SLACK = 0.01  # share of a servo's gain by which another one may exceed it
+RATE_SLACK = 1e-6  # share
+MOST_NAMED = 3  # joints in a message
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wrapping:
-    """Linear maps between a robot's observations and actions and those of a policy."""
+    """A policy, and the robot that it moves."""
 
     robot: Robot
     policy: ForeignPolicy
@@ -54,69 +65,92 @@ class Wrapping:
         ends = itertools.accumulate((term.size for term in terms), initial=0)
         return dict(zip((*(term.name for term in terms), ""), ends, strict=True))
 
-    def present(self) -> tuple[Array, Array]:
-        """Return the map from our observation to the policy's present terms: (S, C) and (C,)."""
-        starts, terms = self.find_starts(), self.policy.observation
-        joints = np.array([self.places[name] for name in self.policy.joints])
-        matrix = np.zeros((starts[""], sum(term.size for term in terms)))
-        offset, end = np.zeros(matrix.shape[1]), 0
-        for term in terms:
-            columns = end + np.arange(term.size)
-            end += term.size
-            if term.quantity == COMMAND:
-                continue
-            # The memory begins with a 1.
-            rows = np.arange(term.size) + (term.quantity == "last_action")
-            rows = joints if term.quantity in ("joint_pos", "joint_vel") else rows
-            matrix[starts[term.quantity] + rows, columns] = 1.0
-            if term.quantity == "joint_pos":
-                zero = self.policy.default_pos if term.is_offset else 0.0
-                offset[columns] = self.robot.standing.joint_pos[joints] - zero
-        return matrix, offset
-
-    def windows(self) -> tuple[Array, Array, Array]:
-        """Return the maps to the policy's observation, each to (F,).
-
-        They are that of the present terms (C, F), that of the last observation (F, F), and that
-        of the present terms into all past steps (C, F), which counts at the first step.
-        """
-        size = self.policy.observation_size
-        newest, first = np.zeros((2, sum(term.size for term in self.policy.observation), size))
-        shift, start, at = np.zeros((size, size)), 0, 0
-        for term in self.policy.observation:
-            own = np.arange(term.size)
-            for _ in range(term.history - 1):
-                first[start + own, at + own] = 1.0
-                shift[at + term.size + own, at + own] = 1.0
-                at += term.size
-            newest[start + own, at + own] = 1.0
-            start, at = start + term.size, at + term.size
-        return newest, shift, first
-
-    def actions(self) -> tuple[Array, Array]:
-        """Return factor and offset from a target [rad] to an action of ours, (k,) each."""
-        joints = [self.places[name] for name in self.policy.moved]
-        scale, home = self.action.scale[joints], np.zeros(len(joints))
-        if self.policy.mode is ActionMode.ABSOLUTE:
-            home = self.robot.standing.joint_pos[joints]
-        return 1.0 / scale, -home / scale
-
     def to_record(self) -> str:
         """Write what the checks of an imported policy need, as JSON."""
         policy, names = self.policy, self.robot.joint_names
-        windows = (
-            Window(name=t.name, quantity=t.quantity, size=t.size, history=t.history)
-            for t in policy.observation
-        )
         record = ForeignRecord(
-            format=policy.format,
             joints=tuple(names[self.places[name]] for name in policy.joints),
             moved=tuple(names[self.places[name]] for name in policy.moved),
-            windows=tuple(windows),
-            scale=tuple(policy.scale.tolist()),
-            damping=() if policy.damping is None else tuple(policy.damping.tolist()),
+            windows=tuple(
+                Window(name=t.name, quantity=t.quantity, size=t.size, history=t.history)
+                for t in policy.observation
+            ),
         )
         return msgspec.json.encode(record).decode()
+
+    def list_notes(self) -> list[str]:
+        """List what was assumed, and what differs from the training."""
+        policy, robot, action = self.policy, self.robot, self.action
+        notes = [f"{name}: {text}" for name, text in policy.sources.items() if "assumed" in text]
+        if commands := [term.name for term in policy.observation if term.quantity == COMMAND]:
+            notes.append(f"{', '.join(commands)}: zeros")
+        if share := action.gain_share:
+            notes.append(f"servos have {min(share):.0%} to {max(share):.0%} of their position gain")
+        if policy.damping is not None:
+            own = robot.torque_speed_slope[[self.places[name] for name in policy.joints]]
+            notes.append(
+                f"damping: {policy.damping.mean():.2g} N·m·s/rad in its training on average, the "
+                f"servos have {own.mean():.2g}"
+            )
+        if still := [name for name in robot.joint_names if name not in action.names]:
+            notes.append(f"{', '.join(still)}: no action moves them, they go to the stance")
+        return notes
+
+
+def fit_policy(
+    policy: ForeignPolicy, robot: Robot, renamed: Mapping[str, str] | None = None
+) -> Wrapping:
+    """Fit a policy to a robot.
+
+    Raises:
+        ValueError: naming joints, gains or a rate that the robot does not have.
+    """
+    places = map_joints(policy.joints, robot, renamed)
+    exact = 1.0 / (policy.rate * robot.control_period)
+    cycles, shares, own = max(round(exact), 1), np.ones(robot.n), robot.position_gain
+    joints = [places[name] for name in policy.joints]
+    if policy.position_gain is not None:
+        shares[joints] = policy.position_gain / own[joints]
+    elif policy.p_gain is not None:
+        shares[joints] = policy.p_gain / robot.p_gain[joints]
+    # Servos that turn two joints together keep all of their gain.
+    shares[[i for coupling in robot.couplings for i in coupling.joints]] = 1.0
+    problems = []
+    if abs(exact / cycles - 1.0) > RATE_SLACK:
+        problems.append(
+            f"it steps at {policy.rate:g} Hz, robot '{robot.name}' every {exact:.3g} control "
+            f"periods of {1e3 * robot.control_period:g} ms: expected a whole number, as with "
+            f"control_period = {1.0 / (policy.rate * cycles):.6g} in its robot.toml"
+        )
+    if wrong := [
+        f"'{robot.joint_names[i]}' {shares[i] * own[i]:.3g} (the servo: {own[i]:.3g})"
+        for i in np.flatnonzero(~((shares > 0.0) & (shares <= 1.0 + GAIN_SLACK)))
+    ]:
+        more = f" and {len(wrong) - MOST_NAMED} more" if len(wrong) > MOST_NAMED else ""
+        problems.append(
+            f"gains [N·m/rad] of {', '.join(wrong[:MOST_NAMED])}{more}: expected above 0 and at "
+            "most the servo's; p_gain in robot.toml sets that, --gain another gain"
+        )
+    if problems:
+        raise ValueError("; ".join(problems))
+    # Actions reach every angle of a joint; the network limits them further.
+    moved, spec = [places[name] for name in policy.moved], build_posture_spec(robot)
+    way = robot.max_velocity * robot.control_period * cycles
+    shares = np.minimum(shares, 1.0)
+    action = replace(
+        spec,
+        mode=policy.mode,
+        names=tuple(robot.joint_names[i] for i in moved),
+        directions=np.eye(robot.n)[moved],
+        scale=spec.scale if policy.mode is ActionMode.ABSOLUTE else robot.upper - robot.lower,
+        reach=SPEED_SHARE * way,
+        lead=NO_LEAD,
+        homing=HOMING_SHARE * SPEED_SHARE * way,
+        cycles=cycles,
+        holds=True,
+        gain_share=() if np.all(shares == 1.0) else tuple(shares.tolist()),
+    )
+    return Wrapping(robot=robot, policy=policy, places=places, action=action)
 
 
 def wrap_network(model: ModelProto, wrapping: Wrapping) -> ModelProto:
@@ -131,7 +165,7 @@ def wrap_network(model: ModelProto, wrapping: Wrapping) -> ModelProto:
     graph.nodes.extend(inner.graph.node)
     raw = inner.graph.output[0].name
     _act(graph, wrapping, raw)
-    ones = graph.add("Add", graph.matmul("obs", np.zeros((size, 1))), np.ones(1))
+    ones = graph.add("Add", graph.add("MatMul", "obs", np.zeros((size, 1))), np.ones(1))
     graph.nodes.append(helper.make_node("Concat", [ones, raw, seen], ["memory"], axis=1))
     sizes = {"obs": size, "actions": wrapping.action.size, "memory": wrapping.memory}
     first, *others = (
@@ -157,26 +191,29 @@ def find_inputs(model: ModelProto) -> list[ValueInfoProto]:
 
 def _observe(graph: _GraphBuilder, wrapping: Wrapping) -> str:
     """Add nodes that build the policy's observation; return its name."""
-    matrix, offset = wrapping.present()
-    terms = wrapping.policy.observation
-    sizes = [term.size for term in terms]
-    present = graph.clip(
-        graph.add("Add", graph.matmul("obs", matrix), offset),
-        np.repeat([term.lower for term in terms], sizes),
-        np.repeat([term.upper for term in terms], sizes),
-    )
-    present = graph.add("Mul", present, np.concatenate([term.scale for term in terms]))
-    if all(term.history == 1 for term in terms):
-        return present
-    newest, shift, first = wrapping.windows()
-    start = wrapping.find_starts()["last_action"]
-    begun = graph.add("Gather", "obs", np.arange(start, start + 1), axis=1)
-    seen = start + 1 + len(wrapping.policy.moved)
-    last = graph.add("Gather", "obs", np.arange(seen, start + wrapping.memory), axis=1)
-    is_first = graph.add("Sub", np.ones(1), begun)
-    past = graph.add("Mul", graph.matmul(present, first), is_first)
-    held = graph.add("Add", graph.matmul(last, shift), past)
-    return graph.add("Add", graph.matmul(present, newest), held)
+    starts, policy, robot = wrapping.find_starts(), wrapping.policy, wrapping.robot
+    joints = np.array([wrapping.places[name] for name in policy.joints])
+    memory, parts = starts["last_action"], list[str]()
+    is_first = graph.add("Sub", np.ones(1), graph.gather([memory]))
+    kept = memory + 1 + len(policy.moved)  # where the term begins in the last observation
+    for term in policy.observation:
+        rows = np.arange(term.size) + (term.quantity == "last_action")
+        rows = joints if term.quantity in ("joint_pos", "joint_vel") else rows
+        now = graph.gather(starts.get(term.quantity, 0) + rows)
+        if term.quantity == COMMAND:
+            now = graph.add("Mul", now, np.zeros(1))
+        if term.quantity == "joint_pos":
+            zero = policy.default_pos if term.is_offset else 0.0
+            now = graph.add("Add", now, robot.standing.joint_pos[joints] - zero)
+        now = graph.add("Mul", graph.clip(now, term.lower, term.upper), term.scale)
+        if past := term.history - 1:
+            # All past steps are as the first one. The last observation is 0 then.
+            begin = graph.add("Mul", graph.add("Concat", *[now] * past, axis=1), is_first)
+            last = graph.gather(kept + term.size + np.arange(term.size * past))
+            parts.append(graph.add("Add", begin, last))
+        parts.append(now)
+        kept += term.size * term.history
+    return graph.add("Concat", *parts, axis=1)
 
 
 def _act(graph: _GraphBuilder, wrapping: Wrapping, raw: str) -> None:
@@ -187,8 +224,11 @@ def _act(graph: _GraphBuilder, wrapping: Wrapping, raw: str) -> None:
         target = graph.add("Add", target, policy.offset)
     if policy.limits is not None:
         target = graph.clip(target, *policy.limits)
-    factor, offset = wrapping.actions()
-    share = graph.add("Add", graph.add("Mul", target, factor), offset)
+    joints = [wrapping.places[name] for name in policy.moved]
+    scale, home = wrapping.action.scale[joints], np.zeros(len(joints))
+    if policy.mode is ActionMode.ABSOLUTE:
+        home = wrapping.robot.standing.joint_pos[joints]
+    share = graph.add("Add", graph.add("Mul", target, 1.0 / scale), -home / scale)
     graph.nodes.append(helper.make_node("Identity", [share], ["actions"]))
 
 
@@ -207,15 +247,15 @@ class _GraphBuilder:
         self.nodes.append(helper.make_node(operation, names, [output], **attributes))
         return output
 
-    def matmul(self, vector: str, matrix: Array) -> str:
-        """Multiply a vector by a constant matrix."""
-        return self.add("MatMul", vector, matrix)
+    def gather(self, columns: Any) -> str:
+        """Take columns of our observation."""
+        return self.add("Gather", "obs", np.asarray(columns), axis=1)
 
-    def clip(self, vector: str, lower: Array, upper: Array) -> str:
+    def clip(self, vector: str, lower: Any, upper: Any) -> str:
         """Clip a vector to ranges, if any is finite."""
         if np.isfinite(lower).any():
-            vector = self.add("Max", vector, lower)
-        return self.add("Min", vector, upper) if np.isfinite(upper).any() else vector
+            vector = self.add("Max", vector, np.atleast_1d(lower))
+        return self.add("Min", vector, np.atleast_1d(upper)) if np.isfinite(upper).any() else vector
 
     def _constant(self, values: NDArray[Any]) -> str:
         name = next(self._names)

@@ -15,11 +15,7 @@ import onnx
 from foreign_policies import save_network
 from nonempty import nonempty
 
-from humanoid_getup.policy.foreign.description import (
-    ForeignNetwork,
-    ForeignPolicy,
-    ForeignPolicyError,
-)
+from humanoid_getup.policy.foreign.description import ForeignNetwork, ForeignPolicy
 from humanoid_getup.policy.foreign.reading import describe_policy, read_network
 from robots.storage.yaml_text import parse_yaml
 
@@ -116,7 +112,7 @@ def test_a_pattern_that_could_take_without_end_is_refused(tmp_path: Path):
     endless = ("(j+)+x", "(?:j|jj)*x", "(.*)+", "(?x)(j+) +x", "(?x)(j+)#c\n+x", "(j*){3}")
     endless += ("j" * 300, "j?" * 40 + "x", ".*" * 9 + "x", "(j|j)" * 40 + "x", "(?:|)" * 40 + "x")
     for pattern in nonempty(endless):
-        with pytest.raises(ForeignPolicyError, match=r"take too long to match 'jj.* no repeated"):
+        with pytest.raises(ValueError, match=r"take too long to match 'jj.* no repeated"):
             find_moved(tmp_path, pattern, (f"{60 * 'j'}_hip_y", *made.JOINTS[1:]), 3)
 
 
@@ -139,7 +135,7 @@ def test_a_pattern_that_could_take_without_end_is_refused(tmp_path: Path):
     ],
 )
 def test_metadata_that_cannot_be_run_is_refused(changes, message: str):
-    with pytest.raises(ForeignPolicyError, match=message):
+    with pytest.raises(ValueError, match=message):
         read(made.mjlab_metadata(**changes))
 
 
@@ -156,13 +152,13 @@ def test_metadata_that_cannot_be_run_is_refused(changes, message: str):
     ],
 )
 def test_an_env_yaml_that_does_not_fit_is_refused(tmp_path: Path, old, new, message: str):
-    with pytest.raises(ForeignPolicyError, match=message):
+    with pytest.raises(ValueError, match=message):
         read_env(tmp_path, made.ENV.replace(old, new))
 
 
 def test_a_term_of_another_size_than_its_quantity_is_refused():
     layout = [("gyro", 5), ("gravity", 1), *zip(made.PLAIN, made.SIZES, strict=True)][:5]
-    with pytest.raises(ForeignPolicyError, match="'gyro' has 5 numbers, expected 3"):
+    with pytest.raises(ValueError, match="'gyro' has 5 numbers, expected 3"):
         read(made.microduck_metadata(observation=layout))
 
 
@@ -198,7 +194,7 @@ def test_whatever_stands_anywhere_is_read_or_refused(tmp_path: Path, kind: str):
                     read_env(tmp_path, changed).describe()
                 else:
                     read({"microduck": changed}).describe()
-            except ForeignPolicyError:
+            except ValueError:
                 refused += 1
     assert refused > 30
 
@@ -207,7 +203,7 @@ def test_whatever_stands_anywhere_is_read_or_refused(tmp_path: Path, kind: str):
 def test_a_pickle_is_refused_unopened(tmp_path: Path, name: str):
     file = tmp_path / name
     file.write_bytes(b"PK\x03\x04" + b"cos\nsystem\n")
-    with pytest.raises(ForeignPolicyError, match=r"never opened.*export it to ONNX"):
+    with pytest.raises(ValueError, match=r"never opened.*export it to ONNX"):
         read_network(file)
 
 
@@ -234,7 +230,7 @@ def set_type(value, number: int) -> None:
     ],
 )
 def test_a_network_that_is_not_as_ours_is_refused_by_its_own_reason(tmp_path, change, message: str):
-    with pytest.raises(ForeignPolicyError, match=message):
+    with pytest.raises(ValueError, match=message):
         read_network(change_network(tmp_path, change))
 
 
@@ -243,7 +239,7 @@ def test_half_a_file_is_refused(tmp_path: Path, kept: float):
     file = save_network(tmp_path / "their.onnx", made.weights(), made.mjlab_metadata())
     content = file.read_bytes()
     file.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(ForeignPolicyError, match=r"not an ONNX file|not a complete ONNX file"):
+    with pytest.raises(ValueError, match=r"not an ONNX file|not a complete ONNX file"):
         read_network(file)
 
 
@@ -261,7 +257,7 @@ def test_weights_in_a_file_beside_are_read_and_no_others(tmp_path: Path):
     (found,) = read_network(file).model.graph.initializer
     np.testing.assert_array_equal(onnx.numpy_helper.to_array(found), np.float32(made.weights()))
     for place, message in (("../weights.bin", "expected a file beside"), ("none", "No such file")):
-        with pytest.raises(ForeignPolicyError, match=message):
+        with pytest.raises(ValueError, match=message):
             read_network(change_network(tmp_path, lambda m, p=place: move_weights(m, p)))
 
 
@@ -275,5 +271,5 @@ def test_tensors_that_repeat_the_bytes_of_a_file_are_limited(tmp_path: Path, mon
 
     monkeypatch.setattr("humanoid_getup.policy.foreign.reading.MAX_BYTES", 10_000)
     (tmp_path / "weights.bin").write_bytes(bytes(4000))
-    with pytest.raises(ForeignPolicyError, match="its weights have more than 10000 bytes"):
+    with pytest.raises(ValueError, match="its weights have more than 10000 bytes"):
         read_network(change_network(tmp_path, repeat))

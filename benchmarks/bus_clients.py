@@ -34,7 +34,7 @@ from bus_cycle import busy_processes, open_lerobot
 from drivers.dynamixel import protocol2
 from robots import load_robot
 
-GETUP = (sys.executable, "-m", "humanoid_getup.cli.main")
+GETUP = (sys.executable, "-m", "humanoid_getup.commands.main")
 ROBOT = load_robot("op3")
 IDS = [joint.servo.id for joint in ROBOT.joints]
 FIRST, BOARD = IDS[0], 200

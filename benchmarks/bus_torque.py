@@ -25,7 +25,7 @@ from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.shared.console import counting
+from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseFigures
 from humanoid_getup.execution.session import SessionOptions

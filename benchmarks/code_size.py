@@ -235,7 +235,7 @@ def traced(tree: Path) -> Iterator[dict[str, Any]]:
 
 def walk_through_rise() -> dict[str, Any]:
     """Trace `getup rise --from prone`: fall, plan, filter, preflight, play, judge."""
-    from humanoid_getup.cli.main import main
+    from humanoid_getup.commands.main import main
 
     with traced(HERE) as walk:
         code = main(("rise", "--from", "prone"))
@@ -244,7 +244,7 @@ def walk_through_rise() -> dict[str, Any]:
 
 def walk_through_eval() -> dict[str, Any]:
     """Trace `getup eval robust`: falls, policy, rollouts, judge."""
-    from humanoid_getup.cli.main import main
+    from humanoid_getup.commands.main import main
 
     with traced(HERE) as walk:
         code = main(("eval", "robust", "--n", "4"))
@@ -279,7 +279,7 @@ def main(options: Options) -> None:
     cases: dict[str, Any] = {"counts": count(options.tree)}
     if options.walks:
         cases["processor_s"] = {
-            name: time_start(HERE, ["-m", "humanoid_getup.cli.main", name])
+            name: time_start(HERE, ["-m", "humanoid_getup.commands.main", name])
             for name in ("--help", "robots")
         }
         cases |= {name: walk() for name, walk in WALKS.items()}

@@ -24,7 +24,7 @@ import numpy as np
 import tyro
 
 import humanoid_getup as hg
-from humanoid_getup.cli.parsing import registry
+from humanoid_getup.commands.parsing import registry
 from humanoid_getup.experiments.disturbances.disturbance import Scenarios
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.judging.standing import HOLD_TIME

@@ -91,7 +91,7 @@ def kill_once(world: World, motion: Motion, share: float) -> KillTrial | None:
         served.place(find_rest(world, motion.posture(0)))
         trace = ServoTrace(served.physics)
         ports = ",".join(f"{name}={path}" for name, path in served.paths.items())
-        command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", motion.name]
+        command = [sys.executable, "-m", "humanoid_getup.commands.main", "play", motion.name]
         command += ["--robot", str(world.robot.folder)]
         command += ["--backend", "virtual", "--port", ports, "--then", "limp"]
         quiet = subprocess.DEVNULL

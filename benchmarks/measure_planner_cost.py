@@ -16,7 +16,7 @@ from path_planning.limited_checker import Budget
 from path_planning.plot import save_planner_cost
 from script import write_results
 
-from humanoid_getup.cli.shared.console import counting
+from humanoid_getup.commands.console import counting
 
 
 def main(

@@ -37,7 +37,7 @@ from scipy.interpolate import PchipInterpolator
 
 from drivers import Command, State
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES, MeasuredRise, list_pieces, measure_rise
-from humanoid_getup.cli.shared.console import counting
+from humanoid_getup.commands.console import counting
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls

@@ -21,7 +21,7 @@ from rich.console import Console
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.shared.console import counting, format_figure, make_table
+from humanoid_getup.commands.console import counting, format_figure, make_table
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.outcome import APART, count_episodes

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from drivers import Twin
 from humanoid_getup.benchmarks.rise import BENCH_CLASSES
-from humanoid_getup.cli.shared.console import counting
+from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import RiseFigures
 from humanoid_getup.experiments.judging.summary import RiseSummary, summarize

@@ -8,7 +8,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, TypeVar
 
-from humanoid_getup.cli.shared.console import console_for, counting, format_figure, make_table
+from humanoid_getup.commands.console import console_for, counting, format_figure, make_table
 from humanoid_getup.engines.executor import do_pieces as run_pieces
 from humanoid_getup.engines.executor import make_executor
 from humanoid_getup.progress.ledger import Ledger

@@ -28,7 +28,7 @@ from drivers.virtual_bus.serving.lock_step import QUIET
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from humanoid_getup.cli.shared.console import counting
+from humanoid_getup.commands.console import counting
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import wilson_interval

@@ -35,7 +35,7 @@ from humanoid_getup.style.style_editor import StyleEditor
 from humanoid_getup.style.style_file import load_style
 from robots import load_robot
 
-GETUP = [sys.executable, "-m", "humanoid_getup.cli.main"]
+GETUP = [sys.executable, "-m", "humanoid_getup.commands.main"]
 MOTION, SIDE = "prone_push_up_gentle", "prone"
 CHROMIUM = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 TIMEOUT = 60.0  # s

@@ -151,7 +151,7 @@ def train(task: Task, way: Way, folder: Path, iterations: int) -> None:
     """Train in a way by `getup train`, from the falls of the task."""
     task.pool.save(folder / POOL, task.robot)
     recipe, (launcher, options) = task.recipe_name, WAYS[way]
-    line = [sys.executable, *launcher, "-m", "humanoid_getup.cli.main", "train", *options]
+    line = [sys.executable, *launcher, "-m", "humanoid_getup.commands.main", "train", *options]
     line += ["--recipe", recipe, "--robot", task.robot.name, "--out", str(folder)]
     line += ["--iterations", str(iterations), "--robots", str(task.recipe.robots)]
     line += ["--threads", str(task.threads), "--seed", str(task.seed)]

@@ -84,7 +84,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, **_: Files
 
 def read_options(command: str) -> str:
     """Return what `getup COMMAND --help` prints, without the frames around it."""
-    from humanoid_getup.cli.commands import parse
+    from humanoid_getup.commands.command_line import parse
 
     text = io.StringIO()
     os.environ["COLUMNS"] = "100"

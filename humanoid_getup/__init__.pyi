@@ -3,6 +3,10 @@
 from drivers.dynamixel.backend import DynamixelBackend as DynamixelBackend
 from drivers.safety_guard import SafetyGuard as SafetyGuard
 from drivers.twin.backend import Twin as Twin
+from humanoid_getup.commands.motions.export_motion import ExportMotionRequest as ExportMotionRequest
+from humanoid_getup.commands.motions.export_motion import export_motion as export_motion
+from humanoid_getup.commands.plan.preflight import PreflightRequest as PreflightRequest
+from humanoid_getup.commands.plan.preflight import preflight as preflight
 from humanoid_getup.execution.get_up import get_up as get_up
 from humanoid_getup.execution.keep_stand import keep_stand as keep_stand
 from humanoid_getup.execution.session import SessionOptions as SessionOptions
@@ -13,7 +17,6 @@ from humanoid_getup.jobs.discover_motions import discover as discover
 from humanoid_getup.jobs.discover_motions import discover_all as discover_all
 from humanoid_getup.jobs.evaluate_policy import evaluate as evaluate
 from humanoid_getup.jobs.export_log import export_log as export_log
-from humanoid_getup.jobs.export_motion import export_motion as export_motion
 from humanoid_getup.jobs.extract_style import extract_style as extract_style
 from humanoid_getup.jobs.foreign_policy import check_policy as check_policy
 from humanoid_getup.jobs.foreign_policy import import_policy as import_policy
@@ -29,7 +32,6 @@ from humanoid_getup.jobs.import_robot import import_robot as import_robot
 from humanoid_getup.jobs.make_prior import make_prior as make_prior
 from humanoid_getup.jobs.measure_robot import measure_robot as measure_robot
 from humanoid_getup.jobs.plan_path import plan as plan
-from humanoid_getup.jobs.preflight_motion import preflight as preflight
 from humanoid_getup.jobs.preview_motion import preview as preview
 from humanoid_getup.jobs.replay_flight import replay_flight as replay_flight
 from humanoid_getup.jobs.requests.bench import BenchAll as BenchAll
@@ -45,10 +47,8 @@ from humanoid_getup.jobs.requests.look import ReplayRequest as ReplayRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest as BuildRequest
 from humanoid_getup.jobs.requests.motions import ClipRequest as ClipRequest
 from humanoid_getup.jobs.requests.motions import DiscoverRequest as DiscoverRequest
-from humanoid_getup.jobs.requests.motions import ExportMotionRequest as ExportMotionRequest
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest as ImportKeysRequest
 from humanoid_getup.jobs.requests.motions import PlanRequest as PlanRequest
-from humanoid_getup.jobs.requests.motions import PreflightRequest as PreflightRequest
 from humanoid_getup.jobs.requests.motions import PreviewRequest as PreviewRequest
 from humanoid_getup.jobs.requests.motions import RetargetRequest as RetargetRequest
 from humanoid_getup.jobs.requests.rise import HoldRequest as HoldRequest

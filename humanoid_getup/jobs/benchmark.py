@@ -16,13 +16,13 @@ from humanoid_getup.benchmarks.rise import (
     measure_rise,
     summarize_classes,
 )
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_world, make_torque_limit
+from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import load_world, make_torque_limit
-from humanoid_getup.jobs.pieces import make_worker_request, starting
 from humanoid_getup.jobs.requests.bench import BenchRise
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.progress.ledger import Ledger

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import find_keyframes, load_robot
+from humanoid_getup.commands.output_files import find_folder_problems
+from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import find_keyframes, load_robot
-from humanoid_getup.jobs.output_files import find_folder_problems
-from humanoid_getup.jobs.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,

@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems
-from humanoid_getup.jobs.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.jobs.search_motions import (
     MotionSearch,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.jobs.errors import BadInputError, needing, refusing
-from humanoid_getup.jobs.inputs import load_robot_of
+from humanoid_getup.commands.errors import BadInputError, needing, refusing
+from humanoid_getup.commands.inputs import load_robot_of
 from humanoid_getup.jobs.requests.look import ExportLogRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots.storage.files import atomic_folder, describe

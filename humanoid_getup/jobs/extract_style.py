@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import find_motion, load_robot
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import find_motion, load_robot
 from humanoid_getup.jobs.requests.style import ExtractRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.strategies.styled_rise import measure_motion

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
-from humanoid_getup.jobs.errors import BadInputError, needing
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.commands.errors import BadInputError, needing
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.output_files import staging
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import (
     DESCRIPTION_FILE,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from humanoid_getup.clips.clip_file import read_clip
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.jobs.requests.motions import ClipRequest
 from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter, RetargetedClip
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report

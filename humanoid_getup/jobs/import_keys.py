@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from humanoid_getup.jobs.errors import BadInputError, needing, refusing
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.commands.errors import BadInputError, needing, refusing
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.jobs.requests.motions import ImportKeysRequest, NewKeysOptions
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.importing.imported_keyframes import (

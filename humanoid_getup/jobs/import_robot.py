@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from robots import RobotError, load_robot

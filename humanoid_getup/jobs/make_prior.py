@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from humanoid_getup.commands.errors import needing, refusing
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.pieces import make_robot_absolute, starting
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.jobs.errors import needing, refusing
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.pieces import make_robot_absolute, starting
 from humanoid_getup.jobs.requests.learning import PriorRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 

@@ -28,12 +28,12 @@ from humanoid_getup.benchmarks.whole import (
     select_rises,
     summarize_rises,
 )
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.output_files import staging
+from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import load_robot
-from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.pieces import make_worker_request, starting
 from humanoid_getup.jobs.requests.bench import (
     FIGURES,
     LEDGER,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import find_start, load_keys, load_world
 from humanoid_getup.experiments.starts.falls import Fall
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import find_start, load_keys, load_world
 from humanoid_getup.jobs.requests.motions import PlanRequest
 from humanoid_getup.motions.key_posture import KeyPosture
 from humanoid_getup.motions.motion_database import load_database

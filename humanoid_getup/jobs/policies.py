@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import load_robot_of
-from humanoid_getup.jobs.requests.shared import RobotOption
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_robot_of
+from humanoid_getup.commands.options import RobotOption
 from humanoid_getup.policy.contract import PolicyContract
 from humanoid_getup.policy.onnx_content import read_metadata
 from humanoid_getup.policy.onnx_file import CONTRACT_KEY, read_model

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import find_keyframes, load_robot
-from humanoid_getup.jobs.output_files import find_file_problems
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import find_keyframes, load_robot
+from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.jobs.requests.motions import PreviewRequest
 from humanoid_getup.motions.build import try_out
 from humanoid_getup.motions.trial import Trial

@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.output_files import staging
 from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
 from humanoid_getup.playback.estimation import estimate_posture
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report

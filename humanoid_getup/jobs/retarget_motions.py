@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import find_keyframes, load_robot
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_folders, keep
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import find_keyframes, load_robot
 from humanoid_getup.jobs.requests.motions import RetargetRequest
 from humanoid_getup.motions.build import SOUND, build_unimproved, motion_file
 from humanoid_getup.motions.key_transfer import KeyTransfer

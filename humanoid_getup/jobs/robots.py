@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.errors import SetupError
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import make_torque_limit
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import make_torque_limit
 from humanoid_getup.jobs.requests.robots import CheckRequest, ExportRobotRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.robot_check.check import RobotCheck

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.values import name_choices
 from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.requests.values import name_choices
 from humanoid_getup.motions.build import UNFINISHED, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.experiments.starts.falls import CLASSES, sample_falls
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import load_robot
 from humanoid_getup.jobs.requests.style import ScenesRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting import film_strip

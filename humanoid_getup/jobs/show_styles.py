@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.jobs.requests.style import (
     EditStyleRequest,
     ListStylesRequest,

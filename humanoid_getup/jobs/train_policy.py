@@ -8,8 +8,8 @@ from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from humanoid_getup.jobs.errors import BadInputError, needing, refusing
-from humanoid_getup.jobs.inputs import load_robot, load_robot_of
+from humanoid_getup.commands.errors import BadInputError, needing, refusing
+from humanoid_getup.commands.inputs import load_robot, load_robot_of
 from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report

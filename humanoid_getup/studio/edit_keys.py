@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.motions.build import ATTITUDES, try_out
 from humanoid_getup.motions.importing.imported_keyframes import (
     TORQUE_SHARE,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.progress.background_job import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.progress.callback import Cancel, Progress
 from humanoid_getup.studio.folders import Folders

@@ -8,6 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import load_world
+from humanoid_getup.commands.options import SceneOptions
 from humanoid_getup.experiments.starts.falls import (
     CLASSES,
     UNCLASSED,
@@ -16,9 +19,6 @@ from humanoid_getup.experiments.starts.falls import (
     drop_from,
     sample_fall_set,
 )
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import load_world
-from humanoid_getup.jobs.requests.shared import SceneOptions
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.simulation.clearance import Clearance
 from humanoid_getup.simulation.standing_places import check_standing_place

@@ -26,8 +26,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import load_world
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.jobs.requests.look import StudioRequest
 
 if TYPE_CHECKING:

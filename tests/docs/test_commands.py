@@ -8,9 +8,9 @@ import pytest
 from document_pages import PAGES, list_commands, name_of
 from paths import REPOSITORY
 
-from humanoid_getup.cli.command_table import COMMANDS
-from humanoid_getup.cli.commands import parse
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.command_line import parse
+from humanoid_getup.commands.command_table import COMMANDS
+from humanoid_getup.commands.main import main
 from humanoid_getup.motions.motion_database import load_database
 from robots import Robot
 

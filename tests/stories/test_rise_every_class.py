@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ from stored_plans import lie_at_start
 
 from drivers import Twin
 from humanoid_getup.cli.get_up.rise import show_rise
-from humanoid_getup.cli.main import main
-from humanoid_getup.cli.options.shared import with_json
+from humanoid_getup.commands.main import main
+from humanoid_getup.commands.options import with_json
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions

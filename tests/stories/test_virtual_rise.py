@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.main import main
-from humanoid_getup.cli.shared.exit_codes import HARDWARE_FAULT
+from humanoid_getup.commands.exit_codes import HARDWARE_FAULT
+from humanoid_getup.commands.main import main
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 
@@ -71,7 +71,7 @@ def test_a_robot_behind_a_port_is_judged_by_its_sensors_and_left_limp(tmp_path: 
 def rise_behind_a_port(folder: Path) -> tuple[int, dict]:
     folder.mkdir()
     link = folder / "port"
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--from", "supine"]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", "bus", "--from", "supine"]
     with subprocess.Popen([*command, "--link", str(link)], stderr=subprocess.DEVNULL) as bus:
         try:
             until = time.monotonic() + START

@@ -9,7 +9,7 @@ from document_pages import list_commands
 from model_files import write_model
 from paths import REPOSITORY
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from robots import Robot, load_robot
 
 PAGE = REPOSITORY / "docs/how-to/your_robot.md"

@@ -13,7 +13,7 @@ from studio_page import StudioPage, open_studio
 
 from drivers import Cycle
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from robots import Robot
 
 if TYPE_CHECKING:

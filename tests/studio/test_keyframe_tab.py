@@ -11,7 +11,7 @@ from studio_page import StudioPage, open_studio
 
 pytest.importorskip("viser")
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.studio.edit_keys import KeyEditor, store_keyframes

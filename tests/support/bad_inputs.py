@@ -1098,7 +1098,7 @@ def is_possible(case: Case) -> bool:
 
 def run(case: Case) -> tuple[int, str, str]:
     """Run a case in this process; return exit code, standard output, standard error."""
-    from humanoid_getup.cli.main import main
+    from humanoid_getup.commands.main import main
 
     out, error = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):

@@ -15,7 +15,7 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from robots import Posture, Robot, load_robot
 
 

@@ -39,7 +39,7 @@ class Bus:
 @contextmanager
 def serving(link: Path, *arguments: str) -> Iterator[Bus]:
     """Serve a virtual bus at a path, once it has printed that; end it afterwards."""
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--link", str(link)]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", "bus", "--link", str(link)]
     pipe = subprocess.PIPE
     with subprocess.Popen([*command, *arguments], stdin=pipe, stdout=pipe, bufsize=0) as program:
         try:

@@ -59,7 +59,7 @@ def in_terminal(*arguments: str) -> Iterator[Terminal]:
     """Run `getup` in a terminal; end it afterwards."""
     master, slave = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "240", "LINES": "40"}
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", *arguments]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", *arguments]
     with subprocess.Popen(
         command, stdin=slave, stdout=slave, stderr=slave, env=environment
     ) as program:

@@ -12,20 +12,20 @@ from rich.markup import escape
 
 from drivers import Ending
 from humanoid_getup.cli.get_up.operator_key import OperatorKey
-from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import (
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.exit_codes import (
     DID_IT,
     DID_NOT_STAND,
     HARDWARE_FAULT,
     INTERRUPTED,
 )
-from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.commands.inputs import FALL, find_start, load_world
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.execution.after_stand import naming_hand_over
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.jobs.get_up import rise as rises
 from humanoid_getup.jobs.get_up import stand
 from humanoid_getup.jobs.get_up.results import FinishedRise, FinishedStand
-from humanoid_getup.jobs.inputs import FALL, find_start, load_world
 from humanoid_getup.jobs.requests.rise import (
     FallRequest,
     GetUpOptions,

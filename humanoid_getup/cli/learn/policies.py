@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from humanoid_getup.cli.shared.console import console_for, do
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.console import console_for, do
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.experiments.judging.summary import Quantiles
 from humanoid_getup.jobs.evaluate_policy import EvaluatedCase
 from humanoid_getup.jobs.evaluate_policy import evaluate as judge

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.exit_codes import DID_IT
 from humanoid_getup.jobs.make_prior import make_prior as make
 from humanoid_getup.jobs.requests.learning import ExportRequest, PriorRequest, TrainRequest
 from humanoid_getup.jobs.train_policy import export as write_policy

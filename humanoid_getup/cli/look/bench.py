@@ -7,14 +7,14 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.shared.console import console_for, format_figure, make_table, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.repeat import hinting_resume
+from humanoid_getup.commands.console import console_for, format_figure, make_table, showing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.options import JobRequest
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.repeat import hinting_resume
 from humanoid_getup.jobs.benchmark import benchmark
 from humanoid_getup.jobs.measure_robot import measure_robot
 from humanoid_getup.jobs.requests.bench import LEDGER, PAGE, BenchAll, BenchRise
-from humanoid_getup.jobs.requests.shared import JobRequest
 
 HEADINGS = {
     "n": "n",

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from humanoid_getup.cli.shared.console import console_for, do, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.commands.console import console_for, do, showing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.jobs.export_log import export_log as write_bag
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.look import ExportLogRequest, ReplayRequest

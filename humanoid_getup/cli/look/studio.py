@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 import threading
 
-from humanoid_getup.cli.shared.console import phase
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.jobs.errors import needing
+from humanoid_getup.commands.console import phase
+from humanoid_getup.commands.errors import needing
+from humanoid_getup.commands.exit_codes import DID_IT
 from humanoid_getup.jobs.requests.look import StudioRequest
 
 LONGEST_WAIT = 1.0  # s

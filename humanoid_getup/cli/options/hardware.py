@@ -8,12 +8,17 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from humanoid_getup.cli.options.shared import JsonOption, PictureOption
-from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
-from humanoid_getup.jobs.requests.files import FOLDER, READ
+from humanoid_getup.commands.backend_options import PORT_EXAMPLE, Ports
+from humanoid_getup.commands.files import FOLDER, READ
+from humanoid_getup.commands.options import (
+    BodyOption,
+    JsonOption,
+    PictureOption,
+    RobotOption,
+    SceneOptions,
+)
+from humanoid_getup.commands.values import Items, between
 from humanoid_getup.jobs.requests.robots import CheckRequest
-from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions
-from humanoid_getup.jobs.requests.values import Items, between
 
 
 @dataclass(frozen=True, kw_only=True)

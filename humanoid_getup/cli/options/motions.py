@@ -8,15 +8,15 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.requests.backend import ViewOptions
-from humanoid_getup.jobs.requests.files import WRITTEN, Written
-from humanoid_getup.jobs.requests.motions import NewKeysOptions, PlanRequest
-from humanoid_getup.jobs.requests.shared import (
+from humanoid_getup.commands.backend_options import ViewOptions
+from humanoid_getup.commands.files import WRITTEN, Written
+from humanoid_getup.commands.options import (
     BodyOption,
+    JsonOption,
     MotionName,
     RobotOption,
 )
+from humanoid_getup.jobs.requests.motions import NewKeysOptions, PlanRequest
 
 PATH, STRIP = "path.npz", "strip.png"
 PLAN_FILES = (PATH, STRIP)

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from humanoid_getup.cli.options.hardware import ServiceOptions
-from humanoid_getup.cli.options.shared import JsonOption
-from humanoid_getup.jobs.requests.backend import PORT_EXAMPLE, Ports
-from humanoid_getup.jobs.requests.files import ROBOT
-from humanoid_getup.jobs.requests.values import Range, between
+from humanoid_getup.commands.backend_options import PORT_EXAMPLE, Ports
+from humanoid_getup.commands.files import ROBOT
+from humanoid_getup.commands.options import JsonOption
+from humanoid_getup.commands.values import Range, between
 
 ID = Range(0, 253)
 Protocol = Literal["2.0", "1.0", "feetech"]

@@ -13,14 +13,14 @@ from drivers.control_loop import Ending, RunReport, run
 from drivers.safety_limits import GuardLimits
 from humanoid_getup.cli.options.motions import RecordMotion
 from humanoid_getup.cli.plan_and_check.make_motions import print_added
-from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.backends import open_backend
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.execution.hand_recorder import HandRecorder, TerminalPresses
-from humanoid_getup.jobs.backends import open_backend
-from humanoid_getup.jobs.errors import BadInputError, refusing
 from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.import_keys import add_keys, find_target
-from humanoid_getup.jobs.inputs import load_world
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes

@@ -9,10 +9,11 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.repeat import hinting_resume
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.options import RobotOption, write_command
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.repeat import hinting_resume
 from humanoid_getup.jobs.build_motions import BuiltMotions, is_begun
 from humanoid_getup.jobs.build_motions import build_motions as build_all
 from humanoid_getup.jobs.discover_motions import DiscoveredMotions
@@ -30,7 +31,6 @@ from humanoid_getup.jobs.requests.motions import (
     PreviewRequest,
     RetargetRequest,
 )
-from humanoid_getup.jobs.requests.shared import RobotOption, write_command
 from humanoid_getup.jobs.retarget_motions import retarget as transfer_all
 from humanoid_getup.motions.mocap.retarget_clip import RetargetedClip
 from humanoid_getup.motions.motion_database import name_robot

@@ -1,4 +1,4 @@
-"""`getup motions list`, `show` and `export`."""
+"""`getup motions list` and `show`."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from humanoid_getup.cli.options.motions import ListMotions, ShowMotion
-from humanoid_getup.cli.shared.console import console_for, make_table, phase
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.export_motion import export_motion
-from humanoid_getup.jobs.inputs import find_motion, load_robot
-from humanoid_getup.jobs.output_files import find_file_problems
-from humanoid_getup.jobs.requests.motions import ExportMotionRequest
+from humanoid_getup.commands.console import console_for, make_table, phase
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.inputs import find_motion, load_robot
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.output_files import find_file_problems
 from humanoid_getup.motions.motion import MIRRORED_SUFFIX, STANDING, Motion
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.reporting import film_strip
@@ -87,17 +85,4 @@ def show(command: ShowMotion) -> int:
         except film_strip.NoRendererError as error:
             raise BadInputError(f"no film strip: {error}") from error
     console_for().print(f"film strip in {path}", markup=False)
-    return DID_IT
-
-
-def export(command: ExportMotionRequest) -> int:
-    """Write the trajectory."""
-    found = export_motion(command)
-    write_json(found, command)
-    console_for(command).print(
-        f"{found.name} of {found.robot}, from {found.start_class} to {found.end_class}: "
-        f"{found.points} points, {found.duration_s:.2f} s; written to {found.file}",
-        markup=False,
-        soft_wrap=True,
-    )
     return DID_IT

@@ -9,10 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from humanoid_getup.cli.options.motions import PATH, PLAN_FILES, STRIP, Plan
-from humanoid_getup.cli.shared.console import console_for, phase, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT, NO_PATH
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.output_files import staging
+from humanoid_getup.commands.console import console_for, phase, showing
+from humanoid_getup.commands.exit_codes import DID_IT, NO_PATH
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.output_files import staging
 from humanoid_getup.jobs.plan_path import PlannedPath
 from humanoid_getup.jobs.plan_path import plan as search
 from humanoid_getup.motions.motion import Trajectory

@@ -8,9 +8,9 @@ from typing import Any
 
 from rich.markup import escape
 
-from humanoid_getup.cli.shared.console import console_for, do, make_table, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import find_json_target
+from humanoid_getup.commands.console import console_for, do, make_table, showing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.output import find_json_target
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.jobs.extract_style import extract_style
 from humanoid_getup.jobs.requests.style import (

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from drivers.dynamixel.control_table import table_named, table_names, types_of
-from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.commands.errors import refusing
 from robots import Joint
 from robots.bench import BARE, Load, ServoBench, make_bench, make_bench_joint
 from robots.description.bench_table import MAX_ARM, MAX_MASS

@@ -18,10 +18,10 @@ from drivers.virtual_bus.virtual_robot import VirtualDevices
 from humanoid_getup.cli.options.hardware import ServeBus
 from humanoid_getup.cli.robot.bench_words import build_bench
 from humanoid_getup.cli.robot.virtual_person import VirtualPerson
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.prompt import TypedLines
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import find_start, load_robot
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.inputs import find_start, load_robot
+from humanoid_getup.commands.prompt import TypedLines
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot

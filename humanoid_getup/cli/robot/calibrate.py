@@ -28,12 +28,12 @@ from drivers.service.calibrate import (
 from drivers.service.session import RobotBus, open_robot_bus
 from humanoid_getup.cli.options.hardware import Calibrate
 from humanoid_getup.cli.robot.held_posture import ZERO, find_held_posture
-from humanoid_getup.cli.shared.console import console_for, make_table
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.prompt import open_prompt
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import choose_joints, name_ports
+from humanoid_getup.commands.console import console_for, make_table
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.inputs import choose_joints, name_ports
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.prompt import open_prompt
 from robots import Joint, Posture, Robot, load_robot
 from robots.description.calibration import CALIBRATION_FILE, CalibrationError
 from robots.quaternion import Array

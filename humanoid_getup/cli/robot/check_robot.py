@@ -8,10 +8,10 @@ import numpy as np
 from rich.markup import escape
 
 from humanoid_getup.cli.options.hardware import CheckRobot
-from humanoid_getup.cli.shared.console import console_for, showing
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.jobs.robots import CheckedRobot
 from humanoid_getup.jobs.robots import check_robot as check
 from humanoid_getup.reporting import film_strip

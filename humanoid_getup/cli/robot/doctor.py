@@ -16,10 +16,10 @@ from drivers.service.doctor import HealthCheck, PortReport, examine
 from drivers.service.session import open_robot_bus
 from drivers.state import HardwareError
 from humanoid_getup.cli.options.hardware import Doctor
-from humanoid_getup.cli.shared.console import console_for, count_of, make_table, phase
-from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.inputs import load_robot, name_ports
+from humanoid_getup.commands.console import console_for, count_of, make_table, phase
+from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.inputs import load_robot, name_ports
+from humanoid_getup.commands.output import write_json
 from robots import Joint, Robot
 
 PRIORITIZED = "the control loop goes before other programs"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from humanoid_getup.cli.shared.console import console_for
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.commands.console import console_for
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.jobs.requests.robots import ExportRobotRequest
 from humanoid_getup.jobs.robots import export_robot as write_files
 

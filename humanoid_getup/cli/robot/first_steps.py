@@ -12,11 +12,11 @@ from typing import NamedTuple
 from rich.markup import escape
 
 from humanoid_getup.cli.options.hardware import FirstSteps
-from humanoid_getup.cli.shared.console import console_for
-from humanoid_getup.cli.shared.exit_codes import DID_IT, INTERRUPTED
-from humanoid_getup.cli.shared.prompt import open_prompt
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.commands.console import console_for
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import DID_IT, INTERRUPTED
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.prompt import open_prompt
 from humanoid_getup.motions.motion_database import list_lying_down, list_motions, load_database
 from robots import Robot
 from robots.imu import IMU_PORT
@@ -118,7 +118,9 @@ def first_steps(command: FirstSteps) -> int:
 
 def run_getup(*words: str) -> int:
     """Run a command line at this terminal; an interrupt waits until it has switched torque off."""
-    with subprocess.Popen([sys.executable, "-m", "humanoid_getup.cli.main", *words]) as program:
+    with subprocess.Popen(
+        [sys.executable, "-m", "humanoid_getup.commands.main", *words]
+    ) as program:
         try:
             return program.wait()
         except KeyboardInterrupt:

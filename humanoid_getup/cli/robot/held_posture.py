@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from humanoid_getup.jobs.errors import BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError, refusing
 from robots import Posture, Robot, load_posture
 
 ZERO, STANDING = "zero", "standing"

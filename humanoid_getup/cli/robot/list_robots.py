@@ -5,10 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from humanoid_getup.cli.options.hardware import ListRobots
-from humanoid_getup.cli.shared.console import console_for, make_table
-from humanoid_getup.cli.shared.exit_codes import DID_IT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.commands.console import console_for, make_table
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.motions.motion_database import list_motions
 from robots import Robot, load_robot
 from robots import list_robots as list_names

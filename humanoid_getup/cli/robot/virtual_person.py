@@ -9,8 +9,8 @@ import numpy as np
 
 from drivers.virtual_bus.served_robot import ServedRobot
 from humanoid_getup.cli.robot.held_posture import STANDING, find_held_posture
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.inputs import find_start
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import find_start
 from humanoid_getup.simulation.world import World
 from robots import Posture, Robot
 from robots.bench import ServoBench

@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.terminal_keys import TerminalKeys
-from humanoid_getup.cli.shared.console import ProgressDisplay, console_for, make_table
-from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import write_json
+from humanoid_getup.commands.console import ProgressDisplay, console_for, make_table
+from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.output import write_json
 from humanoid_getup.jobs.get_up import watch as jobs
 from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.reporting.watched_robot import (

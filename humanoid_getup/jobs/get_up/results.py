@@ -11,12 +11,12 @@ import numpy as np
 from msgspec import UNSET, UnsetType, structs
 
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.commands.output_files import staging
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.experiments.judging.outcome import Outcome
 from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.jobs.get_up.recording import FLIGHT
-from humanoid_getup.jobs.output_files import staging
 from humanoid_getup.jobs.requests.rise import (
     ARTEFACTS,
     REPORT,

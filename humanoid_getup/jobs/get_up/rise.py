@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from humanoid_getup.execution.after_stand import naming_hand_over
-from humanoid_getup.execution.attempt_manager import AttemptManager
-from humanoid_getup.execution.dead_reckoning import DeadReckoning
-from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.experiments.starts.falls import Fall, find_rest
-from humanoid_getup.jobs.backends import open_backend
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.get_up.recording import make_log, recording
-from humanoid_getup.jobs.get_up.results import FinishedRise, finish_rise
-from humanoid_getup.jobs.get_up.session_hooks import NoOperator, Operator, SessionHooks
-from humanoid_getup.jobs.inputs import (
+from humanoid_getup.commands.backends import open_backend
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.inputs import (
     find_motion,
     find_start,
     load_keys,
     load_world,
     make_torque_limit,
 )
+from humanoid_getup.execution.after_stand import naming_hand_over
+from humanoid_getup.execution.attempt_manager import AttemptManager
+from humanoid_getup.execution.dead_reckoning import DeadReckoning
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.session import SessionOptions
+from humanoid_getup.experiments.starts.falls import Fall, find_rest
+from humanoid_getup.jobs.get_up.recording import make_log, recording
+from humanoid_getup.jobs.get_up.results import FinishedRise, finish_rise
+from humanoid_getup.jobs.get_up.session_hooks import NoOperator, Operator, SessionHooks
 from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest, RiseRequest, RunRequest
 from humanoid_getup.motions.motion import Motion

@@ -9,12 +9,12 @@ from importlib.util import find_spec
 from typing import Protocol, TypeVar
 
 from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
+from humanoid_getup.commands.backends import BackendChoice
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
-from humanoid_getup.jobs.backends import BackendChoice
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
 from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.requests.rise import MP4, MoveOptions

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from humanoid_getup.commands.backends import open_backend
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import load_world, make_torque_limit
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.execution.stand_keeper import StandKeeper
 from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, find_rest
-from humanoid_getup.jobs.backends import open_backend
-from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.get_up.recording import make_log, recording
 from humanoid_getup.jobs.get_up.results import FinishedStand, finish_stand
 from humanoid_getup.jobs.get_up.session_hooks import NoOperator, Operator, SessionHooks
-from humanoid_getup.jobs.inputs import load_world, make_torque_limit
 from humanoid_getup.jobs.requests.rise import HoldRequest, SitRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.requests.files import WRITTEN, Written
-from humanoid_getup.jobs.requests.shared import (
+from humanoid_getup.commands.files import WRITTEN, Written
+from humanoid_getup.commands.options import (
     BodyOption,
     Count,
     EngineOptions,
@@ -19,7 +19,7 @@ from humanoid_getup.jobs.requests.shared import (
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between
+from humanoid_getup.commands.values import at_least, between
 
 PAGE, FIGURES, PLOT = "benchmark.md", "benchmark.json", "benchmark.png"
 LEDGER = "benchmark.jsonl"

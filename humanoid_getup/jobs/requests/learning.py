@@ -8,9 +8,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_problems
-from humanoid_getup.jobs.requests.files import FOLDER, MADE, READ, ROBOT, Written
-from humanoid_getup.jobs.requests.shared import (
+from humanoid_getup.commands.files import FOLDER, MADE, READ, ROBOT, Written
+from humanoid_getup.commands.options import (
     EngineOptions,
     PolicyName,
     RobotOption,
@@ -18,7 +17,8 @@ from humanoid_getup.jobs.requests.shared import (
     Seed,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import Items, at_least, between
+from humanoid_getup.commands.output_files import find_file_problems
+from humanoid_getup.commands.values import Items, at_least, between
 
 MOST_THREADS = 256
 POLICY_FILE, DESCRIPTION_FILE = "policy.onnx", "description.json"

@@ -8,10 +8,10 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_new_folder_problems
-from humanoid_getup.jobs.requests.files import FOLDER, READ, ROBOT, Written
-from humanoid_getup.jobs.requests.shared import BodyOption, JobRequest, RobotOption, SceneOptions
-from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.commands.files import FOLDER, READ, ROBOT, Written
+from humanoid_getup.commands.options import BodyOption, JobRequest, RobotOption, SceneOptions
+from humanoid_getup.commands.output_files import find_new_folder_problems
+from humanoid_getup.commands.values import between
 
 REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 LAST_PORT = 65535

@@ -10,32 +10,29 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_file_problems
-from humanoid_getup.jobs.requests.files import MADE, READ, ROBOT, WRITTEN
-from humanoid_getup.jobs.requests.shared import (
+from humanoid_getup.commands.files import MADE, READ, ROBOT, WRITTEN
+from humanoid_getup.commands.options import (
     NO_ORIGIN,
     BodyOption,
     Count,
     EngineOptions,
     JobRequest,
     Keys,
-    MotionName,
     Origin,
     Prefer,
     RobotOption,
     SceneOptions,
     Seed,
     TorqueLimitValue,
-    TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import at_least, between, name_choices
+from humanoid_getup.commands.output_files import find_file_problems
+from humanoid_getup.commands.values import at_least, between
 
 MOST_SEED = 2**31  # that CMA-ES takes
 MOST_PAGE = 255  # of an action file
 CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
 NOT_OF_NAMES = re.compile(r"[^\w.-]+")
 SUFFIX = ".npz"
-TRAJECTORY_SUFFIXES = (".yaml", ".yml", ".json")
 KeyframesFile = Annotated[Path | None, READ, arg(metavar="FILE")]
 
 
@@ -175,34 +172,6 @@ class ImportKeysRequest(NewKeysOptions, RobotOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportMotionRequest(RobotOption):
-    """Export the targets that servos receive, one row or point each control period: as CSV, or as
-    a JointTrajectory of ROS, with velocities and accelerations, at rest at both ends."""
-
-    motion: Positional[MotionName]
-    trajectory: Annotated[Path | None, WRITTEN, arg(metavar="FILE.yaml|FILE.json")] = None
-    """JointTrajectory to write."""
-    csv: Annotated[Path | None, WRITTEN, arg(metavar="FILE.csv")] = None
-    """CSV file to write: time [s] and every joint by its name [rad], after a header line."""
-    goal: bool = False
-    """Write the goal of the action FollowJointTrajectory instead of the message."""
-    approach: Annotated[float, between(0.0, 60.0, "s"), arg(metavar="S")] = 2.0
-    """Time in which the joints go from where they are to the motion's first targets [s]."""
-
-    def find_problems(self) -> list[str]:
-        """Report a file of another kind as well."""
-        problems = super().find_problems()
-        if (self.trajectory is None) == (self.csv is None):
-            problems.append("expected either --trajectory or --csv, a file to write")
-        if self.trajectory is not None and self.trajectory.suffix not in TRAJECTORY_SUFFIXES:
-            expected = name_choices(TRAJECTORY_SUFFIXES)
-            problems.append(
-                f"--trajectory is {self.trajectory}, expected a name that ends with {expected}"
-            )
-        return problems
-
-
-@dataclass(frozen=True, kw_only=True)
 class ClipRequest(RobotOption):
     """Make a motion of a robot from a clip: its limbs point as those of the body.
 
@@ -263,17 +232,6 @@ class ClipRequest(RobotOption):
         if self.target.suffix != SUFFIX:
             problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
         return problems if self.out else problems + find_file_problems(self.target)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreflightRequest(TorqueOptions, BodyOption, SceneOptions):
-    """Check a motion against limits, speed, torque at a supply, heat and self-collision."""
-
-    motion: Positional[MotionName]
-    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
-    """Supply voltage at the servos [V]; default: the robot's nominal one."""
-    temperature: Annotated[float, between(-50.0, 150.0, "°C"), arg(metavar="°C")] = 25.0
-    """Temperature of all servos before the rise [°C]."""
 
 
 @dataclass(frozen=True, kw_only=True)

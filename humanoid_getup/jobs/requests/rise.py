@@ -9,9 +9,9 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.backend import OriginOption, ViewOptions
-from humanoid_getup.jobs.requests.files import READ, ROBOT, WRITTEN, Written
-from humanoid_getup.jobs.requests.shared import (
+from humanoid_getup.commands.backend_options import OriginOption, ViewOptions
+from humanoid_getup.commands.files import READ, ROBOT, WRITTEN, Written
+from humanoid_getup.commands.options import (
     A_POLICY,
     A_REAL_ROBOT,
     NO_ORIGIN,
@@ -24,7 +24,7 @@ from humanoid_getup.jobs.requests.shared import (
     SceneOptions,
     TorqueOptions,
 )
-from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.commands.values import between
 
 REPORT, MOTION, STRIP, TORQUE = "report.json", "motion.npz", "strip.png", "torque.png"
 STYLE = "style.png"

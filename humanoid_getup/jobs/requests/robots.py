@@ -9,9 +9,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.output_files import find_new_folder_problems
-from humanoid_getup.jobs.requests.files import FOLDER, READ, ROBOT
-from humanoid_getup.jobs.requests.shared import JobRequest, TorqueOptions
+from humanoid_getup.commands.files import FOLDER, READ, ROBOT
+from humanoid_getup.commands.options import JobRequest, TorqueOptions
+from humanoid_getup.commands.output_files import find_new_folder_problems
 
 ROBOT_NAME = re.compile(r"[\w-][\w.-]{0,99}")
 PLAIN = "1 to 100 letters, digits, '_', '-' or '.', not '.' first"

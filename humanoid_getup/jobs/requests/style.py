@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from humanoid_getup.jobs.requests.files import READ, WRITTEN
-from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, Seed
-from humanoid_getup.jobs.requests.values import between
+from humanoid_getup.commands.files import READ, WRITTEN
+from humanoid_getup.commands.options import BodyOption, RobotOption, Seed
+from humanoid_getup.commands.values import between
 
 StyleOut = Annotated[Path, WRITTEN, arg(metavar="FILE.toml")]
 StyleName = Annotated[

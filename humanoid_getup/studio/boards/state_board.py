@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
+from humanoid_getup.commands.errors import refusing
 from humanoid_getup.experiments.judging.standing import MAX_TILT, MIN_NECK_SHARE
 from humanoid_getup.experiments.starts.falls import UNCLASSED, classify
-from humanoid_getup.jobs.errors import refusing
 from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.features import StandFeatures, StandMeter
 from humanoid_getup.posture_chains.resting_state import RestingState

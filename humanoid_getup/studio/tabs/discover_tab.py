@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.files import shorten_path
+from humanoid_getup.commands.inputs import find_motion
+from humanoid_getup.commands.options import write_command
 from humanoid_getup.jobs.discover_motions import discover
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import find_motion
-from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.requests.shared import write_command
 from humanoid_getup.jobs.search_motions import BUDGET, MotionSearch
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.keyframes_file import KEYFRAMES

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor
 from humanoid_getup.reporting.video import find_rate, write_video
 from humanoid_getup.studio.page import PLAIN

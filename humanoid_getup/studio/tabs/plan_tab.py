@@ -7,11 +7,11 @@ from pathlib import Path
 from shutil import copytree, rmtree
 from typing import TYPE_CHECKING, get_args
 
+from humanoid_getup.commands.files import shorten_path
+from humanoid_getup.commands.options import Prefer, write_command
+from humanoid_getup.commands.output_files import staging
 from humanoid_getup.jobs.get_up.rise import rise
-from humanoid_getup.jobs.output_files import staging
-from humanoid_getup.jobs.requests.files import shorten_path
 from humanoid_getup.jobs.requests.rise import RiseRequest
-from humanoid_getup.jobs.requests.shared import Prefer, write_command
 from humanoid_getup.studio.plain_text import make_block, name_side
 from humanoid_getup.studio.takes.rise_take import make_rise_take
 from robots import Posture

@@ -9,7 +9,7 @@ from typing import Any, cast
 from lerobot.cameras import CameraConfig
 from lerobot.robots import RobotConfig
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.jobs.requests.rise import RiseRequest
 
 NO_RISE, STANDING = "none", "standing"

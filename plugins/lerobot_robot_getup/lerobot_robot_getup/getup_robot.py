@@ -17,8 +17,8 @@ from lerobot.robots import Robot
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from drivers.interrupts import deferred_interrupts
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import load_robot
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import load_robot
 from lerobot_robot_getup.config_getup_robot import NO_RISE, GetupRobotConfig
 from lerobot_robot_getup.joints import JointUnits, find_calibration, name_positions
 from lerobot_robot_getup.robot_thread import RobotThread

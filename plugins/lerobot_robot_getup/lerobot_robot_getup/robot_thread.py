@@ -13,13 +13,13 @@ from functools import partial
 import numpy as np
 
 from drivers import Command, Ending, FaultKind, GuardLimits, State, engaged, run_engaged
+from humanoid_getup.commands.backends import BackendChoice, open_backend
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.inputs import find_start, load_world, make_torque_limit
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.starts.falls import find_rest
-from humanoid_getup.jobs.backends import BackendChoice, open_backend
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import find_start, load_world, make_torque_limit
 from humanoid_getup.progress.callback import CancelledError, ProgressMonitor
 from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
 from humanoid_getup.strategies.plan import Strategy

@@ -16,7 +16,7 @@ from lerobot_robot_getup.robot_thread import RobotStoppedError
 
 from drivers import DriverError, Twin
 from drivers.errors import UnreleasedError
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.strategies.plan import RisePlan, RiseStatus
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 
 
 @pytest.fixture

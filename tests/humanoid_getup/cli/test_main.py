@@ -18,12 +18,12 @@ import pytest
 from run_getup import Run
 
 from drivers.errors import DriverError
-from humanoid_getup.cli import commands
-from humanoid_getup.cli.command_table import COMMANDS
-from humanoid_getup.cli.commands import load_work
-from humanoid_getup.cli.main import SIGNALS, main
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.commands import command_line as commands
+from humanoid_getup.commands.command_line import load_work
+from humanoid_getup.commands.command_table import COMMANDS
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import SIGNALS, main
+from humanoid_getup.commands.options import JobRequest
 from humanoid_getup.motions.motion import Motion
 from robots import Robot
 
@@ -32,7 +32,7 @@ MOTION = "squat_to_stand"
 
 def getup(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run `getup` in a process of its own."""
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", *arguments]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", *arguments]
     return subprocess.run(
         command, **{"stdout": PIPE, **options}, stderr=PIPE, text=True, check=False
     )
@@ -90,7 +90,7 @@ def test_a_missing_or_unknown_command_is_reported_in_a_line(run: Run, arguments:
 
 
 @pytest.mark.parametrize(
-    "group", ["", *(name for name, command in COMMANDS.items() if not command.options)]
+    "group", ["", *(name for name in COMMANDS if not commands.is_command(name))]
 )
 def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as left:
@@ -113,7 +113,7 @@ def test_help_lists_every_command_of_a_group(group: str, capsys: pytest.CaptureF
 def test_a_program_asked_to_stop_leaves_with_130_and_the_flight_log_alone(
     refusal: int, times: int, tmp_path: Path
 ):
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", "play", "supine_sit_up_gentle"]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", "play", "supine_sit_up_gentle"]
     command += ["--realtime", "--out", str(tmp_path / "out")]
     log = tmp_path / "out" / "flight.mcap"
     with subprocess.Popen(command, stderr=PIPE, text=True) as process:
@@ -147,10 +147,10 @@ def test_a_closed_pipe_ends_the_program_quietly(arguments: tuple[str, ...]):
 
 HEAVY = {"cma", "scipy.stats", "matplotlib.pyplot", "torch", "onnxruntime"}
 LIGHT = ["--help", "motions --help"]
-LIGHT += [f"{name} --help" for name, command in COMMANDS.items() if command.options]
+HELP = [f"{name} --help" for name in COMMANDS if commands.is_command(name)]
 LOADED = """
 import contextlib, io, json, sys
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 loaded = {"": list(sys.modules)}
 for command in json.load(sys.stdin):
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()) as said:
@@ -163,7 +163,7 @@ json.dump(loaded, sys.stdout)
 @pytest.fixture(scope="module")
 def loaded() -> dict[str, set[str]]:
     """The modules loaded after each of some commands, run in one process; and what it said."""
-    commands = [*LIGHT, "robots", "motions list"]
+    commands = [*LIGHT, "robots", "motions list", *HELP]
     done = subprocess.run(
         [sys.executable, "-c", LOADED],
         input=json.dumps(commands),
@@ -182,8 +182,8 @@ def test_every_command_has_a_function_and_explains_itself_without_numpy(
     for command in ("robots", "motions list"):
         assert "numpy" in loaded[command]
         assert HEAVY & loaded[command] == set(), command
-    for name, command in COMMANDS.items():
-        if command.work:
+    for name in COMMANDS:
+        if commands.is_command(name):
             assert callable(load_work(name))
             usage = f"usage: getup {name} "
             assert any(each.startswith(usage) for each in loaded[f"{name} --help"]), name

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import find_keyframes
+from humanoid_getup.commands.pieces import SharedFolder, sharing
 from humanoid_getup.jobs.build_motions import BuildPiece, build_motions, build_piece
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import find_keyframes
-from humanoid_getup.jobs.pieces import SharedFolder, sharing
 from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import CancelledError, Progress

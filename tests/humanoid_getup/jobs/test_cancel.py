@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from humanoid_getup.commands.options import JobRequest
 from humanoid_getup.jobs.build_motions import build_motions
 from humanoid_getup.jobs.evaluate_policy import evaluate
 from humanoid_getup.jobs.get_up.rise import rise
@@ -13,7 +14,6 @@ from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest, PlanRequest
 from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest
-from humanoid_getup.jobs.requests.shared import JobRequest
 from humanoid_getup.jobs.robots import check_robot
 from humanoid_getup.progress.callback import CancelledError, Progress
 

@@ -12,8 +12,8 @@ from paths import TINY
 
 from drivers import Cycle, Twin
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.cli.main import main
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import main
 from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
 from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
 from humanoid_getup.reporting.measured_flight import CutKind

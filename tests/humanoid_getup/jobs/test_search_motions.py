@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import main
+from humanoid_getup.commands.pieces import SharedFolder
 from humanoid_getup.jobs import search_motions
 from humanoid_getup.jobs.discover_motions import SearchPiece, discover, discover_all, search_piece
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.pieces import SharedFolder
 from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion

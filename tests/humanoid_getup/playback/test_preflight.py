@@ -13,8 +13,7 @@ from stored_motions import MOTIONS, OWN, one_of_each_kind
 
 from drivers import SafetyGuard, Twin
 from drivers.twin.device_models import Windings
-from humanoid_getup.cli.commands import load_options
-from humanoid_getup.cli.plan_and_check import preflight as command
+from humanoid_getup.commands.command import load_command
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.playback.estimation import estimate_posture, settle
 from humanoid_getup.playback.preflight import (
@@ -28,7 +27,8 @@ from robots import Posture, Robot, TorqueLimit
 from robots.body.overlap import overlaps_at
 from robots.kinematics import place
 
-Preflight = load_options("preflight")
+COMMAND = load_command("preflight")
+Preflight: Any = COMMAND.options
 QUICK = "prone_wide_push_up"
 KNEE = "l_knee"
 
@@ -252,14 +252,14 @@ def test_the_command_passes_refuses_and_writes_its_figures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], op3: Robot
 ):
     file = tmp_path / "verdict.json"
-    assert command.preflight(Preflight(motion=QUICK, voltage=11.1, json=str(file))) == 0
+    assert COMMAND.run(Preflight(motion=QUICK, voltage=11.1, json=str(file))) == 0
     record = json.loads(file.read_text())
     assert (record["motion"], record["passed"], record["voltage_v"]) == (QUICK, True, 11.1)
     assert list(record["joints"]) == list(op3.joint_names)
     assert record["joints"][KNEE]["end_temperature_c"] >= 25.0
     assert f"{QUICK}: passed at 11.1 V" in capsys.readouterr().out
 
-    assert command.preflight(Preflight(motion=QUICK, voltage=9.0, json="-")) == 1
+    assert COMMAND.run(Preflight(motion=QUICK, voltage=9.0, json="-")) == 1
     out, error = capsys.readouterr()
     record = json.loads(out)  # JSON alone
     assert record["passed"] is False

@@ -13,12 +13,11 @@ from recording_backend import still_state
 from scipy.interpolate import PchipInterpolator
 
 from drivers import SafetyGuard, State, Twin
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
+from humanoid_getup.commands.motions.export_motion import ExportMotionRequest, export_motion
 from humanoid_getup.experiments.judging.judge import GroundTruthJudge
 from humanoid_getup.experiments.judging.standing import HOLD
 from humanoid_getup.experiments.starts.falls import settle_posture
-from humanoid_getup.jobs.export_motion import export_motion
-from humanoid_getup.jobs.requests.motions import ExportMotionRequest
 from humanoid_getup.motions.importing.imported_keyframes import load_sequences
 from humanoid_getup.motions.importing.trajectory_file import CLOSE
 from humanoid_getup.motions.motion import Motion

@@ -11,7 +11,7 @@ import pytest
 from nonempty import nonempty
 from paths import TINY
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.jobs.requests.robots import ExportRobotRequest
 from humanoid_getup.jobs.robots import export_robot
 from robots import Robot, load_robot

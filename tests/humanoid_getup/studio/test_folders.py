@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.studio.folders import MOST_FILES, Folders, containing
 
 

@@ -10,9 +10,9 @@ pytest.importorskip("onnxruntime")
 
 from drivers.flight_log.reader import FlightRecord
 from drivers.servo_units import ServoUnits
-from humanoid_getup.cli.main import main
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import find_start
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import find_start
+from humanoid_getup.commands.main import main
 from humanoid_getup.progress.callback import CancelledError
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.follow_style import RolloutRequest, StyledRollout, StyledTwin

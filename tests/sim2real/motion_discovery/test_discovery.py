@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.motions.build import ATTITUDES
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import load_database

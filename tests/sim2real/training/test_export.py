@@ -16,7 +16,7 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.policy.observation import list_terms
 from humanoid_getup.policy.onnx_network import OnnxNetwork
 from humanoid_getup.policy.onnx_policy import OnnxPolicy

@@ -29,12 +29,12 @@ from humanoid_getup.cli.options.servo import (
     SetUpServos,
 )
 from humanoid_getup.cli.robot.servo.registers import NOT_WRITTEN
-from humanoid_getup.cli.shared.console import console_for, count_of
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.prompt import is_confirmed, open_prompt
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.inputs import choose_joints, load_robot, name_ports
+from humanoid_getup.commands.console import console_for, count_of
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.inputs import choose_joints, load_robot, name_ports
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.prompt import is_confirmed, open_prompt
 from robots import Joint, Robot
 
 KEPT = {

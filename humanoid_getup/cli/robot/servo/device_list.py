@@ -25,10 +25,10 @@ from drivers.service.scan import (
 from drivers.service.sweep import choose_wires
 from humanoid_getup.cli.options.servo import ListServos
 from humanoid_getup.cli.robot.servo.measurements import HEADINGS, LEFT, list_cells
-from humanoid_getup.cli.shared.console import console_for, count_of, make_table, phase
-from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.errors import refusing
+from humanoid_getup.commands.console import console_for, count_of, make_table, phase
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.output import write_json
 from robots.bus_settings import BAUD_RATES
 
 NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"

@@ -18,10 +18,10 @@ from drivers.service.scan import COMMON_RATES, MEASURED
 from humanoid_getup.cli.options.servo import MonitorServos
 from humanoid_getup.cli.robot.servo.measurements import HEADINGS, LEFT, UNKNOWN, list_cells
 from humanoid_getup.cli.robot.watch import QuitKey
-from humanoid_getup.cli.shared.console import console_for, make_table
-from humanoid_getup.cli.shared.exit_codes import DID_IT, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.console import console_for, make_table
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import DID_IT, HARDWARE_FAULT
+from humanoid_getup.commands.output import write_json
 
 PERIOD = 0.1  # s between two reads of all servos
 HINT = "nothing is changed: turn servos without torque by hand from end to end; q ends it"

@@ -21,12 +21,12 @@ from drivers.service.moved_servo import (
 from drivers.terminal_keys import StopKey
 from humanoid_getup.cli.options.servo import MoveServo
 from humanoid_getup.cli.robot.servo.registers import NOT_WRITTEN
-from humanoid_getup.cli.shared.console import console_for, phase
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.prompt import is_confirmed
-from humanoid_getup.jobs.errors import refusing
-from humanoid_getup.jobs.inputs import choose_joints, name_ports
+from humanoid_getup.commands.console import console_for, phase
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
+from humanoid_getup.commands.inputs import choose_joints, name_ports
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.prompt import is_confirmed
 from robots import Robot, TorqueLimit, load_robot
 from robots.bus_settings import MAIN_PORT
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from drivers.service.loose_servo import LooseServo, open_servo
 from humanoid_getup.cli.options.servo import OneServo, ReadRegisters, ShowTable, WriteRegisters
-from humanoid_getup.cli.shared.console import console_for, make_table
-from humanoid_getup.cli.shared.exit_codes import DID_IT, DID_NOT_STAND
-from humanoid_getup.cli.shared.output import write_json
-from humanoid_getup.cli.shared.prompt import is_confirmed
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.console import console_for, make_table
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.commands.prompt import is_confirmed
 
 NOT_WRITTEN = "nothing is written"
 HEADINGS = ("register", "address", "bytes", "counts", "value", "range", "kept")

@@ -26,7 +26,15 @@ from drivers.virtual_bus.serving.server import PortOptions
 from robots import ImuSettings, Robot
 from robots.imu import IMU_PORT
 
-BUS = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--robot", str(TINY), "--powered"]
+BUS = [
+    sys.executable,
+    "-m",
+    "humanoid_getup.commands.main",
+    "bus",
+    "--robot",
+    str(TINY),
+    "--powered",
+]
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 from run_getup import Run
 
 import humanoid_getup as hg
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.inputs import find_start
 from humanoid_getup.jobs.get_up import rise
-from humanoid_getup.jobs.inputs import find_start
 
 
 @pytest.fixture

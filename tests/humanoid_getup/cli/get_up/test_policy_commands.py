@@ -12,7 +12,7 @@ pytest.importorskip("onnx")
 from tiny_policies import contract_of, save_policy, weights_of
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from robots import Robot
 from robots.servo import RAD_PER_TICK
 

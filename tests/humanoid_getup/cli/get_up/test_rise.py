@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.cli.main import main
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import main
 from humanoid_getup.jobs.get_up import rise
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retargeting import BODY

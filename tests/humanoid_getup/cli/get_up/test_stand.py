@@ -14,7 +14,7 @@ import pytest
 from drivers import Command, FaultKind, SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.cli.get_up.operator_key import SAME_PRESS, OperatorKey
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest
 from robots import Robot

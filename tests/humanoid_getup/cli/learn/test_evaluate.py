@@ -9,7 +9,7 @@ pytest.importorskip("onnx")
 
 from tiny_policies import save_policy
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
 from humanoid_getup.motions.motion_database import load_database
 from humanoid_getup.strategies.plan import MotionPlan, RisePlan, RiseStatus

@@ -14,7 +14,7 @@ import foreign_policies as made
 from foreign_policies import save_network
 from paths import NODDING
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 
 STIFF = {"joint_stiffness": "15.0"}
 

@@ -89,7 +89,7 @@ def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeyp
 
     assert run(*TINY)[0] == 0
     before = Path("mine/checkpoint.pt").read_bytes()
-    monkeypatch.setattr("humanoid_getup.cli.shared.console.ProgressDisplay.show", interrupt)
+    monkeypatch.setattr("humanoid_getup.commands.console.ProgressDisplay.show", interrupt)
     code, _, error = run(*TINY, "--iterations", "4")
     assert code == 130
     assert "the same command continues from it" in error

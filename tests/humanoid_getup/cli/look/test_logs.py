@@ -10,8 +10,8 @@ from paths import TINY
 
 from drivers import Cycle, Ending, GuardLimits, SafetyGuard, run
 from drivers.flight_log.writer import FlightLog
-from humanoid_getup.cli import commands
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands import command_line as commands
+from humanoid_getup.commands.main import main
 
 
 def parse(*arguments: object) -> commands.Invocation:

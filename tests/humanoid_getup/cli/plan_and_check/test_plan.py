@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.experiments.starts.falls import sample_fall
 from humanoid_getup.motions.key_posture import load_key
 from humanoid_getup.motions.motion import Motion

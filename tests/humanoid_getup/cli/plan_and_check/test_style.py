@@ -11,7 +11,7 @@ pytest.importorskip("onnx")
 from tiny_policies import save_styled_policy
 
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet
 from humanoid_getup.style.style_editor import rise_time
 from humanoid_getup.style.style_file import list_styles, load_style, read_style

@@ -17,13 +17,13 @@ from drivers.dynamixel.clock import VirtualClock
 from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot import bus
 from humanoid_getup.cli.robot.bus import describe
+from humanoid_getup.commands.main import main
 from robots import Robot
 
 ONE = {"main": "/tmp/port"}
-COMMAND = [sys.executable, "-m", "humanoid_getup.cli.main", "bus", "--robot", str(TINY)]
+COMMAND = [sys.executable, "-m", "humanoid_getup.commands.main", "bus", "--robot", str(TINY)]
 
 
 def test_the_banner_says_how_servos_get_power(op3: Robot):

@@ -16,8 +16,8 @@ from spoiling import spoil
 
 from drivers.service import calibrate as service
 from drivers.virtual_bus.devices.servo import VirtualServo
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot import calibrate as command
+from humanoid_getup.commands.main import main
 from robots import Robot, load_robot
 from robots.description.calibration import Calibration, JointCalibration
 from robots.description.posture_file import format_posture

@@ -11,7 +11,7 @@ from bus_stories import TINY, run_json, serving
 from drivers.service import doctor, session
 from drivers.service.doctor import Latency, PortReport, check_port
 from drivers.virtual_bus.serving.server import TimeMode
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.main import main
 from robots import load_robot
 
 SHIPPED = "all 2 servos: return delay time is 250, 500 µs before each reply"

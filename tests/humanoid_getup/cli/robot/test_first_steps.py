@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from nonempty import nonempty
 
-from humanoid_getup.cli.commands import parse
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.options.hardware import FirstSteps
 from humanoid_getup.cli.robot import first_steps
+from humanoid_getup.commands.command_line import parse
+from humanoid_getup.commands.main import main
 from robots import Robot, load_robot
 
 PORT = ("/dev/ttyUSB0",)

@@ -9,8 +9,8 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.cli.robot.virtual_person import VirtualPerson
-from humanoid_getup.cli.shared.prompt import TypedLines
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.prompt import TypedLines
 from humanoid_getup.simulation.world import World
 
 

@@ -59,7 +59,7 @@ def test_only_q_ends_it(sent: bytes, is_over: bool):
 @pytest.mark.parametrize("end", ["q", "interrupt", "hang-up"])
 def test_in_a_terminal_a_table_follows_the_robot_until_a_person_ends_it(end: str, tmp_path: Path):
     master, slave = pty.openpty()
-    command = [sys.executable, "-m", "humanoid_getup.cli.main", *LYING]
+    command = [sys.executable, "-m", "humanoid_getup.commands.main", *LYING]
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
     with subprocess.Popen(
         command, stdin=slave, stdout=slave, stderr=slave, env=environment, cwd=tmp_path

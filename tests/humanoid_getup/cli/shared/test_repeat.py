@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from run_getup import Run
 
-from humanoid_getup.cli.commands import parse
-from humanoid_getup.jobs.requests.shared import write_command
+from humanoid_getup.commands.command_line import parse
+from humanoid_getup.commands.options import write_command
 
 LINES = [
     "getup motions build lateral_side_sit --robot mine --generations 40 --resume",
@@ -29,7 +29,7 @@ def test_a_written_command_reads_as_the_request_that_it_was_written_from(line: s
 
 
 def _is_command(name: str) -> bool:
-    from humanoid_getup.cli.command_table import COMMANDS
+    from humanoid_getup.commands.command_table import COMMANDS
 
     return name in COMMANDS and bool(COMMANDS[name].options)
 

@@ -16,9 +16,9 @@ from stored_plans import plan_stored
 import humanoid_getup as hg
 from drivers import SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.main import main
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.main import main
 from humanoid_getup.execution.phase import Phase
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up.results import FinishedRise
 from humanoid_getup.jobs.get_up.session_hooks import NoOperator
 from humanoid_getup.reporting import film_strip

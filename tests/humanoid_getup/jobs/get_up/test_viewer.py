@@ -14,8 +14,8 @@ from paths import TINY
 from PIL import Image
 from recording_backend import still_state
 
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.experiments.starts.falls import classify
-from humanoid_getup.jobs.errors import BadInputError
 from humanoid_getup.jobs.get_up.rise import play_motion
 from humanoid_getup.jobs.get_up.viewer import rest_measured
 from humanoid_getup.jobs.get_up.watch import watch

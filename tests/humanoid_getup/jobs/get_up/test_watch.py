@@ -18,7 +18,7 @@ from drivers import DriverError, State
 from drivers.dynamixel.backend import DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.virtual_bus.devices.servo import VirtualServo
-from humanoid_getup.jobs.backends import BackendChoice
+from humanoid_getup.commands.backends import BackendChoice
 from humanoid_getup.jobs.get_up import watch as jobs
 from humanoid_getup.jobs.get_up.watch import watch
 from humanoid_getup.jobs.requests.rise import WatchRequest

@@ -13,8 +13,8 @@ from drivers.serial_port import SerialPort
 from drivers.service import scan
 from drivers.service.scan import PortFacts
 from drivers.virtual_bus.devices.servo import VirtualServo
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.servo import device_list
+from humanoid_getup.commands.main import main
 
 MEGABIT = ("--baud", "1000000")
 

@@ -14,9 +14,9 @@ from drivers.service.loose_servo import find_servos
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.served_robot import ServedRobot, serve_robot
 from drivers.virtual_bus.serving.server import TimeMode
-from humanoid_getup.cli.main import main
 from humanoid_getup.cli.robot.servo.measurements import list_cells
 from humanoid_getup.cli.robot.servo.monitor import Gauge
+from humanoid_getup.commands.main import main
 
 MOVING = make_desk((1, "XL430-W250"), (3, "XM430-W350"), baud=57_600)
 

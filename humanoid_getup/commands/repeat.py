@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from humanoid_getup.jobs.requests.shared import write_command
+from humanoid_getup.commands.options import write_command
 
 
 @contextmanager

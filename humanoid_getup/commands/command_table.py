@@ -34,6 +34,8 @@ class TableEntry(NamedTuple):
     """Function that runs it, below the folder of its section."""
     json: bool = False
     """Whether its results can be written as JSON."""
+    module: str = ""
+    """Module of a command, below ``commands``."""
 
 
 COMMANDS = {
@@ -130,9 +132,7 @@ COMMANDS = {
     ),
     "motions export": TableEntry(
         "Write a motion as CSV, or as a JointTrajectory of ROS.",
-        "motions.ExportMotionRequest",
-        "motions.export",
-        json=True,
+        module="motions.export_motion",
     ),
     "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
     "bench all": TableEntry(
@@ -212,9 +212,7 @@ COMMANDS = {
     ),
     "preflight": TableEntry(
         "Check whether a motion may be played.",
-        "motions.PreflightRequest",
-        "preflight.preflight",
-        json=True,
+        module="plan.preflight",
     ),
     "studio": TableEntry(
         "Pose, plan and look in the browser.", "look.StudioRequest", "studio.studio"

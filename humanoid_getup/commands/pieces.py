@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.options import EngineOptions, RobotOption
 from humanoid_getup.engines.engine import WORTH, Engine
 from humanoid_getup.engines.executor import make_executor
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.shared import EngineOptions, RobotOption
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.policy.onnx_policy import SUFFIX as POLICY
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE

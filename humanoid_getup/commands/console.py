@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,8 +15,8 @@ from rich.progress import TaskID
 from rich.status import Status
 from rich.table import Table
 
-from humanoid_getup.cli.shared.output import STANDARD_OUTPUT, find_json_target, write_json
-from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.commands.options import JobRequest
+from humanoid_getup.commands.output import STANDARD_OUTPUT, find_json_target, write_json
 from humanoid_getup.progress.callback import Progress, Report
 
 Request = TypeVar("Request", bound=JobRequest)
@@ -64,11 +65,21 @@ def counting(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def showing(command: JobRequest | None = None) -> Iterator[Report]:
-    """Show progress on standard error, and findings to people; yield what shows them."""
+def showing(command: JobRequest | None = None, *, in_lines: bool = False) -> Iterator[Report]:
+    """Show progress on standard error, and findings to people; yield what shows them.
+
+    With ``in_lines``, progress is one line, and findings are warnings on standard error.
+    """
     display = ProgressDisplay(console_for(command))
+
+    def show_in_lines(progress: Progress) -> None:
+        if progress.message:
+            print(f"getup: {progress.message}", file=sys.stderr)
+        else:
+            display.show(Progress(phase=str(progress)))
+
     try:
-        yield display.show
+        yield show_in_lines if in_lines else display.show
     finally:
         display.stop()
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.files import STANDARD_OUTPUT
-from humanoid_getup.jobs.requests.shared import JobRequest
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.files import STANDARD_OUTPUT
+from humanoid_getup.commands.options import JobRequest
 
 
 def find_json_target(command: JobRequest | None) -> str | None:

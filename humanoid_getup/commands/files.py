@@ -7,8 +7,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from humanoid_getup.jobs.output_files import find_file_problems, find_folder_problems, make_absolute
-from humanoid_getup.jobs.requests.values import hints_of, list_notes, name_option
+from humanoid_getup.commands.output_files import (
+    find_file_problems,
+    find_folder_problems,
+    make_absolute,
+)
+from humanoid_getup.commands.values import hints_of, list_notes, name_option
 
 STANDARD_OUTPUT = "-"
 ROBOT_FILES = (

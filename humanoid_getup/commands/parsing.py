@@ -16,8 +16,8 @@ from typing import Any, get_args
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.values import find_items, list_choices, name_choices, split_hint
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.values import find_items, list_choices, name_choices, split_hint
 
 UNKNOWN, MISSING, NEAREST = "Unrecognized options:", "Missing from", "Perhaps you meant"
 """First words of the blocks in tyro's box."""

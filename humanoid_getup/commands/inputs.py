@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.options import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.experiments.starts.falls import CLASSES, UNCLASSED, Fall, classify, sample_falls
-from humanoid_getup.jobs.errors import BadInputError, refusing
-from humanoid_getup.jobs.requests.shared import BodyOption, RobotOption, SceneOptions, TorqueOptions
 from humanoid_getup.motions import motion_database
 from humanoid_getup.motions.key_posture import KeyPosture, load_key
 from humanoid_getup.motions.keyframes import Keyframes

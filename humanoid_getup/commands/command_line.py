@@ -13,13 +13,13 @@ from typing import Annotated, Any, Union
 import tyro
 from tyro.conf import subcommand
 
-from humanoid_getup.cli.command_table import COMMANDS, DEFAULTS, SECTIONS
-from humanoid_getup.cli.options.shared import with_json
-from humanoid_getup.cli.parsing import in_one_line, registry
-from humanoid_getup.cli.shared.console import phase
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.shared import JobRequest
-from humanoid_getup.jobs.requests.values import list_options
+from humanoid_getup.commands.command import load_command
+from humanoid_getup.commands.command_table import COMMANDS, DEFAULTS, SECTIONS
+from humanoid_getup.commands.console import phase
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.options import JobRequest, with_json
+from humanoid_getup.commands.parsing import in_one_line, registry
+from humanoid_getup.commands.values import list_options
 
 DESCRIPTION = "Get a fallen humanoid up: plan, filter through physics, play, judge."
 
@@ -42,12 +42,18 @@ class Invocation:
 def parse(arguments: Sequence[str]) -> Invocation:
     """Read a command line; exit after help."""
     name, rest = find_command(arguments)
-    if name not in COMMANDS or not COMMANDS[name].options:
+    if name not in COMMANDS or not is_command(name):
         return _explain(name, rest)
     with in_one_line(f"getup {name}", partial(_list_others, name)):
         options = _read(load_options(name), f"getup {name}", rest)
-    options.check()
+    if COMMANDS[name].options:
+        options.check()
     return Invocation(name, options)
+
+
+def is_command(name: str) -> bool:
+    """Return whether a name is that of a command, not of a group."""
+    return bool(COMMANDS[name].options or COMMANDS[name].module)
 
 
 def find_command(words: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -107,6 +113,8 @@ def write_help(group: str = "") -> str:
 def load_options(name: str) -> type[JobRequest]:
     """Import the options of a command."""
     command = COMMANDS[name]
+    if command.module:
+        return load_command(name).options
     package = "cli" if command.options.startswith("options.") else "jobs.requests"
     options = _load(f"{package}.{command.options}")
     return with_json(options) if command.json else options
@@ -119,13 +127,15 @@ def _list_others(name: str, option: str) -> list[str]:
     return [
         f"getup {other}"
         for other in COMMANDS
-        if other.split()[0] in section and COMMANDS[other].options
+        if other.split()[0] in section and is_command(other)
         if option in list_options(load_options(other))
     ]
 
 
 def load_work(name: str) -> Callable[[JobRequest], int]:
     """Import the function that runs a command."""
+    if COMMANDS[name].module:
+        return load_command(name).run
     group = name.split()[0]
     section = next(heading for heading, names in SECTIONS.items() if group in names)
     return _load(f"cli.{section.replace(' ', '_')}.{COMMANDS[name].work}")
@@ -143,7 +153,7 @@ def list_commands(group: str = "") -> Any:
         parent, _, own_name = name.rpartition(" ")
         if parent != group:
             continue
-        kind = load_options(name) if command.options else _load_group(name)
+        kind = load_options(name) if is_command(name) else _load_group(name)
         members.append(Annotated[kind, subcommand(own_name, description=command.summary)])
     return Union[tuple(members)]  # noqa: UP007  (as many as there are)
 

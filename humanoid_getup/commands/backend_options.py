@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.jobs.requests.shared import Origin, SceneOptions
+from humanoid_getup.commands.options import Origin, SceneOptions
 
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields, make_dataclass
+from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.engines.engine import Engine
-from humanoid_getup.jobs.errors import BadInputError
-from humanoid_getup.jobs.requests.files import READ, ROBOT, find_output_problems
-from humanoid_getup.jobs.requests.values import (
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.files import READ, ROBOT, WRITTEN, find_output_problems
+from humanoid_getup.commands.values import (
     Items,
     at_least,
     between,
@@ -21,6 +22,7 @@ from humanoid_getup.jobs.requests.values import (
     name_choices,
     name_option,
 )
+from humanoid_getup.engines.engine import Engine
 
 A_REAL_ROBOT = "a real robot has the body that it has"
 MOST_SEED = 2**63 - 1  # that files keep exactly
@@ -191,6 +193,37 @@ class PreferenceOptions(SearchBudgetOption):
     prefer: Prefer = "time"
     """What a planned rise should be besides successful: quick, with low torque, with small jolts
     (of the neck, not of the head alone), or with a margin against disturbances."""
+
+
+JsonTarget = Annotated[
+    str | None,
+    WRITTEN,
+    arg(metavar="FILE|-", help="Write the results as JSON to a file; - prints JSON alone."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonOption(JobRequest):
+    """Option for the results as JSON."""
+
+    json: JsonTarget = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureOption(JobRequest):
+    """Option for a picture."""
+
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    """Picture to write."""
+
+
+@cache
+def with_json(request: type[JobRequest]) -> type[JobRequest]:
+    """Return the options of a command: a request, with an option for JSON."""
+    namespace = {"__doc__": request.__doc__}
+    bases = (JsonOption, request)
+    name = request.__name__
+    return make_dataclass(name, [], bases=bases, namespace=namespace, frozen=True, kw_only=True)
 
 
 def write_command(name: str, request: JobRequest) -> str:

@@ -11,14 +11,14 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from humanoid_getup.cli.shared.exit_codes import (
+from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.exit_codes import (
     BAD_INPUT,
     CLOSED_PIPE,
     HARDWARE_FAULT,
     INTERRUPTED,
     OUT_OF_MEMORY,
 )
-from humanoid_getup.jobs.errors import BadInputError
 
 SIGNALS = tuple(name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 SHORTAGE = re.compile("llocate memory|map segment from shared object$|start new thread", re.M)
@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 signal.signal(getattr(signal, name), _interrupt)
         if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be UTF-8
             sys.stdout.reconfigure(errors="backslashreplace")
-        from humanoid_getup.cli.commands import parse  # takes time: signals are handled before
+        from humanoid_getup.commands.command_line import (
+            parse,  # takes time: signals are handled before
+        )
 
         work = parse(sys.argv[1:] if arguments is None else arguments).load()
         if _interrupted.is_set():  # Python's locks of imports swallow what interrupts them

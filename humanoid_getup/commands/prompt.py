@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from drivers.service.calibrate import Prompt, is_yes
 from drivers.terminal_keys import find_standard_input
-from humanoid_getup.jobs.errors import BadInputError
+from humanoid_getup.commands.errors import BadInputError
 
 MOST_BYTES = 4096  # of one read
 

@@ -1,0 +1,176 @@
+"""Commands: a function of a request, what prints its result, and how the command line runs it.
+
+@command("motions export", json=True)
+def export_motion(request: ExportMotionRequest, monitor: ProgressMonitor) -> ExportedMotion:
+    ...
+
+@export_motion.show
+def _print(found: ExportedMotion, request: ExportMotionRequest, console: Console) -> int:
+    ...
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import update_wrapper
+from importlib import import_module
+from typing import Any, Concatenate, Generic, Protocol, TypeVar
+
+from rich.console import Console
+
+from humanoid_getup.commands.command_table import COMMANDS
+from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.options import JobRequest, with_json, write_command
+from humanoid_getup.commands.output import write_json
+from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+
+Request = TypeVar("Request", bound=JobRequest)
+Result = TypeVar("Result")
+Work = Callable[Concatenate[Request, ProgressMonitor, ...], Result]
+Show = Callable[[Result, Any, Console], int]
+_REGISTERED: dict[str, RunsOptions] = {}
+
+
+class RunsOptions(Protocol):
+    """What the command line runs."""
+
+    options: type[JobRequest]
+    """Options of the command line."""
+
+    def run(self, options: Any, /) -> int:
+        """Run it; return the exit code."""
+        ...
+
+
+class Command(Generic[Request, Result]):
+    """Work on a request: a function for programs, and a command of the command line."""
+
+    def __init__(
+        self,
+        name: str,
+        work: Work[Request, Result],
+        *,
+        json: bool | Callable[[Result], object],
+        is_begun: Callable[[Request], bool] | None,
+        person: Callable[[Request], dict[str, Any]] | None,
+        in_lines: bool,
+    ) -> None:
+        update_wrapper(self, work)
+        self._name, self._work, self._json = name, work, json
+        self._is_begun, self._person, self._in_lines = is_begun, person, in_lines
+        self._show: Show[Result] | None = None
+        self._request = find_request(work)
+        self.options: type[JobRequest] = with_json(self._request) if json else self._request
+
+    def __call__(
+        self,
+        request: Request,
+        report: Report | None = None,
+        cancel: Cancel | None = None,
+        **further: Any,
+    ) -> Result:
+        """Do the work of a request, which is checked first.
+
+        Args:
+            request: What is wanted.
+            report: Shows progress.
+            cancel: Called between two pieces of the work; ends it once it returns True.
+            further: Further arguments of the function.
+
+        Raises:
+            BadInputError: if the request cannot be done.
+            CancelledError: if ``cancel`` ended it; finished parts are kept.
+        """
+        self._request.accept(request)
+        return self._work(request, ProgressMonitor(report, cancel), **further)
+
+    def show(self, show: Show[Result]) -> Show[Result]:
+        """Register what prints a result and returns the exit code."""
+        self._show = show
+        return show
+
+    def run(self, options: Any, /) -> int:
+        """Do the work, show its progress and its result; return the exit code."""
+        person = self._person(options) if self._person else {}
+        display = showing(options, in_lines=self._in_lines)
+        with self._hinting_resume(options), display as report:
+            result = self(options, report, **person)
+        write_json(self._json(result) if callable(self._json) else result, options)
+        return self._show(result, options, console_for(options)) if self._show else DID_IT
+
+    @contextmanager
+    def _hinting_resume(self, options: Any) -> Iterator[None]:
+        """Add the command that resumes the work to an interrupt (`KeyboardInterrupt`)."""
+        try:
+            yield
+        except KeyboardInterrupt as interrupt:
+            if self._is_begun is None or not self._is_begun(options):
+                raise
+            again = write_command(self._name, replace(options, resume=True))
+            raise KeyboardInterrupt(f"{again} continues") from interrupt
+
+
+class Program:
+    """A command that leads a person at the terminal: a function of options, and its exit code."""
+
+    def __init__(self, work: Callable[[Any], int]) -> None:
+        update_wrapper(self, work)
+        self.options, self._work = find_request(work), work
+
+    def __call__(self, options: JobRequest) -> int:
+        """Run it, unless its options cannot be used; return the exit code."""
+        self.options.accept(options)
+        return self._work(options)
+
+    run = __call__
+
+
+def command(
+    name: str,
+    *,
+    json: bool | Callable[[Any], object] = False,
+    is_begun: Callable[[Any], bool] | None = None,
+    person: Callable[[Any], dict[str, Any]] | None = None,
+    in_lines: bool = False,
+) -> Callable[[Work[Request, Result]], Command[Request, Result]]:
+    """Register a function of a request and a `ProgressMonitor` as a command.
+
+    Args:
+        name: Name on the command line.
+        json: Whether its result can be written as JSON, or what describes it for that.
+        is_begun: Whether work that was interrupted left something with which --resume goes on.
+        person: Further arguments of the function for a person at the terminal.
+        in_lines: Whether progress is one line, and findings are warnings on standard error.
+    """
+
+    def register(work: Work[Request, Result]) -> Command[Request, Result]:
+        made = Command(name, work, json=json, is_begun=is_begun, person=person, in_lines=in_lines)
+        _REGISTERED[name] = made
+        return made
+
+    return register
+
+
+def program(name: str) -> Callable[[Callable[[Any], int]], Program]:
+    """Register a function of options that leads a person at the terminal as a command."""
+
+    def register(work: Callable[[Any], int]) -> Program:
+        made = _REGISTERED[name] = Program(work)
+        return made
+
+    return register
+
+
+def find_request(work: Callable[..., object]) -> type[JobRequest]:
+    """Return the type of a function's first argument."""
+    name = next(iter(work.__annotations__))
+    return eval(work.__annotations__[name], work.__globals__)
+
+
+def load_command(name: str) -> RunsOptions:
+    """Import a command."""
+    import_module(f"humanoid_getup.commands.{COMMANDS[name].module}")
+    return _REGISTERED[name]

@@ -1,0 +1,1 @@
+"""Commands that list, make, show and export motions."""

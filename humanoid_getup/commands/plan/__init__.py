@@ -1,0 +1,1 @@
+"""Commands that plan, and that check what is planned."""

@@ -22,6 +22,7 @@ from rich.console import Console
 
 from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.commands.console import console_for, showing
+from humanoid_getup.commands.errors import refusing_own
 from humanoid_getup.commands.exit_codes import DID_IT
 from humanoid_getup.commands.options import JobRequest, with_json, write_command
 from humanoid_getup.commands.output import write_json
@@ -85,7 +86,8 @@ class Command(Generic[Request, Result]):
             CancelledError: if ``cancel`` ended it; finished parts are kept.
         """
         self._request.accept(request)
-        return self._work(request, ProgressMonitor(report, cancel), **further)
+        with refusing_own():
+            return self._work(request, ProgressMonitor(report, cancel), **further)
 
     def show(self, show: Show[Result]) -> Show[Result]:
         """Register what prints a result and returns the exit code."""
@@ -123,7 +125,8 @@ class Program:
     def __call__(self, options: JobRequest) -> int:
         """Run it, unless its options cannot be used; return the exit code."""
         self.options.accept(options)
-        return self._work(options)
+        with refusing_own():
+            return self._work(options)
 
     run = __call__
 

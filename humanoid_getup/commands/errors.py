@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import dis
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
+
+OWN = {"humanoid_getup", "drivers", "robots", "sim2real"}
+RAISE = dis.opmap["RAISE_VARARGS"]
 
 
 class BadInputError(ValueError):
@@ -39,3 +44,27 @@ def refusing() -> Iterator[None]:
         if error.filename is None:  # not of a file that was named: a full disk
             raise
         raise BadInputError(f"{error.filename}: {error.strerror}") from error
+
+
+@contextmanager
+def refusing_own() -> Iterator[None]:
+    """Convert a `ValueError` that one of our own `raise` statements raised to a `BadInputError`.
+
+    One of a library is a fault of ours, and keeps its traceback.
+    """
+    try:
+        yield
+    except BadInputError:
+        raise
+    except ValueError as error:
+        raised = error.__traceback__
+        while raised is not None and raised.tb_next is not None:
+            raised = raised.tb_next
+        if raised is None or not _is_own_raise(raised.tb_frame, raised.tb_lasti):
+            raise
+        raise BadInputError(str(error)) from error
+
+
+def _is_own_raise(frame: FrameType, instruction: int) -> bool:
+    package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+    return package in OWN and frame.f_code.co_code[instruction] == RAISE

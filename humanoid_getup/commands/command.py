@@ -169,8 +169,8 @@ def program(name: str) -> Callable[[Callable[[Any], int]], Program]:
 
 def find_request(work: Callable[..., object]) -> type[JobRequest]:
     """Return the type of a function's first argument."""
-    name = next(iter(work.__annotations__))
-    return eval(work.__annotations__[name], work.__globals__)
+    kind = next(iter(work.__annotations__.values()))
+    return eval(kind, work.__globals__) if isinstance(kind, str) else kind  # our own source
 
 
 def load_command(name: str) -> RunsOptions:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers import Backend, Twin
+from drivers import Backend, GuardLimits, SafetyGuard, State, Twin
 from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import LAG, LEAST_LAG, CycleClock, VirtualClock
 from drivers.twin.simulation import Simulation
@@ -88,3 +88,17 @@ def open_backend(
         yield choice
         if served.behind > LEAST_LAG:
             choice.findings.append(LAG.format(served.behind))
+
+
+class CancellableGuard(SafetyGuard):
+    """A guard that checks in every cycle whether the work is canceled, and then measures."""
+
+    def __init__(self, backend: Backend, limits: GuardLimits, check: Callable[[], None]) -> None:
+        """Guard a backend; ``check`` raises `CancelledError` to end the work."""
+        super().__init__(backend, limits)
+        self._check = check
+
+    def read(self) -> State:
+        """Measure the robot."""
+        self._check()
+        return super().read()

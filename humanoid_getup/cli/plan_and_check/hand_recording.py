@@ -18,8 +18,8 @@ from humanoid_getup.commands.console import console_for, showing
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import load_world
+from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.hand_recorder import HandRecorder, TerminalPresses
-from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence

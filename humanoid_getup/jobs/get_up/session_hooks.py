@@ -8,15 +8,15 @@ from dataclasses import replace
 from importlib.util import find_spec
 from typing import Protocol, TypeVar
 
-from drivers import Backend, Cycle, GuardLimits, SafetyGuard, State
-from humanoid_getup.commands.backends import BackendChoice
+from drivers import Cycle, GuardLimits, SafetyGuard
+from humanoid_getup.commands.backends import BackendChoice, CancellableGuard
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
 from humanoid_getup.execution.phase import Phase, PhaseChange
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import Session, SessionOptions
 from humanoid_getup.jobs.get_up.recording import FlightRecorder
-from humanoid_getup.jobs.get_up.viewer import viewing
 from humanoid_getup.jobs.requests.rise import MP4, MoveOptions
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.simulation.world import World
@@ -54,20 +54,6 @@ class NoOperator:
     def watch(self, _guard: SafetyGuard) -> AbstractContextManager[None]:
         """Watch nothing."""
         return nullcontext()
-
-
-class CancellableGuard(SafetyGuard):
-    """A guard that checks in every cycle whether the work is canceled, and then measures."""
-
-    def __init__(self, backend: Backend, limits: GuardLimits, check: Callable[[], None]) -> None:
-        """Guard a backend; ``check`` raises `CancelledError` to end the work."""
-        super().__init__(backend, limits)
-        self._check = check
-
-    def read(self) -> State:
-        """Measure the robot."""
-        self._check()
-        return super().read()
 
 
 class SessionHooks:

@@ -10,10 +10,9 @@ import numpy as np
 from drivers import Command, Cycle, Ending, State
 from drivers.control_loop import RunReport, run
 from drivers.safety_limits import GuardLimits
-from humanoid_getup.commands.backends import BackendChoice, open_backend
+from humanoid_getup.commands.backends import BackendChoice, CancellableGuard, open_backend
 from humanoid_getup.commands.inputs import find_start, load_world
-from humanoid_getup.jobs.get_up.session_hooks import CancellableGuard
-from humanoid_getup.jobs.get_up.viewer import viewing
+from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
 from humanoid_getup.reporting.watched_robot import WatchedRobot, WatchReport

@@ -15,9 +15,9 @@ from PIL import Image
 from recording_backend import still_state
 
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.viewer import rest_measured
 from humanoid_getup.experiments.starts.falls import classify
 from humanoid_getup.jobs.get_up.rise import play_motion
-from humanoid_getup.jobs.get_up.viewer import rest_measured
 from humanoid_getup.jobs.get_up.watch import watch
 from humanoid_getup.jobs.requests.rise import PlayRequest, WatchRequest
 from humanoid_getup.playback.estimation import SINKING
@@ -56,7 +56,7 @@ def test_a_viewer_shows_what_is_measured_until_the_end(
         return windows[-1]
 
     monkeypatch.setattr("mujoco.viewer.launch_passive", launch)
-    monkeypatch.setattr("humanoid_getup.jobs.get_up.viewer.has_display", lambda: True)
+    monkeypatch.setattr("humanoid_getup.commands.viewer.has_display", lambda: True)
     request = WatchRequest(robot=str(TINY), origin="prone", backend=backend, seconds=0.3, view=True)
     done = watch(request)
     assert done.last is not None

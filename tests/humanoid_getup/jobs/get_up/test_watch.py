@@ -155,8 +155,8 @@ def test_a_sign_that_is_wrong_is_found_where_the_joint_leaves_its_range(
 def test_a_simulation_that_is_looked_at_is_no_faster_than_real_time(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("humanoid_getup.jobs.get_up.viewer.has_display", lambda: True)
-    monkeypatch.setattr("humanoid_getup.jobs.get_up.viewer._Window", lambda _: Mock())
+    monkeypatch.setattr("humanoid_getup.commands.viewer.has_display", lambda: True)
+    monkeypatch.setattr("humanoid_getup.commands.viewer._Window", lambda _: Mock())
     begun = list[float]()
     done = watch(
         WatchRequest(robot=str(TINY), view=True, seconds=0.5),

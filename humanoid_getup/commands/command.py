@@ -89,6 +89,10 @@ class Command(Generic[Request, Result]):
         with refusing_own():
             return self._work(request, ProgressMonitor(report, cancel), **further)
 
+    def __reduce__(self) -> str:
+        """Pickle it by its name, as functions are: for a process that does its work."""
+        return self._work.__qualname__
+
     def show(self, show: Show[Result]) -> Show[Result]:
         """Register what prints a result and returns the exit code."""
         self._show = show

@@ -1,11 +1,14 @@
 """A command refuses what a person can correct, and shows where we are at fault."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing_own
 from humanoid_getup.commands.options import RobotOption
+from humanoid_getup.commands.plan.preflight import preflight
 from humanoid_getup.progress.callback import ProgressMonitor
 from robots import Body
 
@@ -26,3 +29,7 @@ def test_a_command_takes_its_own_kind_of_request_alone():
     assert echo(RobotOption(robot="tiny")) == "tiny"
     with pytest.raises(BadInputError, match="request is 3, expected a RobotOption"):
         echo(3)  # pyright: ignore[reportArgumentType]
+
+
+def test_another_process_gets_a_command_by_its_name():
+    assert pickle.loads(pickle.dumps(preflight)) is preflight

@@ -278,10 +278,7 @@ class _Loop:
         self.timings: deque[tuple[float, float, float, float]] = deque(maxlen=MOST_TIMINGS)
 
     def run(
-        self,
-        controller: Controller,
-        max_time: float,
-        on_cycle: Callable[[Cycle], None] | None,
+        self, controller: Controller, max_time: float, on_cycle: Callable[[Cycle], None] | None
     ) -> tuple[Ending, str]:
         clock = time.perf_counter
         # Deadlines count from here: connecting took its own time.

@@ -20,7 +20,6 @@ class NotConnectedError(DriverError):
 
     def __init__(self, backend: str) -> None:
         super().__init__(f"{backend} is not connected: call connect() or use it in a 'with' block")
-        self.backend = backend
 
 
 class UnreleasedError(DriverError):
@@ -36,14 +35,6 @@ class UnreleasedError(DriverError):
         """Names of the joints."""
 
 
-class CommandError(DriverError):
-    """A command cannot be sent to servos."""
-
-    def __init__(self, problems: list[str]) -> None:
-        super().__init__("command refused: " + "; ".join(problems))
-        self.problems = problems
-
-
 class NoImuError(SetupError):
     """A robot's description has no IMU."""
 
@@ -52,4 +43,3 @@ class NoImuError(SetupError):
             f"robot '{robot}' has no IMU that measures how it is turned: add imu_site to its "
             "robot.toml, or play a motion with --without-imu"
         )
-        self.robot = robot

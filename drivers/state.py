@@ -9,7 +9,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import CommandError
+from drivers.errors import DriverError
 from robots import Robot
 from robots.quaternion import Array
 
@@ -184,6 +184,6 @@ def find_command_problems(command: Command, joint_names: tuple[str, ...]) -> lis
 
 
 def check_command(command: Command, joint_names: tuple[str, ...]) -> None:
-    """Refuse an invalid command by a `CommandError` that names everything that is wrong."""
+    """Refuse an invalid command by an error that names everything that is wrong."""
     if problems := find_command_problems(command, joint_names):
-        raise CommandError(problems)
+        raise DriverError("command refused: " + "; ".join(problems))

@@ -122,11 +122,7 @@ class DynamixelBackend(Backend):
         self.diagnostics = Diagnostics((), ())
         """Findings of `connect`."""
         built = build_ports(
-            robot,
-            ports,
-            options.make_port,
-            answer_margin=self._margin,
-            sleeps=self._clock.is_real,
+            robot, ports, options.make_port, answer_margin=self._margin, sleeps=self._clock.is_real
         )
         self.chains = [ServoChain(port, robot, self._watchdog, self.limit_by) for port in built]
         self.imu = None if without_imu else imu or find_imu(robot, built, ports)
@@ -302,8 +298,10 @@ class DynamixelBackend(Backend):
         )
 
     def _measure(self, now: float) -> None:
-        self._cycle_start, self._bytes_before = self._bytes_before, self._count_bytes()
         states, chains = self._states, self.chains
+        counts = [chain.bus.statistics for chain in chains]
+        self._cycle_start = self._bytes_before
+        self._bytes_before = sum(count.bytes_in + count.bytes_out for count in counts)
         limit = np.inf
         if self._clock.is_real:
             limit = time.monotonic() + READ_SHARE * self.period
@@ -346,10 +344,6 @@ class DynamixelBackend(Backend):
             imu_age=now - imu.stamp if imu else 0.0,
             alert=states.alert.copy(),
         )
-
-    def _count_bytes(self) -> int:
-        counts = [chain.bus.statistics for chain in self.chains]
-        return sum(count.bytes_in + count.bytes_out for count in counts)
 
     # Services ---------------------------------------------------------------------------------
 

@@ -12,10 +12,6 @@ from robots import Joint
 
 WRAP = 32.768  # s after which Realtime Tick begins again (e-manual)
 LEAST_LAG = 0.1  # s; less is no sign of a busy computer
-LAG = (
-    "the clock of the virtual robot fell {:.1f} s behind: this computer has too little time for "
-    "its physics"
-)
 
 
 class Clock:
@@ -84,7 +80,12 @@ class VirtualClock:
         if now is None or now == self._start:
             return ""
         lag = (passed - (now - self._start) + WRAP / 2) % WRAP - WRAP / 2
-        return "" if lag < LEAST_LAG else LAG.format(lag)
+        if lag < LEAST_LAG:
+            return ""
+        return (
+            f"the clock of the virtual robot fell {lag:.1f} s behind: this computer has too little "
+            "time for its physics"
+        )
 
     def _read(self) -> float | None:
         """Read the servo's clock [s]."""

@@ -84,7 +84,7 @@ class CommandConverter:
         """Convert a command; rounding never exceeds its limits.
 
         Raises:
-            CommandError: if it has wrong shapes, negative limits, or NaN or inf.
+            DriverError: if it has wrong shapes, negative limits, or NaN or inf.
         """
         robot = self._robot
         check_command(command, robot.joint_names)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.dynamixel.bus import TRIES, DynamixelBus
-from drivers.dynamixel.control_table import ControlTable, DriveMode, Item, OperatingMode
+from drivers.dynamixel.control_table import DriveMode, Item, OperatingMode
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.goal_ranges import SLOPES, has_slope, to_slope
 from drivers.dynamixel.protocol2 import Span, Status
@@ -49,16 +49,11 @@ def list_eeprom_settings(servo: ServoFacts, limit_by: LimitMode) -> dict[str, in
     return {name: value for name, value in wanted.items() if registers.get(name, value) != value}
 
 
-def position_mode(table: ControlTable, limit_by: LimitMode) -> int:
-    """Return the operating mode in which a servo is moved to positions."""
-    if table.mode_names and table.default_mode is not None:
-        return table.default_mode
-    return int(OPERATING_MODES[limit_by])
-
-
 def _find_mode(servo: ServoFacts, limit_by: LimitMode) -> int:
     """Return the operating mode of a servo: it keeps its limits in position mode alone."""
-    mode = position_mode(servo.table, limit_by)
+    if servo.table.mode_names and servo.table.default_mode is not None:
+        return servo.table.default_mode
+    mode = int(OPERATING_MODES[limit_by])
     keeps = servo.joint.servo.keeps_limits and mode == OperatingMode.EXTENDED_POSITION
     return int(OperatingMode.POSITION) if keeps else mode
 

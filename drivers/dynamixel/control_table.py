@@ -127,19 +127,15 @@ class Item:
             raise ValueError(f"{self.name} has {self.size} bytes, not {len(data)}")
         if self.sign_bit is None:
             return int.from_bytes(data, "little", signed=self.signed)
-        return apply_sign(int.from_bytes(data, "little"), self.sign_bit)
+        number = int.from_bytes(data, "little")
+        amount = number & ((1 << self.sign_bit) - 1)  # bits above the sign's are ignored
+        return -amount if number >> self.sign_bit & 1 else amount
 
     def accepts(self, value: int) -> bool:
         """Return whether a value may be written."""
         return (
             self.lower is not None and self.upper is not None and self.lower <= value <= self.upper
         )
-
-
-def apply_sign(number: int, sign_bit: int) -> int:
-    """Return a number whose sign is a bit of its own; bits above that are ignored."""
-    amount = number & ((1 << sign_bit) - 1)
-    return -amount if number >> sign_bit & 1 else amount
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from drivers.dynamixel.board import Board
 from drivers.dynamixel.bus import DynamixelBus
 from drivers.dynamixel.command_writer import CommandWriter, RegisterCommands
 from drivers.dynamixel.configuration import ServoSetup
-from drivers.dynamixel.control_table import Item, table_named
+from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.cyclic_read import MISSES, CyclicRead, GroupKind
 from drivers.dynamixel.diagnostics import ServoFacts
 from drivers.dynamixel.goal_ranges import goal_range
@@ -116,13 +116,10 @@ class ServoChain:
             self.writer.write_all(item.name, item.upper or 0)
             return
         for device in (joint.servo.id for joint in self.joints):
-            if self.bus.ping(device) is None or self.bus.read_item(device, item) is None:
-                self._unmute_one(device, item)
-
-    def _unmute_one(self, device: int, item: Item) -> None:
-        if self.bus.hears(device):
-            self.bus.write_item(device, item, item.upper or 0, tries=1)
-            self.eeprom_writes += 1
+            is_silent = self.bus.ping(device) is None or self.bus.read_item(device, item) is None
+            if is_silent and self.bus.hears(device):
+                self.bus.write_item(device, item, item.upper or 0, tries=1)
+                self.eeprom_writes += 1
 
     def read_tick(self) -> int | None:
         """Read the clock of the first servo [ms]; None if it has none, or is silent."""
@@ -342,11 +339,7 @@ class BackgroundRead:
     """
 
     def __init__(
-        self,
-        bus: DynamixelBus,
-        joints: Sequence[Joint],
-        rows: np.ndarray,
-        board: Board | None,
+        self, bus: DynamixelBus, joints: Sequence[Joint], rows: np.ndarray, board: Board | None
     ) -> None:
         """Prepare to read joints at places in the joint order, and a board if it is here."""
         self._bus, self._board = bus, board

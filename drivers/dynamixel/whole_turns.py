@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.dynamixel.control_table import table_named
 from drivers.servo_units import ServoUnits
 from drivers.state import Integers
-from robots import Joint, Robot
+from robots import Robot
 from robots.quaternion import Array
 
 OUTSIDE_RANGE = 0.1  # rad that a joint may be beyond its range
@@ -27,7 +27,10 @@ class WholeTurns:
     def __init__(self, robot: Robot) -> None:
         self._units, self._transmission = ServoUnits(robot), robot.transmission
         self._lower, self._upper = robot.lower, robot.upper
-        self._turn: Integers = np.array([_count_turn(joint) for joint in robot.joints])
+        models = [joint.servo.model for joint in robot.joints]
+        self._turn: Integers = np.array(  # ticks of a whole turn; 0 if it never counts on
+            [round(m.ticks_per_turn) if table_named(m.name).counts_turns else 0 for m in models]
+        )
         self._zero = np.array([joint.servo.zero_ticks for joint in robot.joints])
         reach = [max(abs(joint.lower), abs(joint.upper)) for joint in robot.actuators]
         ratio = np.array([joint.servo.gear for joint in robot.joints])
@@ -93,9 +96,3 @@ class WholeTurns:
         most = int(self._most[row])
         middle = register - round((register - int(self._zero[row])) / turn) * turn
         return [middle + k * turn for k in range(-most, most + 1)]
-
-
-def _count_turn(joint: Joint) -> int:
-    """Return the ticks of a whole turn that a servo counts on; 0 if it never does."""
-    model = joint.servo.model
-    return round(model.ticks_per_turn) if table_named(model.name).counts_turns else 0

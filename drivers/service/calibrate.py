@@ -82,16 +82,12 @@ class JointMeasurement:
         return tick_range(replace(self.joint, servo=servo))
 
     @property
-    def is_wider_than_a_turn(self) -> bool:
-        """Return whether the joint's range is wider than one turn of its servo, with any zero."""
-        first, last = self.ticks
-        return last - first > TICKS_PER_TURN - 1
-
-    @property
     def is_out_of_reach(self) -> bool:
         """Return whether its servo can be sent to its whole range with another zero alone."""
         counts = table_named(self.joint.servo.model.name).counts_turns
-        return not (counts or fits_one_turn(self.ticks) or self.is_wider_than_a_turn)
+        first, last = self.ticks
+        is_wider_than_a_turn = last - first > TICKS_PER_TURN - 1  # with any zero
+        return not (counts or fits_one_turn(self.ticks) or is_wider_than_a_turn)
 
     @property
     def warnings(self) -> list[str]:

@@ -131,9 +131,12 @@ def examine(bus: RobotBus, rounds: int = ROUNDS) -> HealthCheck:
         ports = [_examine_port(bus, port, servos, rounds) for port in bus.ports]
     imu = bus.imu.measure() if bus.imu else None
     rate = measure_rate(bus.imu) if bus.imu and bus.imu is not bus.board and imu else None
-    findings = [*diagnostics.findings, *_check_torque(torque), *_check_heat(servos)]
+    findings = [*diagnostics.findings, *_check_heat(servos)]
+    if torque:
+        remedy = "hold the robot before a command connects to it: connecting switches torque off"
+        findings.append(Finding(Severity.WARNING, name_all(torque), "has torque", remedy))
     findings += [f for port in ports for f in check_port(port, robot.control_period)]
-    findings += [*_check_imu(bus.imu, imu), *_check_rate(bus.imu, rate, robot.control_period)]
+    findings += _check_imu(bus.imu, imu, rate, robot.control_period) if bus.imu else []
     findings += [*_check_settings(servos, robot.limit_by)]
     for port, clock in zip(bus.ports, clocks, strict=True):
         if lag := clock.describe_lag():
@@ -239,13 +242,6 @@ def _count_cycle_bytes(bus: DynamixelBus, servos: Sequence[ServoFacts], backgrou
 # Findings -----------------------------------------------------------------------------------
 
 
-def _check_torque(joints: Sequence[Joint]) -> list[Finding]:
-    if not joints:
-        return []
-    remedy = "hold the robot before a command connects to it: connecting switches torque off"
-    return [Finding(Severity.WARNING, name_all(joints), "has torque", remedy)]
-
-
 def _check_heat(servos: Sequence[ServoFacts]) -> list[Finding]:
     findings, remedy = [], "let it cool down"
     for servo in servos:
@@ -290,34 +286,29 @@ def measure_rate(imu: ImuSource) -> float:
     return count / RATE_TIME
 
 
-def _check_rate(imu: ImuSource | None, rate: float | None, period: float) -> list[Finding]:
-    if imu is None or rate is None:
-        return []
-    findings, least = [], LEAST_RATE / period
-    if rate < least:
-        text = f"delivers {rate:.0f} samples a second, expected at least {least:.0f}"
-        remedy = "raise its rate or its baud rate"
-        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
-    if imu.damaged:
-        text, remedy = f"{imu.damaged} damaged messages", "check its cable and its baud rate"
-        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
-    return findings
-
-
-def _check_imu(imu: ImuSource | None, sample: ImuSample | None) -> list[Finding]:
-    if imu is None:
-        return []
+def _check_imu(
+    imu: ImuSource, sample: ImuSample | None, rate: float | None, period: float
+) -> list[Finding]:
     if sample is None:
         remedy = "check its power, its cable, and how robot.toml describes it"
         return [Finding.error(imu.name, "sends no samples", remedy)]
+    findings, least = list[Finding](), LEAST_RATE / period
     force = float(np.linalg.norm(sample.accelerometer))
-    if LEAST_FORCE <= force <= MOST_FORCE:
-        return []
-    text = (
-        f"the accelerometer shows {force:.1f} m/s², expected at rest {LEAST_FORCE:.1f} to "
-        f"{MOST_FORCE:.1f} m/s²"
-    )
-    return [Finding(Severity.WARNING, "IMU", text, "let the robot rest; else restart its board")]
+    if not LEAST_FORCE <= force <= MOST_FORCE:
+        text = (
+            f"the accelerometer shows {force:.1f} m/s², expected at rest {LEAST_FORCE:.1f} to "
+            f"{MOST_FORCE:.1f} m/s²"
+        )
+        remedy = "let the robot rest; else restart its board"
+        findings.append(Finding(Severity.WARNING, "IMU", text, remedy))
+    if rate is not None and rate < least:
+        text = f"delivers {rate:.0f} samples a second, expected at least {least:.0f}"
+        remedy = "raise its rate or its baud rate"
+        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
+    if rate is not None and imu.damaged:
+        text, remedy = f"{imu.damaged} damaged messages", "check its cable and its baud rate"
+        findings.append(Finding(Severity.WARNING, imu.name, text, remedy))
+    return findings
 
 
 def check_port(report: PortReport, period: float) -> list[Finding]:

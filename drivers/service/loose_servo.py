@@ -25,21 +25,12 @@ HARMLESS = ("led", "torque_enable")
 MOTION = ("goal_pwm", "goal_current", "goal_velocity", "goal_position")
 """Registers that move a servo, which only the guard may."""
 
-NOT_LOCKED = (
-    "its settings stay unlocked, for it does not confirm eeprom_lock = 1: "
-    "check its cable, then getup servo write eeprom_lock=1"
-)
-
 ADDRESS = {
     "id": "after it the servo replies elsewhere: getup servo id does that",
     "baud_rate": "after it the servo replies elsewhere: getup servo baud does that",
     "protocol_type": "after it the servo has another table: DYNAMIXEL Wizard does that",
 }
 """Registers that change how a servo is reached, and why they are not written as others are."""
-
-
-class ServoError(DriverError):
-    """A servo does not do what it was sent."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +60,7 @@ class LooseServo:
         item = self.find_item(register)
         value = self.bus.read_item(self.id, item)
         if value is None:
-            raise ServoError(f"{self.name}: silent when {register} is read")
+            raise DriverError(f"{self.name}: silent when {register} is read")
         return value
 
     def read_table(self) -> dict[str, int]:
@@ -77,7 +68,7 @@ class LooseServo:
         names = [item.name for item in self.table if not item.name.startswith("indirect_")]
         values = read_items(self.bus, self.id, self.table, names)
         if values is None:
-            raise ServoError(f"{self.name}: its registers cannot be read")
+            raise DriverError(f"{self.name}: its registers cannot be read")
         return {name: values[name] for name in names}
 
     def check_write(self, register: str, value: int) -> Item:
@@ -110,7 +101,7 @@ class LooseServo:
             if status is not None:  # it may be set to reply to reads alone
                 _check_status(self, f"{register} = {value}", status)
         if (found := self.read(register)) != value:
-            raise ServoError(f"{self.name}: {register} reads {found} after {value} was written")
+            raise DriverError(f"{self.name}: {register} reads {found} after {value} was written")
 
     @contextmanager
     def unlocked(self, item: Item) -> Iterator[None]:
@@ -119,27 +110,32 @@ class LooseServo:
             yield
             return
         self.unlock()
-        is_locked = False
         try:
             yield
-        finally:
-            is_locked = self.try_lock()
-        if not is_locked:
-            raise ServoError(f"{self.name}: {NOT_LOCKED}")
+        except BaseException:
+            self.set_lock(1)
+            raise
+        self.lock()
 
     def unlock(self) -> None:
         """Open the lock of what it keeps without power, where it has one."""
-        if not self._set_lock(0):
-            self.try_lock()
-            raise ServoError(
+        if not self.set_lock(0):
+            self.set_lock(1)
+            raise DriverError(
                 f"{self.name}: {self.table.keeps_by_lock} = 0 is not confirmed: nothing is written"
             )
 
-    def try_lock(self) -> bool:
-        """Close that lock again; return whether it is closed, or there is none."""
-        return self._set_lock(1)
+    def lock(self) -> LooseServo:
+        """Close that lock again; return the servo."""
+        if not self.set_lock(1):
+            raise DriverError(
+                f"{self.name}: its settings stay unlocked, for it does not confirm eeprom_lock = "
+                "1: check its cable, then getup servo write eeprom_lock=1"
+            )
+        return self
 
-    def _set_lock(self, value: int) -> bool:
+    def set_lock(self, value: int) -> bool:
+        """Open (0) or close (1) it; return whether it is so, or there is none."""
         lock = self.table.keeps_by_lock
         if lock is None or self.bus.write_item(self.id, self.table[lock], value):
             return True
@@ -171,7 +167,7 @@ class LooseServo:
             while time.monotonic() < until:
                 if self.bus.ping(servo_id) is not None:
                     return replace(self, id=servo_id)
-        raise ServoError(f"{self.name}: silent {BOOT_TIME:g} s after its restart")
+        raise DriverError(f"{self.name}: silent {BOOT_TIME:g} s after its restart")
 
 
 @contextmanager
@@ -290,10 +286,10 @@ def _describe(servo: LooseServo, item: Item) -> str:
 
 def _check_status(servo: LooseServo, what: str, status: Status | None) -> None:
     if status is None:
-        raise ServoError(f"{servo.name}: {what} is not confirmed: silent; check cable and power")
+        raise DriverError(f"{servo.name}: {what} is not confirmed: silent; check cable and power")
     if status.number:
         try:
             reason = ErrorNumber(status.number).name.lower().replace("_", " ")
         except ValueError:
             reason = "unknown"
-        raise ServoError(f"{servo.name}: {what} is refused: error {status.number}, {reason}")
+        raise DriverError(f"{servo.name}: {what} is refused: error {status.number}, {reason}")

@@ -36,12 +36,7 @@ CHANNELS = 6  # of a sensor hub
 
 # Values that change all the time or differ between servos: two of one id that reply equally
 # to a ping garble each other here.
-TELLTALES = (
-    "realtime_tick",
-    "present_position",
-    "present_input_voltage",
-    "present_temperature",
-)
+TELLTALES = ("realtime_tick", "present_position", "present_input_voltage", "present_temperature")
 MEASURED = (
     "operating_mode",
     "torque_enable",

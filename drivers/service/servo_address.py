@@ -10,9 +10,9 @@ from drivers.dynamixel.diagnostics import GARBLED, name_of, read_items
 from drivers.dynamixel.protocol1 import PROTOCOL_1
 from drivers.dynamixel.protocol2 import Instruction, Reset, is_confirmed
 from drivers.dynamixel.robot_ports import find_bus
-from drivers.errors import SetupError
+from drivers.errors import DriverError, SetupError
 from drivers.serial_port import PortRefusedError
-from drivers.service.loose_servo import NOT_LOCKED, LooseServo, ServoError, find_servos
+from drivers.service.loose_servo import LooseServo, find_servos
 from drivers.service.scan import TELLTALES
 from robots import Joint, Robot
 from robots.bus_settings import BAUD_RATES
@@ -55,10 +55,12 @@ def change_id(servo: LooseServo, new: int) -> LooseServo:
     _write_unconfirmed(servo, "id", new)
     moved = replace(servo, id=new)
     if servo.bus.ping(new, TRIES) is None:
-        moved.try_lock()
-        servo.try_lock()
-        raise ServoError(f"{servo.name}: silent at its new id {new}; look for it: getup servo list")
-    return _lock(moved)
+        moved.set_lock(1)
+        servo.set_lock(1)
+        raise DriverError(
+            f"{servo.name}: silent at its new id {new}; look for it: getup servo list"
+        )
+    return moved.lock()
 
 
 def check_new_baud(servo: LooseServo, new: int) -> int:
@@ -91,13 +93,13 @@ def change_baud(servo: LooseServo, new: int) -> LooseServo:
     _write_unconfirmed(servo, "baud_rate", code)
     port.set_baud(new)
     if servo.bus.ping(servo.id, TRIES) is None:
-        servo.try_lock()
+        servo.set_lock(1)
         port.set_baud(before)
-        servo.try_lock()
-        raise ServoError(
+        servo.set_lock(1)
+        raise DriverError(
             f"{servo.name}: silent at {new} bit/s; look for it: getup servo list --all-bauds"
         )
-    return _lock(servo)
+    return servo.lock()
 
 
 def check_reset(servo: LooseServo, kept: Reset) -> None:
@@ -115,7 +117,7 @@ def reset_servo(servo: LooseServo, kept: Reset) -> LooseServo:
     """Set a servo's stored settings to those as shipped; return it where it replies now."""
     check_reset(servo, kept)
     if not is_confirmed(servo.bus.factory_reset(servo.id, kept)):
-        raise ServoError(f"{servo.name}: the reset is not confirmed")
+        raise DriverError(f"{servo.name}: the reset is not confirmed")
     if kept is not Reset.ALL_BUT_ID_AND_BAUD:
         servo.bus.port.set_baud(_shipped_baud(servo.table))
     return servo.await_reply(FACTORY_ID if kept is Reset.ALL else servo.id)
@@ -154,10 +156,3 @@ def _write_unconfirmed(servo: LooseServo, register: str, value: int) -> None:
     item = servo.table[register]
     servo.unlock()
     servo.bus.write(servo.id, item.address, item.encode(value))
-
-
-def _lock(servo: LooseServo) -> LooseServo:
-    """Lock what a servo keeps without power again, where it has a lock."""
-    if not servo.try_lock():
-        raise ServoError(f"{servo.name}: {NOT_LOCKED}")
-    return servo

@@ -28,12 +28,7 @@ from drivers.virtual_bus.own_process.shared_rows import (
     read_commands,
 )
 from drivers.virtual_bus.serving.server import PortOptions, TimeMode
-from drivers.virtual_bus.servo_physics import (
-    HandledRobot,
-    RemoteBoard,
-    RemoteServo,
-    ServoPhysics,
-)
+from drivers.virtual_bus.servo_physics import HandledRobot, RemoteBoard, RemoteServo, ServoPhysics
 from drivers.virtual_bus.virtual_ports import VirtualPorts
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from robots.imu import SensorAxes
@@ -75,11 +70,7 @@ class RealTimeRobot(HandledRobot):
     make_port = SerialPort
 
     def __init__(
-        self,
-        simulation: Simulation,
-        *,
-        powered: bool = False,
-        options: PortOptions | None = None,
+        self, simulation: Simulation, *, powered: bool = False, options: PortOptions | None = None
     ) -> None:
         """Prepare to serve a simulated robot; the parameters are those of `VirtualPorts`."""
         robot, has_board = simulation.robot, find_bus(simulation.robot).board is not None

@@ -30,11 +30,7 @@ class VirtualPorts:
     """
 
     def __init__(
-        self,
-        robot: VirtualDevices,
-        *,
-        time_mode: TimeMode,
-        options: PortOptions | None = None,
+        self, robot: VirtualDevices, *, time_mode: TimeMode, options: PortOptions | None = None
     ) -> None:
         """Prepare the ports, each as a `VirtualBus` has it.
 
@@ -166,9 +162,8 @@ class LockStepPort(SerialPort):
         with self._forgetting_what_is_lost():
             super().write(data)
 
-    def read(self, deadline: float) -> bytes:
+    def read(self, deadline: float) -> bytes:  # noqa: ARG002
         """Return received bytes; wait for one until the bus is done, whatever the deadline."""
-        del deadline
         until = time.monotonic() + LONGEST
         while True:
             is_done = self._is_done()

@@ -12,7 +12,7 @@ from drivers.dynamixel.backend import DriverOptions, DynamixelBackend
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import full_scale
-from drivers.errors import CommandError, NotConnectedError
+from drivers.errors import DriverError, NotConnectedError
 from drivers.serial_port import SDK
 from drivers.twin.device_models import CURRENT_STEP
 from drivers.twin.simulation import Simulation
@@ -226,7 +226,7 @@ def test_a_command_that_is_no_command_moves_nothing(backend: Backend):
     with backend:
         try:
             assert turn(backend, bad).is_limp
-        except CommandError as error:
+        except DriverError as error:
             assert "nan" in str(error)
 
 

@@ -238,8 +238,7 @@ class VirtualDevice:
         self._store_write((address, data))
         return ErrorNumber.NONE
 
-    def _handle_action(self, params: bytes) -> int:
-        del params
+    def _handle_action(self, _params: bytes) -> int:
         if self._stored is None:
             return ErrorNumber.INSTRUCTION
         address, data = self._stored

@@ -74,16 +74,14 @@ class MotorServo(VirtualDevice, ABC):
             tick = int((now - self._boot_start - self.late) * 1000.0)
             memory, at = self.registers.memory, self._at_tick
             memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
-        self._run(duration)
-        if self._protection.overloads(self._motor_current, duration):
+        if self._protection.overloads(self._run(duration), duration):
             self.trip(HardwareError.OVERLOAD)
 
     def reboot(self) -> None:
         """Restart with RAM at its defaults."""
         self._boot()
 
-    def _handle_reboot(self, params: bytes) -> int:
-        del params
+    def _handle_reboot(self, _params: bytes) -> int:
         self.reboot()
         return ErrorNumber.NONE
 
@@ -98,18 +96,13 @@ class MotorServo(VirtualDevice, ABC):
     def trip(self, error: HardwareError) -> None:
         """Set a hardware error; if the shutdown register has it, torque goes off."""
 
-    @property
-    @abstractmethod
-    def _motor_current(self) -> float:
-        """Return the measured current [A]."""
-
     @abstractmethod
     def _compute_motor_command(self) -> MotorCommand:
         """Compute the command to the motor from the registers."""
 
     @abstractmethod
-    def _run(self, duration: float) -> None:
-        """Do for some time [s] what the registers say."""
+    def _run(self, duration: float) -> float:
+        """Do for some time [s] what the registers say; return the measured current [A]."""
 
     @abstractmethod
     def _restart(self) -> None:

@@ -89,9 +89,7 @@ class PlainServo(MotorServo):
     def poke(self, name: str, value: int) -> None:
         """Set a register, regardless of access rights and range, and what follows from it."""
         super().poke(name, value)
-        effect = self._effects.get(name)
-        if effect is not None:
-            effect(value)
+        self._effects.get(name, int)(value)
         self._keep()
 
     def write(self, address: int, data: bytes) -> int:
@@ -118,14 +116,16 @@ class PlainServo(MotorServo):
             self.registers["torque_enable"] = 0
             self._motor_command = None
 
-    @property
-    def _motor_current(self) -> float:
-        return self._measured.current
-
-    def _run(self, duration: float) -> None:
-        """Move on to the goal."""
+    def _run(self, duration: float) -> float:
+        """Move the target of the position loop towards the goal."""
         if self.has_profile:
-            self._approach(duration)
+            limit = abs(self.registers["profile_velocity"])
+            speed = limit * self.table["profile_velocity"].scale / self._rad_per_tick  # ticks/s
+            way = self._goal - self._target
+            step = abs(way) if not limit else min(speed * duration, abs(way))
+            self._target += math.copysign(step, way)
+            self._motor_command = None
+        return self._measured.current
 
     # Motion -------------------------------------------------------------------------------------
 
@@ -133,20 +133,9 @@ class PlainServo(MotorServo):
     def _goal(self) -> float:
         return float(self.registers["goal_position"])
 
-    def _approach(self, duration: float) -> None:
-        """Move the target of the position loop towards the goal."""
-        limit = abs(self.registers["profile_velocity"])
-        speed = limit * self.table["profile_velocity"].scale / self._rad_per_tick  # ticks/s
-        way = self._goal - self._target
-        step = abs(way) if not limit else min(speed * duration, abs(way))
-        self._target += math.copysign(step, way)
-        self._motor_command = None
-
     def _compute_motor_command(self) -> MotorCommand:
         registers = self.registers
-        limit = self._full_scale
-        if "goal_pwm" in registers:
-            limit = registers["goal_pwm"]
+        limit = registers.get("goal_pwm", self._full_scale)
         return MotorCommand(
             torque_on=self.torque_on and not self.turns,
             target_ticks=self._target,
@@ -173,9 +162,8 @@ class PlainServo(MotorServo):
     def _switch_torque(self, value: int) -> None:
         self._motor_command = None
         if value:
-            self._target = (
-                self._measured.ticks if self.registers["profile_velocity"] else self._goal
-            )
+            has_limit = self.registers["profile_velocity"]
+            self._target = self._measured.ticks if has_limit else self._goal
             self._is_shut_down = False
             self._set_alarms(self._alarms & ~HardwareError.OVERLOAD)
 
@@ -219,8 +207,7 @@ class PlainServo(MotorServo):
 
     # Configuration ------------------------------------------------------------------------------
 
-    def _reload(self, value: int) -> None:
-        del value
+    def _reload(self, _value: int) -> None:
         self._protection.reload()
         self._motor_command = None
 
@@ -237,8 +224,7 @@ class PlainServo(MotorServo):
         if lock is None or not self.registers[lock]:
             self._kept = bytes(self.registers.memory)
 
-    def _handle_reset(self, params: bytes) -> int:
-        del params
+    def _handle_reset(self, _params: bytes) -> int:
         self.registers.reset(i for i in self.table if i.eeprom and i.writable)
         self._keep()
         self.reboot()

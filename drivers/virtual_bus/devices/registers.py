@@ -88,9 +88,9 @@ class Registers:
         """Reset RAM to its power-up values."""
         self.reset(item for item in self.table if not item.eeprom)
 
-    def value_or_zero(self, name: str) -> int:
-        """Return an item's value, 0 if the table lacks it."""
-        return self.__getitem__(name) if name in self._addresses else 0
+    def get(self, name: str, default: int = 0) -> int:
+        """Return an item's value, or another one if the table lacks it."""
+        return self[name] if name in self._addresses else default
 
     def read(self, address: int, length: int) -> tuple[int, bytes]:
         """Return an `ErrorNumber` and the bytes of an address range."""

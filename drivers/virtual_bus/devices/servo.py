@@ -22,11 +22,7 @@ GAINS = (
     *("position_p_gain", "feedforward_2nd_gain", "feedforward_1st_gain"),
 )
 PROFILE = ("profile_acceleration", "profile_velocity")
-KEPT = {
-    Reset.ALL: (),
-    Reset.ALL_BUT_ID: ("id",),
-    Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate"),
-}
+KEPT = {Reset.ALL: (), Reset.ALL_BUT_ID: ("id",), Reset.ALL_BUT_ID_AND_BAUD: ("id", "baud_rate")}
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 CLEAR_FIRMWARE = 42  # first that has clear, and that refuses a broadcast reset of all
 TORQUE_AT_BOOT = 1  # bit of startup_configuration
@@ -56,10 +52,6 @@ class VirtualServo(MotorServo):
         self._control = PositionControl(self.registers)
         self._sensors = Sensors(self.registers, self._control)
         self._farthest_goal = table["goal_position"].upper or 0
-        self._connect_rules()
-        self._restart()
-
-    def _connect_rules(self) -> None:
         self._handlers |= {
             Instruction.REBOOT: self._handle_reboot,
             Instruction.CLEAR: self._handle_clear,
@@ -80,6 +72,7 @@ class VirtualServo(MotorServo):
             "goal_current": self._take_limit,
             "goal_pwm": self._take_limit,
         }
+        self._restart()
 
     # For bus and physics ------------------------------------------------------------------------
 
@@ -87,11 +80,6 @@ class VirtualServo(MotorServo):
     def alert(self) -> int:
         """Return the alert bit of its replies, set while there is a hardware error."""
         return ALERT if self._hardware_error else 0
-
-    @property
-    def torque_on(self) -> bool:
-        """Return whether it drives its motor."""
-        return self._torque_on
 
     @property
     def has_profile(self) -> bool:
@@ -134,23 +122,21 @@ class VirtualServo(MotorServo):
         self._sensors.fold()
         self._seed_goal()
 
-    @property
-    def _motor_current(self) -> float:
-        return self._sensors.measured.current
-
-    def _run(self, duration: float) -> None:
+    def _run(self, duration: float) -> float:  # noqa: ARG002
         """Finish a restart, watch the bus, follow a profile."""
-        del duration
         now = self.now
         if self._is_booting:
-            self._finish_boot()
-        if self._torque_on:
+            self._is_booting = False
+            if self.registers.get("startup_configuration") & TORQUE_AT_BOOT:
+                self._switch_torque(1)
+        if self.torque_on:
             if self._watchdog > 0 and now - self._traffic_at > self._watchdog * WATCHDOG_UNIT:
                 self._trip_watchdog()
             if self._control.running:
                 self._control.advance(now)
                 self._motor_command = None
                 self._sensors.write_flags()
+        return self._sensors.measured.current
 
     def _compute_motor_command(self) -> MotorCommand:
         registers, current_limit = self.registers, math.inf
@@ -159,7 +145,7 @@ class VirtualServo(MotorServo):
             counts = registers["goal_current" if by_current else "current_limit"]
             current_limit = abs(counts * self.table["goal_current"].scale)
         return MotorCommand(
-            torque_on=self._torque_on,
+            torque_on=self.torque_on,
             by_current=by_current,
             target_ticks=self._sensors.to_horn(self._control.position),
             p_gain=registers["position_p_gain"],
@@ -194,26 +180,26 @@ class VirtualServo(MotorServo):
     # Torque and goals --------------------------------------------------------------------------
 
     def _is_locked(self) -> bool:
-        return self._torque_on
+        return self.torque_on
 
     def _switch_torque(self, value: int) -> None:
         if not value:
             self._release()
         elif self._is_shut_down:
             self.registers["torque_enable"] = 0
-        elif not self._torque_on:
+        elif not self.torque_on:
             self._engage()
             if self._mode == OperatingMode.POSITION:
                 self._sensors.fold()
             self._seed_goal()  # the manual only says that goals may be written before
 
     def _engage(self) -> None:
-        self._torque_on, self._traffic_at = True, self.now
+        self.torque_on, self._traffic_at = True, self.now
         self.registers["torque_enable"] = 1
         self._motor_command = None
 
     def _release(self) -> None:
-        self._torque_on = False
+        self.torque_on = False
         self.registers["torque_enable"] = 0
         self._halt()
 
@@ -230,23 +216,21 @@ class VirtualServo(MotorServo):
     def _set_position_goal(self, goal: int) -> None:
         """Go to a goal, which may switch torque on."""
         self._motor_command = None
-        if not self._torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
+        if not self.torque_on and self.peek("drive_mode") & DriveMode.TORQUE_BY_GOAL:
             self._halt()
             if not self._is_shut_down:
                 self._engage()
-        if self._torque_on:
+        if self.torque_on:
             self._control.aim(self.now, goal)
             self._sensors.write_flags()
 
-    def _take_limit(self, value: int) -> None:
-        del value
+    def _take_limit(self, _value: int) -> None:
         self._motor_command = None
 
     # Configuration ---------------------------------------------------------------------
 
-    def _reload(self, value: int = 0) -> None:
+    def _reload(self, _value: int = 0) -> None:
         """Reload the configuration from the registers."""
-        del value
         self._mode = self.peek("operating_mode")
         self._watchdog = self.peek("bus_watchdog")
         self._sensors.reload()
@@ -256,9 +240,7 @@ class VirtualServo(MotorServo):
     def _set_watchdog(self, value: int) -> None:
         self._watchdog, self._traffic_at = value, self.now
 
-    def _clamp_goals(self, value: int = 0) -> None:
-        """Clamp goals to the present limits."""
-        del value
+    def _clamp_goals(self, _value: int) -> None:
         registers = self.registers
         for quantity in ("pwm", "current", "velocity"):
             if (name := f"goal_{quantity}") in registers:
@@ -273,8 +255,7 @@ class VirtualServo(MotorServo):
             self._sensors.fold()
         self._seed_goal()
 
-    def _change_direction(self, drive_mode: int) -> None:
-        del drive_mode
+    def _change_direction(self, _drive_mode: int) -> None:
         self._reload()
         self.clear_turns()
 
@@ -317,16 +298,12 @@ class VirtualServo(MotorServo):
         registers.reset_ram()
         self._is_booting = True
         self._hardware_error, self._is_shut_down = 0, False
-        self._torque_on, self._traffic_at = False, self.now
+        self.torque_on, self._traffic_at = False, self.now
+        """Whether it drives its motor."""
         self._protection.heat = 0.0
         self._free_goals()
         self._reload()
         self.clear_turns()
-
-    def _finish_boot(self) -> None:
-        self._is_booting = False
-        if self.registers.value_or_zero("startup_configuration") & TORQUE_AT_BOOT:
-            self._switch_torque(1)
 
 
 def make_checks(registers: Registers) -> dict[str, Callable[[int], int]]:

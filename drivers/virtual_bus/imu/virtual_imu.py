@@ -74,9 +74,8 @@ class VirtualUartImu(VirtualImu):
         pending, self._pending = self._pending, b""
         return pending if self.alive else b""
 
-    def receive(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:  # noqa: ARG002
         """Return the reply to bytes that a client sent."""
-        del data
         return b""
 
     def repeat(self) -> bytes:

@@ -226,13 +226,6 @@ class FaultInjector:
         """Apply a wire fault to the next replies (of one device, or of any) or requests."""
         self._bus.call(lambda: self.line.strike_next(fault, device, count))
 
-    def set_times(self, *, late_by: float | None = None, split_pause: float | None = None) -> None:
-        """Set how long late replies and the second parts of split ones are held back [s]."""
-        if late_by is not None:
-            self.line.late_by = late_by
-        if split_pause is not None:
-            self.line.split_pause = split_pause
-
     def silence(self, silent: bool = True) -> None:
         """Disconnect the adapter from all devices: no instruction is executed."""
         self._do("silence", lambda: setattr(self, "silent", silent), counts=silent)

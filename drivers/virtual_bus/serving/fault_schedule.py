@@ -67,10 +67,10 @@ class InjectableFault:
 
 def _start_line_fault(fault: ScheduledFault, faults: FaultInjector) -> None:
     kind = LineFault(fault.kind)
-    if kind is LineFault.LATE:
-        faults.set_times(late_by=fault.seconds)
-    if kind is LineFault.SPLIT:
-        faults.set_times(split_pause=fault.seconds)
+    if kind is LineFault.LATE and fault.seconds is not None:
+        faults.line.late_by = fault.seconds
+    if kind is LineFault.SPLIT and fault.seconds is not None:
+        faults.line.split_pause = fault.seconds
     if fault.rate is None:
         faults.strike_next(kind, fault.id, fault.count or 1)
     else:

@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
-from drivers.dynamixel.protocol2 import BROADCAST, Damaged, Instruction, Packet
+from drivers.dynamixel.protocol2 import BROADCAST, Instruction, Packet
 from drivers.virtual_bus.devices.chain import Reply
 from drivers.virtual_bus.serving.exchange import (
     Exchange,
@@ -75,7 +75,11 @@ class RealTime:
 
     def serve(self) -> None:
         """Process due events, then wait for the next one, for bytes, or for physics."""
-        self._process_due()
+        while self._next_event <= self.now:
+            if self._batches and self._batches[0].at <= self._complete_at:
+                self._send(self._batches.popleft())
+            else:
+                self._run_instruction()
         now, coming = self.now, self._next_event
         if coming - now <= SPIN:
             while self.now < coming:
@@ -83,7 +87,10 @@ class RealTime:
             return
         until = coming - SPIN
         if coming - now > SHORT:
-            self._pass_idle(now)
+            self._exchange.pass_until(now)
+            if now - self._last_activity > IDLE and not self._batches:
+                self._wire.tidy()
+                self._last_activity = now
             until = min(until, now + IDLE_STEP)
         if self._wait(self._wire.fileno(), until - self.now):
             self._receive()
@@ -91,19 +98,6 @@ class RealTime:
     @property
     def _next_event(self) -> float:
         return min(self._batches[0].at, self._complete_at) if self._batches else self._complete_at
-
-    def _process_due(self) -> None:
-        while self._next_event <= self.now:
-            if self._batches and self._batches[0].at <= self._complete_at:
-                self._send(self._batches.popleft())
-            else:
-                self._run_instruction()
-
-    def _pass_idle(self, now: float) -> None:
-        self._exchange.pass_until(now)
-        if now - self._last_activity > IDLE and not self._batches:
-            self._wire.tidy()
-            self._last_activity = now
 
     def _receive(self) -> None:
         now, wire = self.now, self._wire
@@ -131,7 +125,9 @@ class RealTime:
         request, self._free_at = self._requests.popleft(), self._complete_at
         self._plan(self._exchange.run(request), request.baud)
         self._complete_at = math.inf
-        self._is_ping_window = _is_broadcast_ping(request.item)
+        item = request.item
+        is_ping = isinstance(item, Packet) and item.instruction == Instruction.PING
+        self._is_ping_window = is_ping and item.id == BROADCAST
         if self._requests and self._is_ping_window:
             self._end_ping_window(self.now)
         self._begin_next()
@@ -171,11 +167,6 @@ class RealTime:
         statistics = self._exchange.statistics
         statistics.deliveries += 1
         statistics.lateness_total += self.now - batch.at
-
-
-def _is_broadcast_ping(item: Packet | Damaged) -> bool:
-    is_ping = isinstance(item, Packet) and item.instruction == Instruction.PING
-    return is_ping and item.id == BROADCAST
 
 
 def _sleep_precisely() -> None:

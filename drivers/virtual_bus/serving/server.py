@@ -160,11 +160,7 @@ class VirtualBus:
         self.time_mode = time_mode
         self.faults = FaultInjector(self, options.rng or np.random.default_rng(0))
         self._exchange = Exchange(
-            devices,
-            self.physics,
-            self.faults,
-            options.schedule,
-            advances_time=advances_time,
+            devices, self.physics, self.faults, options.schedule, advances_time=advances_time
         )
         self._options = options
         self._calls = CallQueue()
@@ -271,7 +267,14 @@ class VirtualBus:
     def _run(self, wire: PseudoTerminal, ready: threading.Event) -> None:
         try:
             self._calls.open()
-            served = self._served = self._make_served(wire)
+            if self.time_mode is TimeMode.LOCK_STEP:
+                served = LockStep(wire, self._exchange, self._calls.wait)
+            else:
+                if self.physics.is_light:  # real devices reply however busy the computer is
+                    enter_real_time_class(WIRE_PRIORITY)
+                latency = self._options.adapter_latency
+                served = RealTime(wire, self._exchange, self._calls.wait, latency)
+            self._served = served
             ready.set()
             while not self._stopping.is_set():
                 served.serve()
@@ -281,10 +284,3 @@ class VirtualBus:
             wire.close()
             self._calls.close()
             ready.set()
-
-    def _make_served(self, wire: PseudoTerminal) -> RealTime | LockStep:
-        if self.time_mode is TimeMode.LOCK_STEP:
-            return LockStep(wire, self._exchange, self._calls.wait)
-        if self.physics.is_light:  # real devices reply however busy the computer is
-            enter_real_time_class(WIRE_PRIORITY)
-        return RealTime(wire, self._exchange, self._calls.wait, self._options.adapter_latency)

@@ -16,7 +16,7 @@ from drivers.dynamixel.command_writer import CommandConverter
 from drivers.dynamixel.cyclic_read import GroupKind
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
-from drivers.errors import CommandError, SetupError, UnreleasedError
+from drivers.errors import DriverError, SetupError, UnreleasedError
 from drivers.serial_port import SDK, PortError
 from drivers.state import HardwareError
 from drivers.twin.simulation import Simulation
@@ -117,9 +117,9 @@ def test_what_is_sent_is_within_what_was_asked_and_the_ranges(tiny, data):
 def test_a_command_that_is_no_command_reaches_no_servo(rig, bad):
     rig.backend.read()
     rig.port.sent.clear()
-    with pytest.raises(CommandError, match="target is"):
+    with pytest.raises(DriverError, match="target is"):
         rig.backend.write(Command.position(rig.robot, np.array([bad, 0.0])))
-    with pytest.raises(CommandError, match="torque limit is"):
+    with pytest.raises(DriverError, match="torque limit is"):
         rig.backend.write(replace(Command.limp(2), torque_limit=np.array([-1.0, 0.0])))
     assert rig.port.sent == []
 

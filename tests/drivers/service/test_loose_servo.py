@@ -4,8 +4,8 @@ import pytest
 from desk import BAUD
 
 from drivers.dynamixel.control_table import table_named
-from drivers.errors import SetupError
-from drivers.service.loose_servo import MOTION, ServoError, find_servo, find_servos, open_servo
+from drivers.errors import DriverError, SetupError
+from drivers.service.loose_servo import MOTION, find_servo, find_servos, open_servo
 
 
 def test_a_servo_is_found_by_its_id_at_the_baud_rate_that_it_has(desk):
@@ -106,7 +106,7 @@ def test_a_servo_with_torque_takes_torque_off_and_nothing_else(desk, bus):
 def test_a_servo_that_falls_silent_is_an_error_of_hardware(desk, bus):
     servo = find_servo(bus, 1, (BAUD,))
     desk.virtual.servos[0].powered = False
-    with pytest.raises(ServoError, match="silent when id is read"):
+    with pytest.raises(DriverError, match="silent when id is read"):
         servo.read("id")
 
 

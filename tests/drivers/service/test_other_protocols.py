@@ -14,10 +14,10 @@ from drivers.dynamixel.bus import TRIES, DynamixelBus
 from drivers.dynamixel.clock import CycleClock
 from drivers.dynamixel.protocol2 import Reset, Status
 from drivers.dynamixel.robot_ports import find_bus
-from drivers.errors import SetupError
+from drivers.errors import DriverError, SetupError
 from drivers.serial_port import SerialPort
 from drivers.service import sweep as sweep_module
-from drivers.service.loose_servo import LooseServo, ServoError, find_servo, find_servos, open_bus
+from drivers.service.loose_servo import LooseServo, find_servo, find_servos, open_bus
 from drivers.service.moved_servo import find_bench
 from drivers.service.scan import scan_port
 from drivers.service.servo_address import change_baud, change_id, reset_servo
@@ -95,7 +95,7 @@ def test_a_feetech_is_locked_after_a_change_that_cannot_be_verified(
         monkeypatch.setattr(
             DynamixelBus, "ping", lambda bus, i, n=1: None if n == TRIES else ping(bus, i, n)
         )
-        with pytest.raises(ServoError, match="silent at"):
+        with pytest.raises(DriverError, match="silent at"):
             change(servo)
         assert desk.peek("eeprom_lock") == [1]
         assert bus.port.baud == BAUD
@@ -106,11 +106,11 @@ def test_nothing_changes_where_a_feetech_does_not_confirm_that_it_is_unlocked(
 ):
     with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
         servo = find_servo(bus, 1, (BAUD,))
-        set_lock = LooseServo._set_lock
+        set_lock = LooseServo.set_lock
         monkeypatch.setattr(
-            LooseServo, "_set_lock", lambda servo, value: set_lock(servo, value) and value != 0
+            LooseServo, "set_lock", lambda servo, value: set_lock(servo, value) and value != 0
         )
-        with pytest.raises(ServoError, match="eeprom_lock = 0 is not confirmed: nothing is writ"):
+        with pytest.raises(DriverError, match="eeprom_lock = 0 is not confirmed: nothing is writ"):
             change_id(servo, 5)
         assert (desk.peek("id"), desk.peek("eeprom_lock")) == ([1], [1])
 
@@ -194,10 +194,13 @@ def test_a_servo_that_replies_to_reads_alone_can_be_made_to_confirm():
 def test_a_lock_that_stays_open_is_an_error(monkeypatch: pytest.MonkeyPatch):
     with serving_desk((1, "STS3215-C018")) as desk, opening(desk) as bus:
         servo = find_servo(bus, 1, (BAUD,))
-        monkeypatch.setattr(LooseServo, "try_lock", lambda _: False)
-        with pytest.raises(ServoError, match="its settings stay unlocked"):
+        set_lock = LooseServo.set_lock
+        monkeypatch.setattr(
+            LooseServo, "set_lock", lambda servo, value: value == 0 and set_lock(servo, value)
+        )
+        with pytest.raises(DriverError, match="its settings stay unlocked"):
             change_id(servo, 5)
-        with pytest.raises(ServoError, match="its settings stay unlocked"):
+        with pytest.raises(DriverError, match="its settings stay unlocked"):
             find_servo(bus, 5, (BAUD,)).write("temperature_limit", 60)
 
 

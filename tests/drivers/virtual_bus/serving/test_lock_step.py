@@ -61,7 +61,7 @@ def test_late_and_split_replies_come_whole_and_in_order(seed: int, late: float, 
 
 def test_a_late_reply_lets_time_pass_as_a_missing_one_does():
     served = Served()
-    served.faults.set_times(late_by=1.5 * QUIET)
+    served.faults.line.late_by = 1.5 * QUIET
     served.faults.strike_next(LineFault.LATE)
     assert served.ask(READ) == b""
     assert served.exchange.time == pytest.approx(QUIET)

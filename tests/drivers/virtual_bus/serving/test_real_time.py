@@ -90,7 +90,7 @@ def test_a_new_instruction_ends_the_slots_of_a_broadcast_ping(monkeypatch):
 
 def test_a_reply_that_the_adapter_holds_back_is_late_by_that(monkeypatch):
     served = Served(monkeypatch, FakeDevices(IDS))
-    served.faults.set_times(late_by=0.02)
+    served.faults.line.late_by = 0.02
     served.faults.strike_next(LineFault.LATE, device=2)
     served.send(0.01, GROUP)
     served.run(0.05)

@@ -12,6 +12,10 @@ from robots import Joint
 
 WRAP = 32.768  # s after which Realtime Tick begins again (e-manual)
 LEAST_LAG = 0.1  # s; less is no sign of a busy computer
+LAG = (
+    "the clock of the virtual robot fell {:.1f} s behind: this computer has too little time for "
+    "its physics"
+)
 
 
 class Clock:
@@ -80,12 +84,7 @@ class VirtualClock:
         if now is None or now == self._start:
             return ""
         lag = (passed - (now - self._start) + WRAP / 2) % WRAP - WRAP / 2
-        if lag < LEAST_LAG:
-            return ""
-        return (
-            f"the clock of the virtual robot fell {lag:.1f} s behind: this computer has too little "
-            "time for its physics"
-        )
+        return "" if lag < LEAST_LAG else LAG.format(lag)
 
     def _read(self) -> float | None:
         """Read the servo's clock [s]."""

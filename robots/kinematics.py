@@ -121,9 +121,7 @@ class GravitySense:
 
     def __init__(self, imu_in_torso: Array) -> None:
         """Prepare for an IMU with this orientation in the torso, (4,)."""
-        matrix = np.zeros(9)
-        mujoco.mju_quat2Mat(matrix, imu_in_torso)
-        self.torso_from_imu = matrix.reshape(3, 3)
+        self.torso_from_imu = quaternion.to_matrix(imu_in_torso)
 
     def __call__(self, orientation: Array) -> Array:
         """Convert the IMU's orientation (4,) to a unit vector in the torso's frame, (3,)."""

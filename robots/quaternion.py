@@ -1,5 +1,6 @@
 """Unit quaternions, w x y z, in arrays of shape (..., 4)."""
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,6 +72,20 @@ def from_axis_angle(axis: Array, angle: Array | float) -> Array:
     """Make the rotation about a unit ``axis`` (..., 3) by ``angle`` [rad]."""
     half = 0.5 * np.asarray(angle, dtype=float)[..., None]
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=-1)
+
+
+def from_matrix(axes: Array) -> Array:
+    """Convert axes in columns, (3, 3), to the quaternion that turns to them, (4,)."""
+    q = np.zeros(4)
+    mujoco.mju_mat2Quat(q, axes.ravel())
+    return q
+
+
+def to_matrix(q: Array) -> Array:
+    """Convert a quaternion (4,) to the axes to which it turns, in columns, (3, 3)."""
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, q)
+    return axes.reshape(3, 3)
 
 
 def mirror(q: Array) -> Array:

@@ -183,18 +183,14 @@ def _corners(points: Array) -> Array:
 
 
 def _turn(axis: int, angle: float) -> Array:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, quaternion.from_axis_angle(np.eye(3)[axis], angle))
-    return matrix.reshape(3, 3)
+    return quaternion.to_matrix(quaternion.from_axis_angle(np.eye(3)[axis], angle))
 
 
 def _box(points: Array, frame: Array) -> Shape:
     own = points @ frame
     low, high = own.min(axis=0), own.max(axis=0)
-    orientation = np.zeros(4)
-    mujoco.mju_mat2Quat(orientation, frame.ravel())
-    size = np.maximum((high - low) / 2.0, LEAST_SIZE)
-    return Shape(int(GEOM.mjGEOM_BOX), size, frame @ ((low + high) / 2.0), orientation)
+    size, middle = np.maximum((high - low) / 2.0, LEAST_SIZE), frame @ ((low + high) / 2.0)
+    return Shape(int(GEOM.mjGEOM_BOX), size, middle, quaternion.from_matrix(frame))
 
 
 def _capsule(points: Array, box: Shape) -> Shape | None:
@@ -202,9 +198,7 @@ def _capsule(points: Array, box: Shape) -> Shape | None:
     order = np.argsort(box.size)
     if box.size[order[2]] < SLENDER * box.size[order[1]]:
         return None
-    frame = np.zeros(9)
-    mujoco.mju_quat2Mat(frame, box.orientation)
-    frame = frame.reshape(3, 3)[:, order]
+    frame = quaternion.to_matrix(box.orientation)[:, order]
     if np.linalg.det(frame) < 0.0:
         frame[:, 0] *= -1.0
     own = (points - box.position) @ frame
@@ -215,9 +209,8 @@ def _capsule(points: Array, box: Shape) -> Shape | None:
     volume = np.pi * radius**2 * (2.0 * half + 4.0 / 3.0 * radius)
     if volume > ROUND * 8.0 * np.prod(box.size):
         return None
-    orientation = np.zeros(4)
-    mujoco.mju_mat2Quat(orientation, frame.ravel())
-    return Shape(int(GEOM.mjGEOM_CAPSULE), np.array([radius, half, 0.0]), box.position, orientation)
+    size = np.array([radius, half, 0.0])
+    return Shape(int(GEOM.mjGEOM_CAPSULE), size, box.position, quaternion.from_matrix(frame))
 
 
 def _hull(points: Array) -> Shape:

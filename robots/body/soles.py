@@ -97,12 +97,10 @@ def _describe(
 
 def add_sole_site(spec: mujoco.MjSpec, body: str, sole: Sole, name: str) -> None:
     """Add the site of a sole to a model."""
-    orientation = np.zeros(4)
-    mujoco.mju_mat2Quat(orientation, sole.axes.ravel())
     spec.body(body).add_site(
         name=name,
         pos=sole.position.tolist(),
-        quat=quaternion.normalize(orientation).tolist(),
+        quat=quaternion.normalize(quaternion.from_matrix(sole.axes)).tolist(),
         size=[0.005, 0, 0],
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from robots import quaternion
 from robots.kinematics import couple_passive_joints, place_postures
 from robots.posture import Posture
 from robots.quaternion import Array
@@ -47,9 +48,7 @@ class Statics:
         data.qvel[:] = 0.0
         mujoco.mj_kinematics(self._model, data)
         u, _, v = np.linalg.svd(data.site_xmat[self._soles].reshape(-1, 3, 3).mean(axis=0))
-        orientation = np.zeros(4)
-        mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
-        data.qpos[self._layout.root_orientation] = orientation
+        data.qpos[self._layout.root_orientation] = quaternion.from_matrix((u @ v).T)
         mujoco.mj_fwdPosition(self._model, data)
         mujoco.mj_fwdVelocity(self._model, data)
 

@@ -10,6 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robots import quaternion
 from robots.arguments import expect
 from robots.description.bench_table import BENCH, load_bench
 from robots.description.calibration import CALIBRATION_FILE, Calibration, CalibrationError
@@ -224,8 +225,7 @@ def _compute_stance(
     mujoco.mj_kinematics(model, data)
     torso_from_sole = np.mean([data.site(sole).xmat.reshape(3, 3) for sole in sole_sites], axis=0)
     u, _, v = np.linalg.svd(torso_from_sole)
-    orientation = np.zeros(4)
-    mujoco.mju_mat2Quat(orientation, (u @ v).T.ravel())
+    orientation = quaternion.from_matrix((u @ v).T)
     root = int(model.jnt_qposadr[model.body(torso).jntadr[0]])
     data.qpos[root : root + 3] = 0.0
     data.qpos[root + 3 : root + 7] = orientation

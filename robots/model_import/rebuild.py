@@ -73,10 +73,9 @@ class Rebuilder:
         self._excess: dict[str, float] = {}
         self._solid = {self.holder(b) for b in self._tree.bodies if list_solid(self._model, b)}
         root = self._tree.data.xmat[self._tree.root].reshape(3, 3)
-        self._turn = np.zeros(4)
-        mujoco.mju_mat2Quat(self._turn, (anatomy.axes.T @ root).ravel())
-        if quaternion.angle_between(self._turn, np.array([1.0, 0.0, 0.0, 0.0])) < LEAST_TURN:
-            self._turn = np.array([1.0, 0.0, 0.0, 0.0])
+        self._turn = quaternion.from_matrix(anatomy.axes.T @ root)
+        if quaternion.angle_between(self._turn, quaternion.IDENTITY) < LEAST_TURN:
+            self._turn = quaternion.IDENTITY
         else:
             notes.append("the torso's frame is turned so that x points forward and z up")
 
@@ -206,7 +205,7 @@ class Rebuilder:
         center = sum((s * pose[0] for s, pose in zip(shares, poses, strict=True)), np.zeros(3))
         inertia = np.zeros((3, 3))
         for b, (position, orientation) in zip(held, poses, strict=True):
-            axes = np.column_stack([quaternion.rotate(orientation, axis) for axis in np.eye(3)])
+            axes = quaternion.rotate(orientation, np.eye(3)).T
             inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
             away = position - center
             inertia += model.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
@@ -216,10 +215,9 @@ class Rebuilder:
             self._excess[self.name(body)] = excess
         moments, axes = np.linalg.eigh(inertia)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
-        orientation = np.zeros(4)
-        mujoco.mju_mat2Quat(orientation, axes.ravel())
         target.explicitinertial = True
-        target.mass, target.ipos, target.iquat = max(mass, LEAST_MASS), center, orientation
+        target.mass, target.ipos = max(mass, LEAST_MASS), center
+        target.iquat = quaternion.from_matrix(axes)
         target.inertia = np.maximum(moments, LEAST_INERTIA)
 
     def _add_shapes(self, spec: mujoco.MjSpec, target: mujoco.MjsBody, body: int) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robots import quaternion
 from robots.body.body_plan import BodyPlan
 from robots.body.joint_view import JointView
 from robots.body.mirror_pairs import MirrorPairs
@@ -135,8 +136,7 @@ class SitePlacer:
         tree, torso = self._anatomy.tree, self._spec.body(self._model.body(1).name)
         for name, position, frame in self._list_imus():
             axes = self._anatomy.axes.T @ frame
-            orientation = np.zeros(4)
-            mujoco.mju_mat2Quat(orientation, axes.ravel())
+            orientation = quaternion.from_matrix(axes)
             position = self._anatomy.axes.T @ (position - tree.data.xpos[tree.root])
             torso.add_site(name=IMU, pos=position.tolist(), quat=orientation.tolist(), size=MARK)
             self._guesses.append(f"site {IMU}: the model's {name}")

@@ -40,7 +40,6 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
         if wrong:
             raise ModelImportError([f"--out is {folder}, which is {wrong}, expected a new folder"])
         with atomic_folder(folder) as partial:
-            partial.chmod(0o777 & ~_umask())
             (partial / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
             (partial / "robot.toml").write_text(describe_robot(robot), "utf-8")
             if robot.servos.own:
@@ -54,12 +53,6 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
         raise ModelImportError(
             [f"--out is {folder}: {describe(error)}, expected a new folder"]
         ) from error
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def describe_robot(robot: ImportedRobot) -> str:

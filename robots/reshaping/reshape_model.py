@@ -10,14 +10,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots import quaternion
 from robots.body.joint_view import LimbEnds
 from robots.body.links import Link
 from robots.body.parts import list_head_joints
 from robots.proportions import Body, BodyError
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Skeleton
 from robots.reshaping.stretching import (
     AxialStretch,
+    Skeleton,
     make_explicit,
     stretch_geom,
     stretch_inertia,
@@ -86,8 +87,7 @@ def _move_arm(
     if box is None:
         return None
     box[:, 1] = np.sort((np.array([start, end]) @ axes.T + position)[:, 1])
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, axes.T.ravel())
+    quat = quaternion.from_matrix(axes.T)
     geoms = (geom for body in skeleton.bodies(trunk) for geom in body.geoms)
     like = next((geom for geom in geoms if geom.contype), None)
 

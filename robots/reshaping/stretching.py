@@ -11,10 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.body.links import Link
+from robots import quaternion
+from robots.body.links import Link, LinkFrames
+from robots.body.parts import find_parts
 from robots.proportions import BodyError
 from robots.quaternion import Array
-from robots.reshaping.skeleton import Skeleton
 
 NODES = 32  # of the quadrature along each axis; 2 are exact where a whole body is stretched
 
@@ -78,9 +79,7 @@ class Inertia:
         """Compute the principal moments [kg·m²], (3,), and axes as a quaternion, (4,)."""
         spread, axes = np.linalg.eigh(self.spread)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, axes.ravel())
-        return spread.sum() - spread, quat
+        return spread.sum() - spread, quaternion.from_matrix(axes)
 
     def stretched(
         self, stretch: AxialStretch, where: Callable[[Array], NDArray[np.bool_]] | None = None
@@ -118,6 +117,69 @@ def _box_nodes() -> tuple[Array, Array]:
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     return grid, np.einsum("i,j,k->ijk", weights, weights, weights).ravel() / 8.0
+
+
+class Skeleton(LinkFrames):
+    """Parts of a compiled specification, with all joints at zero."""
+
+    def __init__(
+        self,
+        spec: mujoco.MjSpec,
+        *,
+        torso: str,
+        sole_sites: Collection[str],
+        head_joints: Collection[str],
+    ) -> None:
+        self.spec, self.model = spec, spec.compile()
+        super().__init__(mujoco.MjData(self.model))
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        self._soles = {self.model.site(name).id for name in sole_sites}
+        self._bodies = {body.id: body for body in spec.bodies}
+        self.parts = find_parts(self.model, torso, sole_sites, head_joints)
+
+    @property
+    def torso(self) -> Link:
+        """Return the torso."""
+        return self.parts.torso
+
+    def root(self, link: Link) -> mujoco.MjsBody:
+        """Return the body of a link that has the joints."""
+        return self._bodies[link.root]
+
+    def bodies(self, link: Link) -> list[mujoco.MjsBody]:
+        """Return the bodies of a link, the one with the joints first."""
+        return [self._bodies[body] for body in link.bodies]
+
+    def has_sole(self, link: Link) -> bool:
+        """Return whether a link is a foot."""
+        return not self._soles.isdisjoint(link.sites)
+
+    def sole(self, link: Link) -> Array:
+        """Return the middle of a foot's soles, in its frame [m], (3,)."""
+        soles = sorted(
+            self._soles.intersection(link.sites), key=lambda site: self.model.site(site).name
+        )
+        away = [self.data.site_xpos[sole] - self.data.xpos[link.root] for sole in soles]
+        return self.axes(link).T @ np.mean(away, axis=0)
+
+    def bounds(self, link: Link, frame: Link) -> Array | None:
+        """Return the box that holds a link's shapes, in the frame of another, (2, 3) [m]."""
+        boxes = [self.bounds_of(geom, frame) for geom in link.geoms]
+        if not boxes:
+            return None
+        corners = np.array(boxes)
+        return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+
+    def bounds_of(self, geom: int, frame: Link) -> Array:
+        """Return the box that holds a geom, in the frame of a link, (2, 3) [m]."""
+        axes = self.axes(frame)
+        own = axes.T @ self.data.geom_xmat[geom].reshape(3, 3)
+        middle, half = self.model.geom_aabb[geom].reshape(2, 3)
+        away = self.data.geom_xpos[geom] - self.data.xpos[frame.root]
+        center = axes.T @ away + own @ middle
+        reach = np.abs(own) @ half
+        return np.array([center - reach, center + reach])
 
 
 LEAST_HALF = 1e-4  # m; a capsule as short as this is a ball
@@ -193,9 +255,8 @@ def stretch_inertia(
     """Stretch a body's mass, in its frame, where there is one and as `Inertia.stretched` does."""
     if body.mass <= 0.0:
         return
-    axes = np.zeros(9)
-    mujoco.mju_quat2Mat(axes, body.iquat)
-    inertia = Inertia.from_principal(body.mass, body.ipos, axes.reshape(3, 3), body.inertia)
+    axes = quaternion.to_matrix(body.iquat)
+    inertia = Inertia.from_principal(body.mass, body.ipos, axes, body.inertia)
     stretched = inertia.stretched(stretch, where)
     body.mass, body.ipos = stretched.mass, stretched.center - (0.0 if shift is None else shift)
     body.inertia, body.iquat = stretched.principal()
@@ -211,9 +272,7 @@ def stretch_geom(
     model, i = skeleton.model, geom.id
     kind, size = mujoco.mjtGeom(int(model.geom_type[i])), model.geom_size[i].copy()
     center, quat = model.geom_pos[i].copy(), model.geom_quat[i].copy()
-    axes = np.zeros(9)
-    mujoco.mju_quat2Mat(axes, quat)
-    axes = axes.reshape(3, 3)
+    axes = quaternion.to_matrix(quat)
     if kind in (CAPSULE, CYLINDER):
         cap = size[0] if kind == CAPSULE else 0.0
         center, half = stretch.extend(center, axes[:, 2] * (size[1] + cap))
@@ -225,7 +284,7 @@ def stretch_geom(
     elif kind == SPHERE:
         center = stretch(center)
     elif kind == MESH:
-        center, quat = _stretch_mesh(skeleton, geom, axes, stretch), np.array([1.0, 0.0, 0.0, 0.0])
+        center, quat = _stretch_mesh(skeleton, geom, axes, stretch), quaternion.IDENTITY
     else:
         raise BodyError(
             f"shape '{geom.name}' is of kind {kind.name.removeprefix('mjGEOM_').lower()}, "

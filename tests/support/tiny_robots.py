@@ -6,8 +6,7 @@ import mujoco
 
 from robots import Robot, load_robot
 from robots.body.parts import list_head_joints
-from robots.reshaping.skeleton import Skeleton
-from robots.reshaping.stretching import make_explicit
+from robots.reshaping.stretching import Skeleton, make_explicit
 
 ROW = (
     '  {{ name = "{name}", id = {id}, servo = "XM430-W350", sign = 1, zero_ticks = 2048, '

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from drivers.imu.i2c import I2cChip
@@ -31,15 +30,13 @@ class ImuReading:
     @classmethod
     def of(cls, simulation: Simulation, axes: SensorAxes, time: float) -> ImuReading:
         """Measure a simulated robot at a bus time [s]."""
-        site_in_world, sensor_in_site = np.zeros(4), np.zeros(4)
         site = simulation.model.site(simulation.robot.require_imu_site()).id
-        mujoco.mju_mat2Quat(site_in_world, simulation.data.site_xmat[site])
-        mujoco.mju_mat2Quat(sensor_in_site, axes.matrix.ravel())
+        site_in_world = quaternion.from_matrix(simulation.data.site_xmat[site])
         return cls(
             time=time,
             gyro=axes.to_sensor(simulation.imu.gyro),
             accelerometer=axes.to_sensor(simulation.imu.accelerometer),
-            orientation=quaternion.multiply(site_in_world, sensor_in_site),
+            orientation=quaternion.multiply(site_in_world, quaternion.from_matrix(axes.matrix)),
         )
 
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_robots import LEGS, build_skeleton, limb, make_robot
 
-from robots.reshaping.skeleton import Skeleton
 from robots.reshaping.stretching import (
     AxialStretch,
     Inertia,
+    Skeleton,
     make_explicit,
     stretch_geom,
     stretch_link,

@@ -189,7 +189,6 @@ class Exchange:
 
     def _pass_on(self, request: ReceivedInstruction) -> list[Packet | Damaged]:
         if self._faults.silent:
-            self._faults.count_silenced()
             return []
         if all(device.baud != request.baud for device in self._devices.devices):
             self.statistics.wrong_baud += 1

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from operator import methodcaller
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -58,7 +58,6 @@ class LineFaults:
 
     def __init__(self, rng: np.random.Generator, wire: Wire = PROTOCOL_2) -> None:
         """Start without faults; ``rng`` draws them."""
-        self.counts: Counter[str] = Counter()
         self._rng, self._wire = rng, wire
         self._rates: dict[LineFault, float] = {}
         self._pending: list[_Pending] = []
@@ -121,9 +120,7 @@ class LineFaults:
 
     def _strikes(self, fault: LineFault, device: int | None = None) -> bool:
         rate = self._rates.get(fault, 0.0)
-        struck = self._take_pending(fault, device) or (rate > 0.0 and self._rng.random() < rate)
-        self.counts[fault.value] += struck
-        return struck
+        return self._take_pending(fault, device) or (rate > 0.0 and self._rng.random() < rate)
 
     def _flip(self, fault: LineFault, data: bytes, device: int | None = None) -> bytes:
         """Flip one bit of each byte at the rate, and one bit if a fault is pending."""
@@ -133,7 +130,6 @@ class LineFaults:
             at = np.append(at, self._rng.integers(size))
         if not len(at):
             return data
-        self.counts[fault.value] += 1
         flipped = np.frombuffer(data, np.uint8).copy()
         np.bitwise_xor.at(flipped, at, 1 << self._rng.integers(0, 8, len(at)).astype(np.uint8))
         return flipped.tobytes()
@@ -209,12 +205,6 @@ class FaultInjector:
         self.line = LineFaults(rng, bus.devices.wire)
         self.silent = False
         self._bus = bus
-        self._counts: Counter[str] = Counter()
-
-    @property
-    def counts(self) -> Counter[str]:
-        """Return how often each kind of fault was made; "silenced": requests to a silent bus."""
-        return self._bus.call(lambda: +(self._counts + self.line.counts))
 
     # Bytes on the wire ---------------------------------------------------------------------
 
@@ -228,88 +218,69 @@ class FaultInjector:
 
     def silence(self, silent: bool = True) -> None:
         """Disconnect the adapter from all devices: no instruction is executed."""
-        self._do("silence", lambda: setattr(self, "silent", silent), counts=silent)
-
-    def count_silenced(self) -> None:
-        """Count an instruction that was sent to a silent bus."""
-        self._counts["silenced"] += 1
+        self._bus.call(lambda: setattr(self, "silent", silent))
 
     # Devices -------------------------------------------------------------------------------
 
     def kill(self, device: int) -> None:
         """Disconnect a device: it neither receives nor replies, and carries on as before."""
-        self._do("kill", lambda: self._connect("kill", device, False))
+        self._change("kill", device, lambda found: setattr(found, "alive", False))
 
     def revive(self, device: int) -> None:
         """Reconnect a device."""
-        self._do("revive", lambda: self._connect("revive", device, True))
+        self._change("revive", device, lambda found: setattr(found, "alive", True))
 
     def reboot(self, device: int) -> None:
         """Restart a servo: RAM at its defaults, torque off."""
-        self._do("reboot", lambda: self._call("reboot", device))
+        self._change("reboot", device, methodcaller("reboot"))
 
     def trip(self, device: int, error: int) -> None:
         """Set hardware error bits of a servo (`HardwareError`)."""
-        self._do("trip", lambda: self._call("trip", device, error))
+        self._change("trip", device, methodcaller("trip", error))
 
     def heat(self, device: int, temperature: float) -> None:
         """Set the temperature of a servo [°C]; from there it follows the thermal model."""
-        self._do("heat", lambda: self._heat(device, temperature))
+        self._change("heat", device, lambda _: self._bus.physics.heat(device, temperature))
 
     def freeze_imu(self, frozen: bool = True) -> None:
         """Make every IMU repeat its last measurement."""
-        self._do("freeze_imu", lambda: self._freeze(frozen), counts=frozen)
+
+        def freeze() -> None:
+            boards: list[Any] = [d for d in self._bus.devices.devices if hasattr(d, "frozen")]
+            if not boards:
+                raise _refuse("freeze_imu", None, "a bus with an IMU")
+            for board in boards:
+                board.frozen = frozen
+
+        self._bus.call(freeze)
 
     # Supply and port -----------------------------------------------------------------------
 
     def sag(self, voltage: float) -> None:
         """Set the battery voltage [V]."""
-        self._do("sag", lambda: self._bus.physics.sag(voltage))
+        self._bus.call(lambda: self._bus.physics.sag(voltage))
 
     def unplug(self) -> None:
         """Unplug the adapter: the port disappears."""
-        self._do("unplug", self._bus.unplug)
+        self._bus.unplug()
 
     def replug(self) -> None:
         """Plug the adapter in: a new port under the same path."""
-        self._do("replug", self._bus.plug)
+        self._bus.plug()
 
-    def _do(self, name: str, action: Callable[[], object], *, counts: bool = True) -> None:
+    def _change(self, fault: str, device: int, change: Callable[[Any], object]) -> None:
+        """Change all devices of an id in a way that may be a servo's alone."""
+
         def act() -> None:
-            action()
-            self._counts[name] += counts
+            devices = self._bus.devices.devices
+            found = [each for each in devices if each.id == device]
+            if not found:
+                ids = ", ".join(str(each.id) for each in devices)
+                raise _refuse(fault, device, f"one of the ids {ids}")
+            try:
+                for each in found:
+                    change(each)
+            except (AttributeError, ValueError) as error:
+                raise _refuse(fault, device, "a servo") from error
 
         self._bus.call(act)
-
-    def _find(self, fault: str, device: int) -> list[Any]:
-        devices = self._bus.devices.devices
-        found = [d for d in devices if d.id == device]  # all devices of one id
-        if not found:
-            ids = ", ".join(str(d.id) for d in devices)
-            raise _refuse(fault, device, f"one of the ids {ids}")
-        return found
-
-    def _connect(self, fault: str, device: int, alive: bool) -> None:
-        for found in self._find(fault, device):
-            found.alive = alive
-
-    def _call(self, method: str, device: int, *arguments: int) -> None:
-        """Call the method of a servo that a fault is named after."""
-        for found in self._find(method, device):
-            if not hasattr(found, method):
-                raise _refuse(method, device, "a servo")
-            getattr(found, method)(*arguments)
-
-    def _heat(self, device: int, temperature: float) -> None:
-        self._find("heat", device)
-        try:
-            self._bus.physics.heat(device, temperature)
-        except ValueError as error:
-            raise _refuse("heat", device, "a servo") from error
-
-    def _freeze(self, frozen: bool) -> None:
-        boards: list[Any] = [d for d in self._bus.devices.devices if hasattr(d, "frozen")]
-        if not boards:
-            raise _refuse("freeze_imu", None, "a bus with an IMU")
-        for board in boards:
-            board.frozen = frozen

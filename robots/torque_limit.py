@@ -45,11 +45,9 @@ class TorqueLimit:
                 f"torque limit is {self.value:g} N·m, expected at most {full:g} N·m, the stall "
                 f"torque of the servos of robot '{robot.name}'"
             )
-        counts = {  # the smallest limits that leave every servo some torque
-            "current": float((robot.current_step * robot.torque_per_ampere).max()),
-            "pwm": float(robot.max_torque.max()) / PWM_FULL_SCALE,
-        }
-        least = counts.get(by, 0.0)
+        count = float((robot.current_step * robot.torque_per_ampere).max())
+        # The smallest limits that leave every servo some torque.
+        least = {"current": count, "pwm": full / PWM_FULL_SCALE}.get(by, 0.0)
         if self.value is not None and self.value < least:
             raise ValueError(
                 f"torque limit is {self.value:g} N·m, expected at least {least:.2g} N·m, one "

@@ -165,6 +165,7 @@ class Calibrator:
     def _find_sign(self, joint: Joint, prompt: Prompt) -> Sign | None:
         """Find the sign of one joint; ``None`` if the person skips it."""
         way = find_directions(self._robot)[joint.name]
+        alone = np.eye(self._robot.n)[self._robot.joint_names.index(joint.name)]
         while True:
             prompt.tell(f"{joint.name}: hold everything still, then turn it as described")
             before = read_ticks(self._bus, self._robot.actuators)
@@ -180,7 +181,8 @@ class Calibrator:
             if abs(turn) < LEAST_TURN:
                 prompt.tell(_describe_small_turn(joint, turns))
                 continue
-            sign = 1 if turn * self._own_turns(joint) > 0.0 else -1
+            own = float(self._robot.transmission.to_actuator(alone) @ alone)
+            sign = 1 if turn * own > 0.0 else -1
             prompt.tell(f"{joint.name}: {turn:+.1f}° by its encoder, so its sign is {sign:+d}")
             if sign == joint.servo.sign:
                 return sign
@@ -190,11 +192,6 @@ class Calibrator:
             )
             if is_yes(answer):
                 return sign
-
-    def _own_turns(self, joint: Joint) -> float:
-        """Return the turns of a joint's servo behind its gear per turn of the joint alone."""
-        alone = np.eye(self._robot.n)[self._robot.joint_names.index(joint.name)]
-        return float(self._robot.transmission.to_actuator(alone) @ alone)
 
 
 def check_tilt(robot: Robot, imu: ImuSource, orientation: Array) -> None:

@@ -139,7 +139,7 @@ def scan_port(
     refused: list[int] = []
     found: list[FoundDevice] = []
     error: DriverError | None = None
-    bus, are_empty = DynamixelBus(port), True
+    bus = DynamixelBus(port)
     try:
         for rate in rates:
             try:
@@ -151,10 +151,8 @@ def scan_port(
                 continue
             tried.append(rate)
             if PROTOCOL_2 in wires:
-                devices, is_empty = _find_broadcast(bus)
-                found += devices
-                are_empty = are_empty and is_empty
-        if are_empty:  # each silent id costs a wait: only where nothing speaks Protocol 2.0
+                found += _find_broadcast(bus)
+        if not found:  # each silent id costs a wait: only where nothing speaks Protocol 2.0
             for rate in tried:
                 port.set_baud(rate)
                 found += _find_swept(bus, wires)
@@ -167,8 +165,8 @@ def scan_port(
     )
 
 
-def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
-    """List what replies to a ping of all ids in Protocol 2.0; return also whether nothing does."""
+def _find_broadcast(bus: DynamixelBus) -> list[FoundDevice]:
+    """List what replies to a ping of all ids in Protocol 2.0."""
     before = replace(bus.statistics)
     bus.wire = PROTOCOL_2
     statuses = bus.ping_all()
@@ -177,7 +175,7 @@ def _find_broadcast(bus: DynamixelBus) -> tuple[list[FoundDevice], bool]:
     found = [_examine(bus, s, is_suspect=s.id in repeated) for s in statuses.values()]
     if is_garbled:
         found += _ping_others(bus, statuses.keys())
-    return sorted(found, key=lambda device: device.id), not found
+    return sorted(found, key=lambda device: device.id)
 
 
 def _find_swept(bus: DynamixelBus, wires: Sequence[Wire]) -> list[FoundDevice]:
@@ -267,7 +265,9 @@ def _examine(bus: DynamixelBus, status: Status, *, is_suspect: bool = False) -> 
     before = replace(bus.statistics)
     values = read_items(bus, status.id, table, ("realtime_tick", *MEASURED))
     is_suspect = is_suspect or (values is None and _count_garbled_bytes(bus, before) > 0)
-    is_doubled = is_suspect and _is_doubled(bus, _list_requests(bus, status.id, table))
+    # What two devices of one id answer differently, or at different times.
+    reads = [bus.group({status.id: table[n].span}) for n in TELLTALES if n in table]
+    is_doubled = is_suspect and _is_doubled(bus, [bus.ask_identity(status.id), *reads])
     if values is None and not is_doubled:
         with using_margin((bus,), CONFIRM_MARGIN):
             values = read_items(bus, status.id, table, MEASURED)
@@ -281,12 +281,6 @@ def _examine(bus: DynamixelBus, status: Status, *, is_suspect: bool = False) -> 
         protocol=table.wire.name,
         doubled=is_doubled,
     )
-
-
-def _list_requests(bus: DynamixelBus, device: int, table: ControlTable) -> list[Request]:
-    """List what two devices of one id answer differently, or at different times."""
-    reads = [bus.group({device: table[name].span}) for name in TELLTALES if name in table]
-    return [bus.ask_identity(device), *reads]
 
 
 # IMUs -------------------------------------------------------------------------------------------

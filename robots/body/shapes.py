@@ -222,11 +222,9 @@ def _hull(points: Array) -> Shape:
         chosen.append(int(np.argmax(away)))
         away = np.minimum(away, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
     kept = corners[chosen]
-    flat = Shape(
-        int(GEOM.mjGEOM_MESH), np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), points=kept
-    )
     try:
         ConvexHull(kept)
     except QhullError:
         return fit_shape(points)
-    return flat
+    origin = np.zeros(3)
+    return Shape(int(GEOM.mjGEOM_MESH), origin, origin, quaternion.IDENTITY, points=kept)

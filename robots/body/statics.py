@@ -43,8 +43,8 @@ class Statics:
     def place_on_soles(self, joint_pos: Array) -> None:
         """Pose the robot at joint angles (n,), its soles level on average."""
         data = self._data
-        upright, origin = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
-        data.qpos[:] = place_postures(self._robot, self._model, origin, upright, joint_pos)
+        at = np.zeros(3), quaternion.IDENTITY
+        data.qpos[:] = place_postures(self._robot, self._model, *at, joint_pos)
         data.qvel[:] = 0.0
         mujoco.mj_kinematics(self._model, data)
         u, _, v = np.linalg.svd(data.site_xmat[self._soles].reshape(-1, 3, 3).mean(axis=0))

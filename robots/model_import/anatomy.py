@@ -29,6 +29,7 @@ LEAST_TOE = 0.01  # share of the height by which a sole is longer in front of th
 LOW_HEAD = 0.1  # share of the height by which a neck may be below the shoulders
 LEAST_BEND = 0.5  # rad by which a knee turns farther backwards
 UP = np.array([0.0, 0.0, 1.0])
+Legs = tuple[tuple[int, ...], tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Anatomy:
     """Forward, left and up in the world, in columns, (3, 3)."""
     middle: Array
     """A point of the plane of symmetry in the world [m], (3,)."""
-    legs: tuple[tuple[int, ...], tuple[int, ...]]
+    legs: Legs
     """Hinges of the left and the right leg alone, from the hip down."""
     mirror: MirrorPairs
     height: float
@@ -110,16 +111,13 @@ def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     low, high = _measure_ends(tree)
     height = float(np.nanmax(high) - np.nanmin(low))
     one, other = _find_feet(tree, low, height, path)
-    _check_hips(tree, (_leg(tree, one, other), _leg(tree, other, one)), height, path)
+    _check_hips(tree, _find_legs(tree, one, other), height, path)
     apart = tree.hinges[one].anchor - tree.hinges[other].anchor
     apart[2] = 0.0
     lateral = _snap(apart / np.linalg.norm(apart), tree)
     left, right, axes = _turn_forward(tree, one, other, lateral, height, notes)
-    hips = [
-        tree.hinges[_leg(tree, foot, other_foot)[0]].anchor
-        for foot, other_foot in ((left, right), (right, left))
-    ]
-    middle = np.mean(hips, axis=0)
+    legs = _find_legs(tree, left, right)
+    middle = np.mean([tree.hinges[leg[0]].anchor for leg in legs], axis=0)
     mirror = find_mirror(
         [hinge.name for hinge in tree.hinges],
         (np.array([hinge.anchor for hinge in tree.hinges]) - middle) @ axes,
@@ -130,7 +128,6 @@ def find_anatomy(tree: KinematicTree, path: Path, notes: list[str]) -> Anatomy:
     )
     for k in mirror.unpaired:
         notes.append(f"joint {shown(tree.hinges[k].name)} has no counterpart: it is its own mirror")
-    legs = (_leg(tree, left, right), _leg(tree, right, left))
     return Anatomy(tree=tree, axes=axes, middle=middle, legs=legs, mirror=mirror, height=height)
 
 
@@ -160,7 +157,7 @@ def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tu
     heavy = [k for k in tree.leaves if mass[k] > PARALLEL * max(mass.values())]
     ends = sorted((k for k in heavy if len(tree.chain(k)) >= LEAST_LEG), key=lambda k: low[k])
     if not ends:
-        raise ModelImportError([f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs"])
+        raise ModelImportError(f"{path}: it has no limb of {LEAST_LEG} hinges, expected two legs")
     first = ends[0]
     for second in ends[1:]:
         shared = set(tree.chain(first)) & set(tree.chain(second))
@@ -171,16 +168,12 @@ def _find_feet(tree: KinematicTree, low: Array, height: float, path: Path) -> tu
                 break
             return first, second
     raise ModelImportError(
-        [
-            f"{path}: only the limb that ends in joint {shown(tree.hinges[first].name)} reaches "
-            f"down to the ground, expected two legs of at least {LEAST_LEG} hinges, z up"
-        ]
+        f"{path}: only the limb that ends in joint {shown(tree.hinges[first].name)} reaches "
+        f"down to the ground, expected two legs of at least {LEAST_LEG} hinges, z up"
     )
 
 
-def _check_hips(
-    tree: KinematicTree, legs: tuple[tuple[int, ...], tuple[int, ...]], height: float, path: Path
-) -> None:
+def _check_hips(tree: KinematicTree, legs: Legs, height: float, path: Path) -> None:
     """Raise ModelImportError if the lowest limbs begin above the mass they carry, as arms do."""
     model, data = tree.model, tree.data
     below = {hinge for leg in legs for hinge in leg}
@@ -190,16 +183,15 @@ def _check_hips(
     if hips > center + HIGH_HIP * height:
         names = " and ".join(shown(tree.hinges[leg[0]].name) for leg in legs)
         raise ModelImportError(
-            [
-                f"{path}: the lowest limbs begin with joints {names}, above the center of mass of "
-                f"the rest, expected two legs of at least {LEAST_LEG} hinges, z up"
-            ]
+            f"{path}: the lowest limbs begin with joints {names}, above the center of mass of "
+            f"the rest, expected two legs of at least {LEAST_LEG} hinges, z up"
         )
 
 
-def _leg(tree: KinematicTree, foot: int, other: int) -> tuple[int, ...]:
-    shared = set(tree.chain(other))
-    return tuple(k for k in tree.chain(foot) if k not in shared)
+def _find_legs(tree: KinematicTree, one: int, other: int) -> Legs:
+    """Find the hinges of two limbs alone, by their last ones."""
+    first, second = tree.chain(one), tree.chain(other)
+    return tuple(k for k in first if k not in second), tuple(k for k in second if k not in first)
 
 
 def _snap(direction: Array, tree: KinematicTree) -> Array:
@@ -226,7 +218,7 @@ def _turn_forward(
     forward = np.cross(lateral, UP)  # if `one` is the left
     toe = np.mean([_measure_toe(tree, k, forward) for k in (one, other)])
     by_toes = np.sign(toe) if abs(toe) > LEAST_TOE * height else 0.0
-    legs = (_leg(tree, one, other), _leg(tree, other, one))
+    legs = _find_legs(tree, one, other)
     by_knees = np.sign(sum(_measure_bend(tree, leg, lateral) for leg in legs))
     sign = np.sign(named) or by_toes or by_knees or 1.0
     notes += _find_contradictions(sign, by_toes, by_knees)

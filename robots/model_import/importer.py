@@ -41,9 +41,9 @@ def read_model(path: Path) -> ModelSource:
         reason = describe(error)
         if ", expected " not in reason:
             reason += ", expected an MJCF or URDF file"
-        raise ModelImportError([f"{path}: {reason}"]) from error
+        raise ModelImportError(f"{path}: {reason}") from error
     if problem := _find_kind_problem(path, root):
-        raise ModelImportError([f"{path}: {problem}"])
+        raise ModelImportError(f"{path}: {problem}")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)  # as MuJoCo's are
         source = read_urdf(path, root) if root.tag == "robot" else read_mjcf(path)
@@ -114,7 +114,7 @@ def import_model(path: Path, options: ImportOptions) -> ImportedRobot:
     notes, guesses = list(source.notes), []
     tree = find_tree(source, notes)
     if problems := [*_find_name_problems(tree, path, options)]:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
     anatomy = find_anatomy(tree, path, notes)
     reduction = reduce_ties(source, tree, notes)
     fixed = {*options.fixed, *reduction.motors}

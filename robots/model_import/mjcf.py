@@ -40,7 +40,7 @@ FULL_TURN = 2.0 * np.pi - 1e-3  # rad, from which a range is none
 def read_mjcf(path: Path) -> ModelSource:
     """Read an MJCF file."""
     if problems := find_file_problems(path):
-        raise ModelImportError(f"{path}: {problem}" for problem in problems)
+        raise ModelImportError(*(f"{path}: {problem}" for problem in problems))
     notes: list[str] = []
     try:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -48,9 +48,9 @@ def read_mjcf(path: Path) -> ModelSource:
         _forget_scene(spec)
         model = compile_spec(spec, notes)
     except MODEL_ERRORS as error:
-        raise ModelImportError([f"{path}: {describe(error)}"]) from error
+        raise ModelImportError(f"{path}: {describe(error)}") from error
     if problems := [*find_number_problems(model), *_find_range_problems(spec, model)]:
-        raise ModelImportError(f"{path}: {problem}" for problem in problems)
+        raise ModelImportError(*(f"{path}: {problem}" for problem in problems))
     check_size(path, bodies=model.nbody - 1, joints=model.njnt)
     key = _find_stance_key(model)
     qpos = model.qpos0 if key is None else model.key_qpos[key]

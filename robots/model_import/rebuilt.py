@@ -56,7 +56,7 @@ class RebuiltModel:
         try:
             self.model = self.spec.compile()
         except MODEL_ERRORS as error:
-            raise ModelImportError([f"{self.path}: {describe(error)}"]) from error
+            raise ModelImportError(f"{self.path}: {describe(error)}") from error
 
     def find(self, hinges: Iterable[int]) -> tuple[int, ...]:
         """Find hinges of the tree in the model, except those that were fixed."""
@@ -174,11 +174,9 @@ class SitePlacer:
         names = [tree.model.body(body).name for k in leg[-2:] for body in tree.link(k)]
         left_out = (f"; link {shown(n)}: {self._flat[n]}" for n in names if n in self._flat)
         raise ModelImportError(
-            [
-                f"{self._path}: the leg that ends in joint {shown(tree.hinges[leg[-1]].name)} has "
-                "no flat face that looks down, expected a sole: feet that are points or lines "
-                f"cannot stand{''.join(left_out)}"
-            ]
+            f"{self._path}: the leg that ends in joint {shown(tree.hinges[leg[-1]].name)} has "
+            "no flat face that looks down, expected a sole: feet that are points or lines "
+            f"cannot stand{''.join(left_out)}"
         )
 
     def _find_neck(self, data: mujoco.MjData) -> tuple[Array, str]:

@@ -38,7 +38,7 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
         wrong = "not empty" if folder.exists() and any(folder.iterdir()) else ""
         wrong = wrong or ("a symbolic link" if folder.is_symlink() else "")
         if wrong:
-            raise ModelImportError([f"--out is {folder}, which is {wrong}, expected a new folder"])
+            raise ModelImportError(f"--out is {folder}, which is {wrong}, expected a new folder")
         with atomic_folder(folder) as partial:
             (partial / "model.xml").write_text(robot.spec.to_xml(), "utf-8")
             (partial / "robot.toml").write_text(describe_robot(robot), "utf-8")
@@ -47,12 +47,11 @@ def write_robot(robot: ImportedRobot, folder: Path) -> None:
             load_robot(partial)
     except RobotError as error:
         raise ModelImportError(
-            problem.replace(f"{partial}{os.sep}", "") for problem in error.problems
+            *(problem.replace(f"{partial}{os.sep}", "") for problem in error.problems)
         ) from error
     except OSError as error:
-        raise ModelImportError(
-            [f"--out is {folder}: {describe(error)}, expected a new folder"]
-        ) from error
+        reason = f"--out is {folder}: {describe(error)}, expected a new folder"
+        raise ModelImportError(reason) from error
 
 
 def describe_robot(robot: ImportedRobot) -> str:

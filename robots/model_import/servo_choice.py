@@ -140,7 +140,7 @@ def _check_torques(
         if (effort := stated[joint].effort or 0.0) > MOST_TORQUE
     ]
     if problems:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
 
 
 def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
@@ -162,7 +162,7 @@ def _read_wishes(joints: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
             )
         named |= dict.fromkeys(matching, kind)
     if problems:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
     return named
 
 

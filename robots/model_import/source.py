@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,8 +19,8 @@ MOST_INERTIA = 4500.0  # kg·m², of the heaviest robot, all of it as far away a
 class ModelImportError(ValueError):
     """A model file cannot become a robot; the message has one problem a line."""
 
-    def __init__(self, problems: Iterable[str]) -> None:
-        self.problems = tuple(problems)
+    def __init__(self, *problems: str) -> None:
+        self.problems = problems
         super().__init__("; ".join(self.problems))
 
 
@@ -32,7 +32,7 @@ def check_size(path: Path, **counts: int) -> None:
         if count > MOST_PARTS
     ]
     if problems:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
 
 
 def find_range_problems(lower: float, upper: float, hint: str) -> Iterator[str]:

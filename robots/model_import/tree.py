@@ -119,13 +119,13 @@ def find_tree(source: ModelSource, notes: list[str]) -> KinematicTree:
     is_hinge = model.jnt_type == HINGE
     count = {top: int(np.sum(is_hinge & np.isin(model.jnt_bodyid, below[top]))) for top in tops}
     if not tops or max(count.values()) == 0:
-        raise ModelImportError([f"{path}: it has no hinges, expected those of a humanoid"])
+        raise ModelImportError(f"{path}: it has no hinges, expected those of a humanoid")
     root = max(tops, key=lambda top: count[top])
     while _is_frame(model, root):
         root = next(b for b in range(root + 1, model.nbody) if model.body_parentid[b] == root)
     problems = [*_find_joint_problems(source, root, notes), *_find_size_problems(source, root)]
     if problems:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
     qpos = model.qpos0.copy()
     for joint in range(model.njnt):
         if model.jnt_type[joint] == HINGE and model.joint(joint).name in source.stance:

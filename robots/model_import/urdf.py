@@ -155,7 +155,7 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
     problems = [f"{path}: {problem}" for problem in problems]
     problems += [] if problems else shapes.resolve()
     if problems:
-        raise ModelImportError(problems)
+        raise ModelImportError(*problems)
     _give_mass(root, notes)
     _mend_inertia(root, notes)
     for old in root.findall("mujoco"):
@@ -168,7 +168,7 @@ def read_urdf(path: Path, root: ET.Element) -> ModelSource:
         text = ET.tostring(root, encoding="unicode")
         model = compile_spec(mujoco.MjSpec.from_string(text, assets=shapes.hulls), notes)
     except MODEL_ERRORS as error:
-        raise ModelImportError([f"{path}: {describe(error)}"]) from error
+        raise ModelImportError(f"{path}: {describe(error)}") from error
     return ModelSource(
         path=path,
         model=model,

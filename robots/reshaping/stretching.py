@@ -284,7 +284,8 @@ def stretch_geom(
     elif kind == SPHERE:
         center = stretch(center)
     elif kind == MESH:
-        center, quat = _stretch_mesh(skeleton, geom, axes, stretch), quaternion.IDENTITY
+        _stretch_mesh(skeleton, geom, axes, stretch)
+        center, quat = np.zeros(3), quaternion.IDENTITY
     else:
         raise BodyError(
             f"shape '{geom.name}' is of kind {kind.name.removeprefix('mjGEOM_').lower()}, "
@@ -298,8 +299,8 @@ def stretch_geom(
 
 def _stretch_mesh(
     skeleton: Skeleton, geom: mujoco.MjsGeom, axes: Array, stretch: AxialStretch
-) -> Array:
-    """Give a geom a stretched copy of its mesh, in its body's frame; return where it is, (3,)."""
+) -> None:
+    """Give a geom a stretched copy of its mesh, in its body's frame."""
     model, old = skeleton.model, skeleton.spec.mesh(geom.meshname)
     mesh = model.mesh(int(model.geom_dataid[geom.id]))
     first, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
@@ -315,7 +316,6 @@ def _stretch_mesh(
         maxhullvert=old.maxhullvert,
     )
     geom.meshname = name
-    return np.zeros(3)
 
 
 def write_pose(

@@ -12,7 +12,7 @@ def _print(found: ExportedMotion, request: ExportMotionRequest, console: Console
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import update_wrapper
 from importlib import import_module
@@ -86,6 +86,11 @@ class Command(Generic[Request, Result]):
             CancelledError: if ``cancel`` ended it; finished parts are kept.
         """
         self._request.accept(request)
+        return self._do(request, report, cancel, **further)
+
+    def _do(
+        self, request: Request, report: Report | None, cancel: Cancel | None = None, **further: Any
+    ) -> Result:
         with refusing_own():
             return self._work(request, ProgressMonitor(report, cancel), **further)
 
@@ -99,13 +104,15 @@ class Command(Generic[Request, Result]):
         return show
 
     def run(self, options: Any, /) -> int:
-        """Do the work, show its progress and its result; return the exit code."""
+        """Do the work of checked options, show progress and result; return the exit code."""
         person = self._person(options) if self._person else {}
         display = showing(options, in_lines=self._in_lines)
         with self._hinting_resume(options), display as report:
-            result = self(options, report, **person)
-        write_json(self._json(result) if callable(self._json) else result, options)
-        return self._show(result, options, console_for(options)) if self._show else DID_IT
+            result = self._do(options, report, **person)
+        # A robot that was handed over under torque is named by whatever fails after that.
+        with getattr(result, "naming_hand_over", nullcontext)():
+            write_json(self._json(result) if callable(self._json) else result, options)
+            return self._show(result, options, console_for(options)) if self._show else DID_IT
 
     @contextmanager
     def _hinting_resume(self, options: Any) -> Iterator[None]:
@@ -129,10 +136,12 @@ class Program:
     def __call__(self, options: JobRequest) -> int:
         """Run it, unless its options cannot be used; return the exit code."""
         self.options.accept(options)
+        return self.run(options)
+
+    def run(self, options: JobRequest, /) -> int:
+        """Run it with checked options; return the exit code."""
         with refusing_own():
             return self._work(options)
-
-    run = __call__
 
 
 def command(

@@ -46,8 +46,7 @@ def parse(arguments: Sequence[str]) -> Invocation:
         return _explain(name, rest)
     with in_one_line(f"getup {name}", partial(_list_others, name)):
         options = _read(load_options(name), f"getup {name}", rest)
-    if COMMANDS[name].options:
-        options.check()
+    options.check()
     return Invocation(name, options)
 
 

@@ -39,31 +39,14 @@ class TableEntry(NamedTuple):
 
 
 COMMANDS = {
-    "rise": TableEntry(
-        "Get up from a fall by a planned motion or a policy.",
-        "rise.RiseRequest",
-        "rise.rise",
-        json=True,
-    ),
-    "play": TableEntry(
-        "Play a rising motion and judge how it ends.", "rise.PlayRequest", "rise.play", json=True
-    ),
-    "run": TableEntry(
-        "Run a policy once and judge how it ends.", "rise.RunRequest", "rise.run_policy", json=True
-    ),
+    "rise": TableEntry("Get up from a fall by a planned motion or a policy.", module="get_up.rise"),
+    "play": TableEntry("Play a rising motion and judge how it ends.", module="get_up.play"),
+    "run": TableEntry("Run a policy once and judge how it ends.", module="get_up.run"),
     "plan": TableEntry("Plan a path only, without physics.", "options.motions.Plan", "plan.plan"),
-    "sit": TableEntry("Sit and lie down from a stand.", "rise.SitRequest", "rise.sit", json=True),
-    "hold": TableEntry(
-        "Hold a robot in its stand until a key is pressed.",
-        "rise.HoldRequest",
-        "rise.hold",
-        json=True,
-    ),
+    "sit": TableEntry("Sit and lie down from a stand.", module="get_up.stand"),
+    "hold": TableEntry("Hold a robot in its stand until a key is pressed.", module="get_up.stand"),
     "fall": TableEntry(
-        "Drop a limp robot, and write how it lies as a posture file.",
-        "rise.FallRequest",
-        "rise.fall",
-        json=True,
+        "Drop a limp robot, and write how it lies as a posture file.", module="get_up.fall"
     ),
     "prior": TableEntry(
         "Make the pose prior of styled policies.", "learning.PriorRequest", "training.make_prior"

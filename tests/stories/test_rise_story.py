@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 from stored_plans import lie_at_start
 
 from drivers import Twin
-from humanoid_getup.cli.get_up.rise import show_rise
+from humanoid_getup.commands.get_up.play import PlayRequest
+from humanoid_getup.commands.get_up.results import finish_rise, print_rise
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.options import with_json
 from humanoid_getup.execution.get_up import get_up
 from humanoid_getup.execution.result import AttemptStatus, RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.standing import HOLD_TIME
-from humanoid_getup.jobs.get_up.results import finish_rise
-from humanoid_getup.jobs.requests.rise import PlayRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.film_strip import NoRendererError, render_frames
@@ -133,7 +133,7 @@ def test_a_fault_of_the_hardware_has_its_own_exit_code(
     ended = replace(played, status=AttemptStatus.NEEDS_HELP, by_fault=by_fault)
     options: Any = with_json(PlayRequest)(motion=MOTION, json=str(tmp_path / "figures.json"))
     done = finish_rise(ended, None, world, options, RiseSettings())
-    assert show_rise(done, options) == code
+    assert print_rise(done, options, Console()) == code
 
 
 @pytest.fixture(scope="module")

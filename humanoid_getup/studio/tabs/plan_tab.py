@@ -8,10 +8,9 @@ from shutil import copytree, rmtree
 from typing import TYPE_CHECKING, get_args
 
 from humanoid_getup.commands.files import shorten_path
+from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.options import Prefer, write_command
 from humanoid_getup.commands.output_files import staging
-from humanoid_getup.jobs.get_up.rise import rise
-from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.studio.plain_text import make_block, name_side
 from humanoid_getup.studio.takes.rise_take import make_rise_take
 from robots import Posture
@@ -23,7 +22,7 @@ from robots.storage.files import write_atomically
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.get_up.results import FinishedRise
+    from humanoid_getup.commands.get_up.results import FinishedRise
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.page import Page
     from humanoid_getup.studio.takes.take import Take

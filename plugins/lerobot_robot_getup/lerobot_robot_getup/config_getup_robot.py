@@ -10,7 +10,7 @@ from lerobot.cameras import CameraConfig
 from lerobot.robots import RobotConfig
 
 from humanoid_getup.commands.errors import BadInputError
-from humanoid_getup.jobs.requests.rise import RiseRequest
+from humanoid_getup.commands.get_up.rise import RiseRequest
 
 NO_RISE, STANDING = "none", "standing"
 OWN_NAMES = {"robot": "model", "method": "rise", "from": "start"}

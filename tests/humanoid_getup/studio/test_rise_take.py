@@ -3,8 +3,7 @@ import pytest
 
 pytest.importorskip("viser", reason="needs the studio extra")
 
-from humanoid_getup.jobs.get_up.rise import play_motion
-from humanoid_getup.jobs.requests.rise import PlayRequest
+from humanoid_getup.commands.get_up.play import PlayRequest, play_motion
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.takes.rise_take import make_rise_take
 from robots import load_robot

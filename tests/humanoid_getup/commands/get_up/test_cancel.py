@@ -5,14 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from humanoid_getup.commands.get_up.rise import RiseRequest, rise
 from humanoid_getup.commands.options import JobRequest
 from humanoid_getup.jobs.build_motions import build_motions
 from humanoid_getup.jobs.evaluate_policy import evaluate
-from humanoid_getup.jobs.get_up.rise import rise
 from humanoid_getup.jobs.plan_path import plan
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.jobs.requests.motions import BuildRequest, PlanRequest
-from humanoid_getup.jobs.requests.rise import RiseRequest
 from humanoid_getup.jobs.requests.robots import CheckRequest
 from humanoid_getup.jobs.robots import check_robot
 from humanoid_getup.progress.callback import CancelledError, Progress

@@ -13,10 +13,11 @@ import pytest
 
 from drivers import Command, FaultKind, SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.cli.get_up.operator_key import SAME_PRESS, OperatorKey
+from humanoid_getup.commands.get_up.operator_key import SAME_PRESS, OperatorKey
+from humanoid_getup.commands.get_up.options import GetUpOptions
+from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.main import main
 from humanoid_getup.execution.phase import Phase, PhaseChange
-from humanoid_getup.jobs.requests.rise import GetUpOptions, PlayRequest
 from robots import Robot
 
 SQUAT = "squat_to_stand"

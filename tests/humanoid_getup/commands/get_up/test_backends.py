@@ -13,11 +13,12 @@ from drivers import Command, Twin
 from drivers.flight_log.writer import FlightLog
 from drivers.virtual_bus.serving.server import TimeMode
 from humanoid_getup.commands.backends import BackendChoice, open_backend
+from humanoid_getup.commands.get_up.recording import recording
+from humanoid_getup.commands.get_up.session_hooks import NoOperator, SessionHooks
+from humanoid_getup.commands.get_up.stand import SitRequest
 from humanoid_getup.commands.inputs import load_world
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.jobs.get_up.recording import recording
-from humanoid_getup.jobs.get_up.session_hooks import NoOperator, SessionHooks
-from humanoid_getup.jobs.requests.rise import SitRequest, WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE

@@ -9,8 +9,8 @@ from run_getup import Run
 
 import humanoid_getup as hg
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.get_up import rise_session as rise
 from humanoid_getup.commands.inputs import find_start
-from humanoid_getup.jobs.get_up import rise
 
 
 @pytest.fixture

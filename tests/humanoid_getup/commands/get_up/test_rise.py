@@ -9,7 +9,6 @@ from run_getup import Run
 
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import main
-from humanoid_getup.jobs.get_up import rise
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.retargeting import BODY
 from robots import Robot
@@ -27,7 +26,7 @@ def test_a_side_without_motion_is_warned_of_at_the_beginning(
     def end(*_: object, **__: object) -> None:
         raise BadInputError("that is all")
 
-    monkeypatch.setattr(rise, "run_session", end)
+    monkeypatch.setattr("humanoid_getup.commands.get_up.rise.run_session", end)
     code, _, error = run("rise", "--from", side, "--robot", str(mini))
     warning = (
         f"getup: 'op3' has no motion from {side}; next: getup motions discover --robot {mini}\n"

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from msgspec import UNSET, UnsetType, structs
+from rich.console import Console
 
+from drivers import Ending
 from drivers.flight_log.reader import FlightRecord
-from humanoid_getup.commands.output_files import staging
-from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
-from humanoid_getup.execution.result import RiseResult
-from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.experiments.starts.falls import Fall
-from humanoid_getup.jobs.get_up.recording import FLIGHT
-from humanoid_getup.jobs.requests.rise import (
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT, INTERRUPTED
+from humanoid_getup.commands.get_up.options import (
     ARTEFACTS,
     REPORT,
     STRIP,
     STYLE,
     TORQUE,
     GetUpOptions,
-    HoldRequest,
     MoveOptions,
-    SitRequest,
 )
+from humanoid_getup.commands.get_up.recording import FLIGHT
+from humanoid_getup.commands.output_files import staging
+from humanoid_getup.execution.after_stand import AfterStand, naming_hand_over
+from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.execution.session import Then
+from humanoid_getup.experiments.judging.outcome import Outcome
+from humanoid_getup.experiments.starts.falls import Fall
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.reporting import film_strip, plots, style_plot
 from humanoid_getup.reporting.report import (
@@ -36,6 +39,7 @@ from humanoid_getup.reporting.report import (
     RiseSettings,
     StandReport,
     make_report,
+    print_summary,
 )
 from humanoid_getup.reporting.video import save_video
 from humanoid_getup.scenes.scene import FLAT_SCENE
@@ -66,6 +70,14 @@ class FinishedRise(FinishedWork):
     rise: RiseResult
     report: RiseReport
 
+    def naming_hand_over(self) -> AbstractContextManager[None]:
+        """Name the robot that was handed over, if it was, where a block fails."""
+        return naming_hand_over(lambda: self.rise.hand_over)
+
+    def describe(self) -> RiseReport:
+        """Return the report, for JSON."""
+        return self.report
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedStand(FinishedWork):
@@ -73,6 +85,14 @@ class FinishedStand(FinishedWork):
 
     stand: AfterStand
     report: StandReport
+
+    def naming_hand_over(self) -> AbstractContextManager[None]:
+        """Name the robot that was handed over, if it was, where a block fails."""
+        return naming_hand_over(lambda: self.stand.hand_over)
+
+    def describe(self) -> StandReport:
+        """Return the report, for JSON."""
+        return self.report
 
 
 def finish_rise(
@@ -87,7 +107,9 @@ def finish_rise(
     """Report a rise, with what was found beside it, and write its files."""
     origin = request.origin or (OWN_START if start else WHERE_IT_LAY)
     with naming_hand_over(lambda: result.hand_over):
-        report = make_report(result, _make_head(result, world, request, origin), settings, motion)
+        report = make_report(
+            result, _make_head(result, world, request, request.ending, origin), settings, motion
+        )
         report = replace(report, keys=_measure_keys(result, world))
         report.warnings.extend(findings)
         if request.out is not None:
@@ -103,11 +125,13 @@ def finish_rise(
 
 
 def finish_stand(
-    result: AfterStand, world: World, request: SitRequest | HoldRequest, start: Fall | None
+    result: AfterStand, world: World, request: MoveOptions, then: Then, start: Fall | None
 ) -> FinishedStand:
-    """Report how a stand was kept and ended, and write the files."""
+    """Report how a stand was kept and ended, and what followed, and write the files."""
     with naming_hand_over(lambda: result.hand_over):
-        report = StandReport(**vars(_make_head(result, world, request)), **vars(result.figures()))
+        report = StandReport(
+            **vars(_make_head(result, world, request, then)), **vars(result.figures())
+        )
         if request.out is not None:
             with staging(request.out, ARTEFACTS) as folder:
                 reason = _draw_way_down(result, world, request, folder)
@@ -146,7 +170,8 @@ def _film(
 def _make_head(
     result: RiseResult | AfterStand,
     world: World,
-    request: GetUpOptions | SitRequest | HoldRequest,
+    request: MoveOptions,
+    then: Then,
     start: str | UnsetType = UNSET,
 ) -> ReportHead:
     return ReportHead(
@@ -158,7 +183,7 @@ def _make_head(
         backend=request.backend,
         torque_limit_nm=request.torque_limit,
         limit_by=request.limit_by or world.robot.limit_by,
-        then=request.ending if isinstance(request, GetUpOptions) else request.then,
+        then=then,
         unreleased_joints=result.unreleased,
     )
 
@@ -243,3 +268,16 @@ def draw_run(
     except OSError as error:  # a full disk, on which the small files may have room
         return f"{Path(str(error.filename)).name}: {describe(error)}"
     return None
+
+
+def print_rise(done: FinishedRise, _: GetUpOptions, console: Console) -> int:
+    """Print the result of a rise; return the exit code."""
+    print_summary(done.report, list(map(str, done.files)), console)
+    result, after = done.rise, done.rise.after
+    if result.stood and (after is None or after.succeeded):
+        return DID_IT
+    if after is not None and after.interrupted:
+        return INTERRUPTED
+    cut_off = result.run is not None and result.run.ending is Ending.FAULT
+    by_fault = result.by_fault or cut_off or (after is not None and after.by_fault)
+    return HARDWARE_FAULT if by_fault else DID_NOT_STAND

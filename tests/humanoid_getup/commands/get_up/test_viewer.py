@@ -15,11 +15,11 @@ from PIL import Image
 from recording_backend import still_state
 
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.get_up.play import PlayRequest, play_motion
 from humanoid_getup.commands.viewer import rest_measured
 from humanoid_getup.experiments.starts.falls import classify
-from humanoid_getup.jobs.get_up.rise import play_motion
 from humanoid_getup.jobs.get_up.watch import watch
-from humanoid_getup.jobs.requests.rise import PlayRequest, WatchRequest
+from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.playback.estimation import SINKING
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.video import save_video
@@ -107,7 +107,7 @@ def test_a_video_of_another_format_is_refused(name: str):
 def test_mp4_without_its_package_is_refused_before_the_robot_moves(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("humanoid_getup.jobs.get_up.session_hooks.find_spec", lambda _: None)
+    monkeypatch.setattr("humanoid_getup.commands.get_up.session_hooks.find_spec", lambda _: None)
     with pytest.raises(BadInputError, match=r"requires package 'av'.*humanoid-getup\[studio\]"):
         play_motion(PlayRequest(motion=MOTION, video=Path("rise.mp4")))
 

@@ -7,9 +7,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from drivers import SafetyGuard
 from drivers.terminal_keys import StopKey
+from humanoid_getup.commands.get_up.options import MoveOptions
 from humanoid_getup.execution.phase import Phase, PhaseChange
 
 SAME_PRESS = 0.5  # s after a release within which a key repeats itself, or is pressed twice
@@ -59,3 +61,8 @@ class OperatorKey:
             self._released.set()
         elif self._guard is not None and time.monotonic() - self._released_at > SAME_PRESS:
             self._guard.stop(reason)
+
+
+def watch_key(request: MoveOptions) -> dict[str, Any]:
+    """Return the operator at the terminal, as an argument of what moves a robot."""
+    return {"operator": OperatorKey(realtime=request.is_realtime)}

@@ -17,10 +17,10 @@ import humanoid_getup as hg
 from drivers import SafetyGuard, Twin
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.get_up.results import FinishedRise
+from humanoid_getup.commands.get_up.session_hooks import NoOperator
 from humanoid_getup.commands.main import main
 from humanoid_getup.execution.phase import Phase
-from humanoid_getup.jobs.get_up.results import FinishedRise
-from humanoid_getup.jobs.get_up.session_hooks import NoOperator
 from humanoid_getup.reporting import film_strip
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots.storage.encoding import to_json

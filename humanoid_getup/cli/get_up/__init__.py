@@ -1,1 +1,0 @@
-"""Commands that get a robot up, or hold it: `rise`, `play`, `run`, `sit` and `hold`."""

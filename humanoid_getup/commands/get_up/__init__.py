@@ -1,0 +1,1 @@
+"""Commands that move a robot: to get up, to stand, to lie down, to fall."""

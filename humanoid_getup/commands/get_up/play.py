@@ -1,0 +1,82 @@
+"""`getup play`: get up once by a stored motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tyro.conf import Positional
+
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.get_up.operator_key import watch_key
+from humanoid_getup.commands.get_up.options import GetUpOptions
+from humanoid_getup.commands.get_up.results import FinishedRise, print_rise
+from humanoid_getup.commands.get_up.rise_session import run_session
+from humanoid_getup.commands.get_up.session_hooks import Operator
+from humanoid_getup.commands.inputs import find_motion, load_world, make_torque_limit
+from humanoid_getup.commands.options import BodyOption, MotionName
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.reporting.report import RiseSettings
+from humanoid_getup.strategies.stored_motion import StoredMotion
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayRequest(BodyOption, GetUpOptions):
+    """Play a rising motion and judge how it ends."""
+
+    motion: Positional[MotionName]
+    needs_origin: ClassVar[bool] = False
+    preflight: bool = True
+    """Play only what the preflight passes; --no-preflight requires a simulated robot."""
+    without_imu: bool = False
+    """Play it with a robot that has no IMU: open loop; whether it stands is unknown. Where it is
+    held in the end, a key press switches torque off."""
+
+    def find_problems(self) -> list[str]:
+        """Report an option that does not fit the backend as well."""
+        problems = super().find_problems()
+        if self.is_real and not self.preflight:
+            problems.append("--no-preflight requires a simulated robot")
+        return problems + (self._find_blind_problems() if self.without_imu else [])
+
+    def _find_blind_problems(self) -> list[str]:
+        """Report options that require an orientation."""
+        problems = []
+        if self.then not in (None, "hold", "limp"):
+            problems.append(
+                f"--then is {self.then}, expected hold or limp with --without-imu: it is "
+                "unknown whether the robot stands"
+            )
+        if self.scene != "flat":
+            problems.append(f"--scene is {self.scene}, expected flat with --without-imu")
+        return problems
+
+
+@command("play", json=FinishedRise.describe, person=watch_key, in_lines=True)
+def play_motion(
+    request: PlayRequest, monitor: ProgressMonitor, *, operator: Operator | None = None
+) -> FinishedRise:
+    """Rise once by one motion, as `rise` does, with the same errors."""
+    monitor.begin("loading")
+    world = load_world(request)
+    motion = find_motion(world.robot, request.motion)
+    strategy = StoredMotion(world, motion, torque_limit=make_torque_limit(request, world.robot))
+    if request.without_imu and world.robot.imu_kind is not None:
+        raise ValueError(
+            f"--without-imu is given, but robot '{world.robot.name}' has an IMU "
+            f"({world.robot.imu_kind}): expected a robot whose robot.toml has neither [imu] nor "
+            "[bus.board]"
+        )
+    return run_session(
+        request,
+        strategy,
+        monitor,
+        operator,
+        settings=RiseSettings(),
+        motion=motion,
+        preflight=request.preflight,
+        without_imu=request.without_imu,
+    )
+
+
+play_motion.show(print_rise)

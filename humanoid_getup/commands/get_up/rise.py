@@ -1,0 +1,129 @@
+"""`getup rise`: get up by a plan, by a policy, or by the better of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.get_up.operator_key import watch_key
+from humanoid_getup.commands.get_up.options import GetUpOptions, StyleOption
+from humanoid_getup.commands.get_up.results import FinishedRise, print_rise
+from humanoid_getup.commands.get_up.rise_session import run_session
+from humanoid_getup.commands.get_up.session_hooks import Operator
+from humanoid_getup.commands.inputs import load_keys, load_world, make_torque_limit
+from humanoid_getup.commands.options import (
+    A_POLICY,
+    BodyOption,
+    Count,
+    Keys,
+    PolicyName,
+    PreferenceOptions,
+)
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.reporting.report import RiseSettings
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.choice import StrategyRequest, choose_strategy
+from humanoid_getup.strategies.plan import Strategy
+from humanoid_getup.strategies.planned_rise import PlannerOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class RiseRequest(BodyOption, PreferenceOptions, GetUpOptions):
+    """Get up from a fall: plan, filter through physics, play, judge; or run a policy."""
+
+    attempts: Count = 3
+    """Number of attempts before giving up."""
+    method: Literal["plan", "policy", "auto"] = "plan"
+    """Plan a motion, run a policy, or use the one with the better track record for the start."""
+    policy: PolicyName | None = None
+    """With --method policy or auto; default: robust, or styled with --style."""
+    style: StyleOption = None
+    planning: bool = True
+    """Plan a collision-free path to the rising motion; otherwise interpolate."""
+    filtering: bool = True
+    """Filter the path through physics; otherwise play it unfiltered (simulated robots only)."""
+    key: Keys = ()
+
+    @property
+    def most_attempts(self) -> int:
+        """Return the number of attempts before giving up."""
+        return self.attempts
+
+    def find_problems(self) -> list[str]:
+        """Report options that do not fit the backend or each other as well."""
+        problems = super().find_problems() + self._find_unused()
+        if self.is_real and not self.filtering:
+            problems.append("--no-filtering requires a simulated robot")
+        return problems
+
+    def _find_unused(self) -> list[str]:
+        """Report options of plans given for a policy, and the reverse."""
+        problems = []
+        if self.method == "plan" and self.policy is not None:
+            problems.append(f"--policy is {self.policy}, expected --method policy or auto with it")
+        given = {
+            f"--prefer {self.prefer}": self.prefer != "time",
+            "--search-budget": self.search_budget != PreferenceOptions.search_budget,
+        }
+        named = " and ".join(name for name, is_given in given.items() if is_given)
+        if named and self.method == "policy":
+            problems.append(f"{named}: expected --method plan or auto with it")
+        if self.style is not None and self.method != "policy":
+            problems.append(f"--style is {self.style}, expected --method policy with it")
+        if self.method == "policy":
+            problems += self.refuse_body(A_POLICY)
+        if self.key and not (self.method == "plan" and self.planning and self.filtering):
+            problems.append("--key: expected --method plan with it, planning and filtering")
+        if named and not self.filtering:
+            problems.append(f"{named}: expected filtering, not --no-filtering")
+        return problems
+
+
+@command("rise", json=FinishedRise.describe, person=watch_key, in_lines=True)
+def rise(
+    request: RiseRequest, monitor: ProgressMonitor, *, operator: Operator | None = None
+) -> FinishedRise:
+    """Rise by plan, by policy, or by the better of both.
+
+    Cancellation is checked at every phase, in every control cycle, and between the steps of a plan,
+    the longest of which take a few seconds.
+    Without an operator, a robot that is held sits down as soon as its stand is judged.
+
+    Raises:
+        CancelledError: if it was canceled; torque is off, and of the files there is at most the
+            flight log.
+        KeyboardInterrupt: if it was interrupted; torque is off, unless its text says that the
+            robot was handed over.
+    """
+    monitor.begin("loading")
+    return run_session(
+        request,
+        _select_strategy(request, load_world(request), monitor),
+        monitor,
+        operator,
+        # Without the filter, the purpose is to see whether the raw path stands.
+        preflight=request.filtering,
+        settings=RiseSettings(
+            method=request.method, planning=request.planning, filtering=request.filtering
+        ),
+    )
+
+
+rise.show(print_rise)
+
+
+def _select_strategy(request: RiseRequest, world: World, monitor: ProgressMonitor) -> Strategy:
+    """Load the strategy of the method, before any robot is touched."""
+    wanted = StrategyRequest(
+        method=request.method,
+        torque_limit=make_torque_limit(request, world.robot),
+        prefer=request.prefer,
+        search_budget=request.search_budget,
+        keys=tuple(load_keys(world, request.key)),
+        options=PlannerOptions(planning=request.planning, filtering=request.filtering),
+        policy=request.policy,
+        style=request.style,
+        origin=request.origin,
+    )
+    return choose_strategy(world, wanted, monitor)

@@ -66,6 +66,9 @@ class Twin(Backend):
         if start is not None:
             self.place(start)
 
+    def __repr__(self) -> str:
+        return f"Twin({self.robot.name}, {self.robot.n} joints)"
+
     def place(self, posture: Posture) -> None:
         """Place the robot at rest, cool, torque off, and start its clock at 0."""
         self.simulation.place(posture)

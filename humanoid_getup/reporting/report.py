@@ -83,7 +83,7 @@ def print_summary(report: RiseReport, files: list[str], console: Console) -> Non
     console.print(f"[bold {color}]{escape(_headline(report))}")
     table = Table.grid(padding=(0, 2))
     for label, text in (
-        ("start", f"{report.start_class or report.start}, seed {report.seed}"),
+        ("start", f"{_describe_start(report)}, seed {report.seed}"),
         ("attempts", _describe_attempts(report)),
         ("motion", _describe_motion(report)),
         ("style", _describe_style(report)),
@@ -109,6 +109,12 @@ def _headline(report: RiseReport) -> str:
         attempt = f" of attempt {tries}" if tries > 1 else ""
         return f"stood after {report.stand_time_s:.2f} s{attempt}, held {report.hold_s:.1f} s"
     return report.reason if report.played else f"did not stand: {report.reason}"
+
+
+def _describe_start(report: RiseReport) -> str:
+    """Name the class of the start, and where it is from if that is another word."""
+    side, start = report.start_class, report.start
+    return f"{side} ({start})" if side and start and start != side else str(side or start)
 
 
 def _describe_motion(report: RiseReport) -> str:

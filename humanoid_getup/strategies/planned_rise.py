@@ -136,6 +136,9 @@ class PlannedRise:
             monitor=monitor,
         )
 
+    def __repr__(self) -> str:
+        return f"PlannedRise({self.prefer} in {self.world!r})"
+
     def plan(self, start: Posture, rng: np.random.Generator) -> RisePlan:
         """Plan a rise from a posture at rest; the same arguments give the same plan.
 

@@ -43,6 +43,9 @@ class StoredMotion:
                 "ends standing"
             )
 
+    def __repr__(self) -> str:
+        return f"StoredMotion({self.motion.name} in {self.world!r})"
+
     def plan(self, _start: Posture, _rng: np.random.Generator) -> MotionPlan:
         """Plan to play the motion."""
         return MotionPlan(status=RiseStatus.STORED, motion=self.motion)

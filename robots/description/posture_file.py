@@ -67,11 +67,12 @@ def load_posture(path: Path, robot: Robot, *, fill: Callable[[str], None] | None
     if fill is not None and missing and isinstance(record.get("joint_pos"), dict):
         stance = dict(zip(names, robot.standing.joint_pos.tolist(), strict=True))
         read = replace(read, joint_pos=stance | read.joint_pos)
-        fill(f"posture file {path}: {', '.join(missing)} not named, taken from the stance")
     if isinstance(record.get("joint_pos"), dict):
         problems += _check_joints(read.joint_pos, robot)
     if problems:
         raise ValueError(f"posture file {path}: " + "; ".join(problems))
+    if fill is not None and missing:
+        fill(f"posture file {path}: {', '.join(missing)} missing, taken from the stance")
     return Posture(
         position=np.array(read.position),
         orientation=quaternion.normalize(np.array(read.orientation)),

@@ -53,6 +53,9 @@ class Fall:
     posture: Posture
     start_class: str
 
+    def __repr__(self) -> str:
+        return f"Fall({self.start_class}, torso at {self.posture.position.round(3).tolist()} m)"
+
 
 def classify(orientation: Array) -> LyingSide | None:
     """Classify a torso orientation by gravity: supine, prone, left or right side down.

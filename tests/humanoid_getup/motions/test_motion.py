@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers import Twin
 from humanoid_getup.motions.motion import KEYS, Motion
 from humanoid_getup.reporting import motion_strip
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot, load_robot, quaternion
 
 ROBOT = load_robot("op3")
@@ -130,12 +132,15 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path, how: str):
     assert "\n" not in str(caught.value)
 
 
-def test_a_motion_a_robot_and_a_world_print_in_one_line():
-    lines = [repr(make()), repr(ROBOT), repr(World(ROBOT))]
+def test_what_a_notebook_shows_prints_in_one_line():
+    world = World(ROBOT)
+    lines = [repr(each) for each in (make(), ROBOT, world, PlannedRise(world), Twin(world))]
     assert lines == [
         "Motion(sit_up of op3: left to standing, 0.40 s, 5 frames of 20 joints)",
         "Robot(op3: 20 joints, stands 0.393 m high at the neck)",
         "World(op3 in scene flat)",
+        "PlannedRise(time in World(op3 in scene flat))",
+        "Twin(op3, 20 joints)",
     ]
 
 

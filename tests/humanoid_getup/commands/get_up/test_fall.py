@@ -65,7 +65,7 @@ def test_joints_left_out_take_the_stance_and_are_named(
     monkeypatch.setattr(rise, "AttemptManager", end)
     code, _, error = run("rise", "--from", str(file))
     assert code == 2
-    assert f"posture file {file}: head_pan, head_tilt not named, taken from the stance" in error
+    assert f"posture file {file}: head_pan, head_tilt missing, taken from the stance" in error
 
 
 def test_without_a_file_to_write_it_is_refused(run: Run):

@@ -42,7 +42,7 @@ COMMANDS = {
     "rise": TableEntry("Get up from a fall by a planned motion or a policy.", module="get_up.rise"),
     "play": TableEntry("Play a rising motion and judge how it ends.", module="get_up.play"),
     "run": TableEntry("Run a policy once and judge how it ends.", module="get_up.run"),
-    "plan": TableEntry("Plan a path only, without physics.", "options.motions.Plan", "plan.plan"),
+    "plan": TableEntry("Plan a path only, without physics.", module="plan.plan_path"),
     "sit": TableEntry("Sit and lie down from a stand.", module="get_up.stand"),
     "hold": TableEntry("Hold a robot in its stand until a key is pressed.", module="get_up.stand"),
     "fall": TableEntry(
@@ -79,43 +79,27 @@ COMMANDS = {
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview, show or export motions."
     ),
-    "motions list": TableEntry(
-        "List a robot's motions.", "options.motions.ListMotions", "motions.list_motions"
-    ),
-    "motions build": TableEntry(
-        "Build motions from keyframes.", "motions.BuildRequest", "make_motions.build"
-    ),
+    "motions list": TableEntry("List a robot's motions.", module="motions.show_motions"),
+    "motions build": TableEntry("Build motions from keyframes.", module="motions.build_motions"),
     "motions import": TableEntry(
-        "Add keys from another program's file.",
-        "motions.ImportKeysRequest",
-        "make_motions.import_motion",
+        "Add keys from another program's file.", module="motions.import_keys"
     ),
     "motions record": TableEntry(
-        "Record keys from a robot moved by hand.",
-        "options.motions.RecordMotion",
-        "hand_recording.record",
+        "Record keys from a robot moved by hand.", module="motions.record_motion"
     ),
     "motions preview": TableEntry(
-        "Draw the keys of a motion and play them once.",
-        "motions.PreviewRequest",
-        "make_motions.preview",
+        "Draw the keys of a motion and play them once.", module="motions.preview_motion"
     ),
     "motions retarget": TableEntry(
-        "Transfer the keyframes of another robot.",
-        "motions.RetargetRequest",
-        "make_motions.retarget",
+        "Transfer the keyframes of another robot.", module="motions.retarget_motions"
     ),
     "motions discover": TableEntry(
         "Find motions by a search in physics, or in a policy's rises.",
-        "motions.DiscoverRequest",
-        "make_motions.discover",
+        module="motions.discover_motions",
     ),
-    "motions show": TableEntry(
-        "Draw a motion as a film strip.", "options.motions.ShowMotion", "motions.show"
-    ),
+    "motions show": TableEntry("Draw a motion as a film strip.", module="motions.show_motions"),
     "motions export": TableEntry(
-        "Write a motion as CSV, or as a JointTrajectory of ROS.",
-        module="motions.export_motion",
+        "Write a motion as CSV, or as a JointTrajectory of ROS.", module="motions.export_motion"
     ),
     "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
     "bench all": TableEntry(
@@ -193,10 +177,7 @@ COMMANDS = {
         "watch.watch",
         json=True,
     ),
-    "preflight": TableEntry(
-        "Check whether a motion may be played.",
-        module="plan.preflight",
-    ),
+    "preflight": TableEntry("Check whether a motion may be played.", module="plan.preflight"),
     "studio": TableEntry(
         "Pose, plan and look in the browser.", "look.StudioRequest", "studio.studio"
     ),
@@ -211,30 +192,17 @@ COMMANDS = {
         json=True,
     ),
     "style": TableEntry("List, show, edit or extract styles of rising."),
-    "style list": TableEntry(
-        "List the named styles.", "style.ListStylesRequest", "style.list_styles", json=True
-    ),
-    "style show": TableEntry(
-        "Print and draw the curves of styles.", "style.ShowStylesRequest", "style.show", json=True
-    ),
-    "style edit": TableEntry(
-        "Raise sooner or later, slower, faster, hold.", "style.EditStyleRequest", "style.edit"
-    ),
+    "style list": TableEntry("List the named styles.", module="plan.styles"),
+    "style show": TableEntry("Print and draw the curves of styles.", module="plan.styles"),
+    "style edit": TableEntry("Raise sooner or later, slower, faster, hold.", module="plan.styles"),
     "style extract": TableEntry(
-        "Extract a style from a motion, a flight log or a clip.",
-        "style.ExtractRequest",
-        "style.extract",
+        "Extract a style from a motion, a flight log or a clip.", module="plan.extract_style"
     ),
     "mocap": TableEntry("Import clips of motion capture."),
     "mocap import": TableEntry(
-        "Make a motion of a robot from a clip.",
-        "motions.ClipRequest",
-        "make_motions.import_clip",
-        json=True,
+        "Make a motion of a robot from a clip.", module="motions.import_clip"
     ),
-    "scenes": TableEntry(
-        "List or draw the scenes.", "style.ScenesRequest", "style.list_scenes", json=True
-    ),
+    "scenes": TableEntry("List or draw the scenes.", module="plan.scenes"),
     "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
     "robots list": TableEntry(
         "List the installed robots.", "options.hardware.ListRobots", "list_robots.list_robots"

@@ -52,6 +52,12 @@ def find_file_problems(file: Path) -> list[str]:
     return find_folder_problems(file.parent if target == make_absolute(file) else target.parent, ())
 
 
+def check_file(file: Path) -> None:
+    """Refuse a file that could not be written."""
+    if problems := find_file_problems(file):
+        raise BadInputError(*problems)
+
+
 def find_new_folder_problems(folder: Path, option: str) -> list[str]:
     """Report a folder that exists already, with something in it."""
     try:

@@ -17,6 +17,7 @@ from msgspec import UNSET, UnsetType
 from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.inputs import load_robot, load_world, make_torque_limit
 from humanoid_getup.commands.pieces import make_absolute, make_worker_request, starting
+from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.engines.executor import do_pieces
 from humanoid_getup.experiments.judging.summary import PolicySummary
 from humanoid_getup.experiments.starts.falls import (
@@ -26,7 +27,6 @@ from humanoid_getup.experiments.starts.falls import (
     FallSetError,
     sample_fall_set,
 )
-from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import EvaluateRequest
 from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
 from humanoid_getup.policy.style_follower import StyleChoice

@@ -7,7 +7,7 @@ import msgspec
 from humanoid_getup.commands.errors import BadInputError, needing
 from humanoid_getup.commands.inputs import load_robot
 from humanoid_getup.commands.output_files import staging
-from humanoid_getup.jobs.policies import load_policy, name_robot
+from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.jobs.requests.learning import (
     DESCRIPTION_FILE,
     POLICY_FILE,

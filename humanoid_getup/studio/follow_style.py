@@ -8,8 +8,8 @@ import numpy as np
 
 from drivers import Cycle, DriverError, GuardLimits, SafetyGuard, Twin
 from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.policies import load_policy
 from humanoid_getup.experiments.judging.outcome import Outcome
-from humanoid_getup.jobs.policies import load_policy
 from humanoid_getup.playback.estimation import check_start, settle
 from humanoid_getup.playback.play import play_in_simulation
 from humanoid_getup.playback.supervisor import supervise_policy

@@ -8,9 +8,10 @@ from pathlib import Path
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import shorten_path
 from humanoid_getup.commands.inputs import find_keyframes
+from humanoid_getup.commands.motions.build_motions import BuildRequest
+from humanoid_getup.commands.motions.import_keys import AddedKeys, ImportKeysRequest, import_keys
+from humanoid_getup.commands.motions.preview_motion import PreviewRequest
 from humanoid_getup.commands.options import write_command
-from humanoid_getup.jobs.import_keys import AddedKeys, import_keys
-from humanoid_getup.jobs.requests.motions import BuildRequest, ImportKeysRequest, PreviewRequest
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.studio.edit_keys import store_keyframes

@@ -2,13 +2,27 @@ import shutil
 from pathlib import Path
 
 import pytest
+from run_getup import Run
 from stored_plans import lie_at_start, plan_stored
 
+from humanoid_getup.commands.main import main
 from humanoid_getup.motions.motion_database import MotionDatabase, load_database
 from humanoid_getup.simulation.world import World
 from humanoid_getup.strategies.planned_rise import PlannedRise
 from robots import Robot
 from robots.description.posture_file import format_posture
+
+
+@pytest.fixture
+def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run `getup` in an empty folder; return exit code, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        code = main(arguments)
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture

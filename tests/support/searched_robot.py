@@ -7,7 +7,7 @@ from pathlib import Path
 
 from few_postures import drawing_few
 
-from humanoid_getup.jobs.search_motions import MotionSearch
+from humanoid_getup.commands.motions.search_motions import MotionSearch
 from humanoid_getup.posture_chains.chain_search import SearchSettings
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.search_file import describe_search, make_recipe

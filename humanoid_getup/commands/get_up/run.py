@@ -17,8 +17,8 @@ from humanoid_getup.commands.get_up.rise_session import run_session
 from humanoid_getup.commands.get_up.session_hooks import Operator
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
 from humanoid_getup.commands.options import PolicyName
+from humanoid_getup.commands.policies import load_policy, name_robot
 from humanoid_getup.commands.values import between
-from humanoid_getup.jobs.policies import load_policy, name_robot
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting.report import RiseSettings
 from humanoid_getup.strategies.choice import apply_style

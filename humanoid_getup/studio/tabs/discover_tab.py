@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import shorten_path
 from humanoid_getup.commands.inputs import find_motion
+from humanoid_getup.commands.motions.discover_motions import DiscoverRequest, discover
+from humanoid_getup.commands.motions.search_motions import BUDGET, MotionSearch
 from humanoid_getup.commands.options import write_command
-from humanoid_getup.jobs.discover_motions import discover
-from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.search_motions import BUDGET, MotionSearch
 from humanoid_getup.motions.build import UNFINISHED
 from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.motion_database import (
@@ -35,7 +34,7 @@ from robots.kinematics import place, read_posture
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.discover_motions import DiscoveredMotions
+    from humanoid_getup.commands.motions.discover_motions import DiscoveredMotions
     from humanoid_getup.posture_chains.search_file import StoredOptions
     from humanoid_getup.progress.background_job import BackgroundJob
     from humanoid_getup.studio.boards.state_board import MappedState, SearchMap

@@ -12,9 +12,8 @@ from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import shorten_path
 from humanoid_getup.commands.get_up.run import RunRequest
 from humanoid_getup.commands.options import write_command
-from humanoid_getup.jobs.extract_style import extract_style
-from humanoid_getup.jobs.policies import list_styled_policies
-from humanoid_getup.jobs.requests.style import ExtractRequest
+from humanoid_getup.commands.plan.extract_style import ExtractRequest, extract_style
+from humanoid_getup.commands.policies import list_styled_policies
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.progress.callback import Cancel
 from humanoid_getup.studio.boards.curve_board import CurveBoard, PointDrag

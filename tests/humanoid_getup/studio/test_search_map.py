@@ -13,8 +13,8 @@ from nonempty import nonempty
 from searched_robot import copy_bare_robot, search_a_little, store
 
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.motions.search_motions import MotionSearch
 from humanoid_getup.experiments.judging.standing import MAX_TILT
-from humanoid_getup.jobs.search_motions import MotionSearch
 from humanoid_getup.posture_chains.discovery import ChainDiscovery
 from humanoid_getup.posture_chains.stored_states import STATES
 from humanoid_getup.simulation.world import World

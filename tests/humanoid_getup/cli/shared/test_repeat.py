@@ -7,7 +7,6 @@ import pytest
 from run_getup import Run
 
 from humanoid_getup.commands.command_line import parse
-from humanoid_getup.commands.command_table import COMMANDS
 from humanoid_getup.commands.options import write_command
 
 LINES = [
@@ -22,10 +21,9 @@ LINES = [
 
 @pytest.mark.parametrize("line", LINES)
 def test_a_written_command_reads_as_the_request_that_it_was_written_from(line: str):
-    name = next(n for n in (" ".join(line.split()[1:3]), line.split()[1]) if n in COMMANDS)
-    options = parse(shlex.split(line)[1:]).options
-    written = write_command(name, options)
-    assert parse(shlex.split(written)[1:]).options == options
+    invocation = parse(shlex.split(line)[1:])
+    written = write_command(invocation.name, invocation.options)
+    assert parse(shlex.split(written)[1:]).options == invocation.options
     assert sorted(shlex.split(written)) == sorted(shlex.split(line))
 
 
@@ -41,7 +39,7 @@ def test_an_interrupted_build_prints_the_command_that_continues_it_if_anything_w
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("humanoid_getup.jobs.build_motions.starting", interrupt)
+    monkeypatch.setattr("humanoid_getup.commands.motions.build_motions.starting", interrupt)
     wanted = ("squat_to_stand", "--robot", str(copied_op3), "--seed", "3")
     code, _, error = run("motions", "build", *wanted)
     assert code == 130

@@ -11,10 +11,15 @@ import pytest
 
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.main import main
+from humanoid_getup.commands.motions import search_motions
+from humanoid_getup.commands.motions.discover_motions import (
+    DiscoverRequest,
+    SearchPiece,
+    discover,
+    discover_all,
+    search_piece,
+)
 from humanoid_getup.commands.pieces import SharedFolder
-from humanoid_getup.jobs import search_motions
-from humanoid_getup.jobs.discover_motions import SearchPiece, discover, discover_all, search_piece
-from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.keyframes_file import load_keyframes
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.motions.motion_database import find_motion, load_database, suggest_motions

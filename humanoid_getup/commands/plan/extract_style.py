@@ -1,19 +1,27 @@
-"""Extracts a style of rising from a motion, a flight log or a clip of motion capture."""
+"""`getup style extract`: the style of a motion, a flight log or a clip of motion capture."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from rich.console import Console
+from tyro.conf import Positional, arg
 
 from humanoid_getup.clips.clip_file import ACCLAIM, BVH, read_clip
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import READ
 from humanoid_getup.commands.inputs import find_motion, load_robot
-from humanoid_getup.jobs.requests.style import ExtractRequest
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.commands.plan.styles import StyleOutput, print_times
+from humanoid_getup.commands.values import between
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.strategies.styled_rise import measure_motion
 from humanoid_getup.style.curves import UPRIGHT_STAND, is_stand
-from humanoid_getup.style.extraction import ExtractionError, extract_curves, measure_clip, trim
+from humanoid_getup.style.extraction import extract_curves, measure_clip, trim
 from humanoid_getup.style.features import FeatureSense
 from humanoid_getup.style.style import Style
 from humanoid_getup.style.style_file import write_style
@@ -25,34 +33,60 @@ from robots.quaternion import Array
 MOTION, LOG = ".npz", ".mcap"
 
 
-def extract_style(
-    request: ExtractRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> Style:
-    """Extract the curves of the neck's height and the torso's angles, and write the style's file.
+@dataclass(frozen=True, kw_only=True)
+class ExtractRequest(StyleOutput):
+    """Extract a style from a motion, a flight log, or a clip of motion capture."""
 
-    Raises:
-        BadInputError: if the source cannot be used.
-        CancelledError: if ``cancel`` ended it; then nothing is written.
-    """
-    ExtractRequest.accept(request)
-    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
+    source: Annotated[Positional[str], READ, arg(metavar="MOTION|FILE")]
+    """Name of a motion, or a file: .npz motion, .mcap flight log, .bvh or .amc clip."""
+    skeleton: Annotated[Path | None, READ, arg(metavar="FILE.asf")] = None
+    """Skeleton of an .amc clip; default: the .asf file of the same subject beside it."""
+    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    up: Literal["y", "z"] | None = None
+    """Axis of a clip that points up; default: y."""
+    begin: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which the rise begins [s]; default: when something moves first."""
+    end: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which it ends [s]; default: when everything has come to rest."""
+    finish: bool = False
+    """Let the last control point be a stand, however the source ends."""
+
+    def find_problems(self) -> list[str]:
+        """Report times in the wrong order as well."""
+        problems = super().find_problems()
+        if self.begin is not None and self.end is not None and not self.begin < self.end:
+            problems.append(f"--begin is {self.begin:g} s, expected before --end, {self.end:g} s")
+        return problems
+
+
+@command("style extract")
+def extract_style(request: ExtractRequest, monitor: ProgressMonitor) -> Style:
+    """Extract the curves of neck and torso from the source, and write the style's file."""
+    robot = load_robot(request)
     monitor.begin("reading")
     with refusing():
         time, features, scale = _read_source(request, robot)
-        time, features = _choose(time, features, request)
-        if request.finish:
-            features[-1] = UPRIGHT_STAND
-        try:
-            curves = extract_curves(time, features)
-        except ValueError as error:
-            hint = "" if is_stand(features[-1]) else " (--finish lets the last point be a stand)"
-            raise BadInputError(f"{request.source}: {error}{hint}") from error
-        curves = curves.lasting(curves.duration * scale)
-        about = f"from {Path(request.source).name}, {time[0]:.2f} to {time[-1]:.2f} s"
-        style = Style(name=request.out.stem, about=about, curves=(curves,))
-        monitor.check()
-        write_style(style, robot, request.out)
+    time, features = _choose(time, features, request)
+    if request.finish:
+        features[-1] = UPRIGHT_STAND
+    try:
+        curves = extract_curves(time, features)
+    except ValueError as error:
+        hint = "" if is_stand(features[-1]) else " (--finish lets the last point be a stand)"
+        raise BadInputError(f"{request.source}: {error}{hint}") from error
+    curves = curves.lasting(curves.duration * scale)
+    about = f"from {Path(request.source).name}, {time[0]:.2f} to {time[-1]:.2f} s"
+    style = Style(name=request.out.stem, about=about, curves=(curves,))
+    monitor.check()
+    write_style(style, robot, request.out)
     return style
+
+
+@extract_style.show
+def _print(style: Style, request: ExtractRequest, console: Console) -> int:
+    print_times(request.out, style, console)
+    return DID_IT
 
 
 def _choose(time: Array, features: Array, request: ExtractRequest) -> tuple[Array, Array]:
@@ -61,7 +95,7 @@ def _choose(time: Array, features: Array, request: ExtractRequest) -> tuple[Arra
     end = np.inf if request.end is None else request.end
     chosen = (time >= begin - 1e-9) & (time <= end + 1e-9)
     if chosen.sum() < 2:
-        raise ExtractionError(
+        raise ValueError(
             f"{request.source} lasts from {time[0]:.2f} to {time[-1]:.2f} s, expected --begin and "
             "--end within it"
         )

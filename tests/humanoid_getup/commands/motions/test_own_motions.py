@@ -13,8 +13,8 @@ from paths import SHARED
 from run_getup import Run
 
 from drivers import DriverError
-from humanoid_getup.cli.options.motions import RecordMotion
-from humanoid_getup.cli.plan_and_check import hand_recording
+from humanoid_getup.commands.motions import record_motion
+from humanoid_getup.commands.motions.record_motion import RecordMotion
 from humanoid_getup.execution.hand_recorder import Press
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
 from humanoid_getup.motions.motion import Motion
@@ -101,7 +101,7 @@ class Hand:
 @pytest.fixture
 def record(run: Run, own_robot: Path, monkeypatch: pytest.MonkeyPatch):
     """Record the smallest robot in simulated time; return exit code and output."""
-    open_backend = hand_recording.open_backend
+    open_backend = record_motion.open_backend
 
     def record(
         postures: list[np.ndarray], *options: str, last: Press | None = Press.FINISH
@@ -116,8 +116,8 @@ def record(run: Run, own_robot: Path, monkeypatch: pytest.MonkeyPatch):
                 hand.place = choice.place
                 yield choice
 
-        monkeypatch.setattr(hand_recording, "open_backend", open_unpaced)
-        monkeypatch.setattr(hand_recording, "open_presses", lambda: nullcontext(hand))
+        monkeypatch.setattr(record_motion, "open_backend", open_unpaced)
+        monkeypatch.setattr(record_motion, "open_presses", lambda: nullcontext(hand))
         code, out, error = run("motions", "record", "bow", "--robot", str(own_robot), *options)
         return code, " ".join(out.split()), error
 

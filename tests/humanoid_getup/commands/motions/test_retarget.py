@@ -10,7 +10,7 @@ from human_clips import PERIOD, write_human_bvh
 from model_files import write_model
 from run_getup import Run
 
-from humanoid_getup.jobs import retarget_motions
+from humanoid_getup.commands.motions import retarget_motions
 from humanoid_getup.motions.motion import Motion
 from robots import Robot, load_robot
 from robots.model_import.importer import ImportOptions, import_model

@@ -7,9 +7,13 @@ import pytest
 
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.inputs import find_keyframes
+from humanoid_getup.commands.motions.build_motions import (
+    BuildPiece,
+    BuildRequest,
+    build_motions,
+    build_piece,
+)
 from humanoid_getup.commands.pieces import SharedFolder, sharing
-from humanoid_getup.jobs.build_motions import BuildPiece, build_motions, build_piece
-from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.motion import Motion
 from humanoid_getup.progress.callback import CancelledError, Progress
 from humanoid_getup.progress.worker import passing_reports

@@ -1,4 +1,4 @@
-"""Builds motions from keyframes into a robot's folder, each as a piece of an engine."""
+"""`getup motions build`: motions from keyframes, each built as a piece of an engine."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
+from rich.console import Console
+from rich.markup import escape
+from tyro.conf import Positional, arg
+
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
+from humanoid_getup.commands.options import Count, EngineOptions, Prefer, RobotOption
 from humanoid_getup.commands.output_files import find_folder_problems
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
+from humanoid_getup.commands.values import between
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
-from humanoid_getup.jobs.requests.motions import BuildRequest
 from humanoid_getup.motions.build import (
     UNFINISHED,
     Build,
@@ -31,20 +39,33 @@ from humanoid_getup.motions.keyframes_writer import replace_keyframes, save_keyf
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
 from humanoid_getup.motions.optimization import count_work
 from humanoid_getup.motions.search_log import SearchLog
-from humanoid_getup.progress.callback import (
-    Cancel,
-    CancelledError,
-    Progress,
-    ProgressMonitor,
-    Report,
-)
+from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.progress.worker import report
 from humanoid_getup.reporting.film_strip import NoRendererError
 from humanoid_getup.reporting.motion_strip import draw_motion
 from robots import Robot
 
+MOST_CMA_SEED = 2**31
 LOG, BEST, KEYS, STRIP = ".jsonl", ".npz", ".toml", ".png"
 """Files of an unfinished motion: search log, best try, keys, picture."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildRequest(EngineOptions, RobotOption):
+    """Build rising motions from keyframes into the robot's folder."""
+
+    names: Positional[tuple[str, ...]] = ()
+    """Motions to build; default: all of the robot's keyframes."""
+    generations: Count = 20
+    """Generations of the search that optimizes the keyframes."""
+    seed: Annotated[int, between(0, MOST_CMA_SEED), arg(help="Random seed.")] = 0
+    prefer: Prefer | None = None
+    """What a motion should be besides successful; default: as in its keyframes."""
+    resume: bool = False
+    """Continue searches that were interrupted, or that need more generations: see the folder
+    unfinished of the robot."""
+    keep_keys: bool = False
+    """Write the optimized keys of motions that are built back into the keyframes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,23 +88,6 @@ class BuildPiece:
     """The build ends when it is released."""
 
 
-def build_motions(
-    request: BuildRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> BuiltMotions:
-    """Build motions into the robot's folder, and continue interrupted searches if requested.
-
-    Raises:
-        BadInputError: if there are no such keyframes, or the folder cannot be written.
-        CancelledError: if ``cancel`` ended it; motions that were ready are kept.
-    """
-    BuildRequest.accept(request)
-    robot = load_robot(request)
-    check_folders(robot)
-    return build_all(
-        robot, find_keyframes(robot, request.names), request, ProgressMonitor(report, cancel)
-    )
-
-
 def is_begun(request: BuildRequest) -> bool:
     """Return whether there is a stored search of a motion of a request."""
     folder = load_robot(request).folder / UNFINISHED
@@ -91,11 +95,29 @@ def is_begun(request: BuildRequest) -> bool:
     return bool(set(kept) & set(request.names or kept))
 
 
+@command("motions build", is_begun=is_begun)
+def build_motions(request: BuildRequest, monitor: ProgressMonitor) -> BuiltMotions:
+    """Build motions into the robot's folder, and continue interrupted searches if requested."""
+    robot = load_robot(request)
+    check_folders(robot)
+    return build_all(robot, find_keyframes(robot, request.names), request, monitor)
+
+
+@build_motions.show
+def print_built(found: BuiltMotions, _: BuildRequest, console: Console) -> int:
+    """Print where motions were built, and why others failed; return the exit code."""
+    count = len(found.built) + len(found.failures)
+    console.print(f"built {len(found.built)} of {count} into {found.folder}", soft_wrap=True)
+    for failure in found.failures:
+        console.print(f"[red]not built:[/] {escape(failure)}", soft_wrap=True)
+    return DID_NOT_STAND if found.failures else DID_IT
+
+
 def check_folders(robot: Robot) -> None:
     """Refuse a robot in whose folder nothing can be written."""
     for folder in (MOTION_FOLDER, UNFINISHED):
         if problems := find_folder_problems(robot.folder / folder, ()):
-            raise BadInputError("; ".join(problems))
+            raise BadInputError(*problems)
 
 
 def build_all(
@@ -112,7 +134,7 @@ def build_all(
     shared = make_worker_request(BuildRequest, request, robot=str(robot.folder))
     try:
         with (
-            refusing(),
+            refusing(),  # errors of workers have no traceback
             starting(request, len(chosen), worth=1) as executor,
             sharing(robot, request) as folder,
         ):
@@ -172,8 +194,7 @@ def _count_done(
     robot: Robot, keyframes: Sequence[Keyframes], request: BuildRequest, monitor: ProgressMonitor
 ) -> dict[str, int]:
     """Count and report the generations in the logs, which are checked before any work."""
-    with refusing():
-        done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
+    done = {each.name: len(open_log(robot, each, request).generations) for each in keyframes}
     for name, count in done.items() if request.resume else ():
         going_on = (
             f"continues after generation {count}" if count else "begins: there is no log of it"

@@ -1,16 +1,31 @@
-"""Retargets motions: transfers another robot's keys, and improves them if necessary."""
+"""`getup motions retarget`: keys of another robot, improved where they rarely stand."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
-from humanoid_getup.commands.errors import BadInputError, refusing
+from rich.console import Console
+from tyro.conf import arg
+
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.files import ROBOT
 from humanoid_getup.commands.inputs import find_keyframes, load_robot
+from humanoid_getup.commands.motions.build_motions import (
+    BuildRequest,
+    BuiltMotions,
+    build_all,
+    check_folders,
+    is_begun,
+    keep,
+    print_built,
+)
+from humanoid_getup.commands.options import RobotOption, write_command
 from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.jobs.build_motions import BuiltMotions, build_all, check_folders, keep
-from humanoid_getup.jobs.requests.motions import RetargetRequest
 from humanoid_getup.motions.build import SOUND, build_unimproved, motion_file
 from humanoid_getup.motions.key_transfer import KeyTransfer
 from humanoid_getup.motions.keyframes import Keyframes
@@ -18,9 +33,21 @@ from humanoid_getup.motions.keyframes_file import KEYFRAMES
 from humanoid_getup.motions.keyframes_writer import append_keyframes
 from humanoid_getup.motions.motion import STANDING
 from humanoid_getup.motions.motion_database import MOTION_FOLDER
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import ProgressMonitor
 from robots import Robot
-from robots import load_robot as load
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetargetRequest(BuildRequest):
+    """Transfer the keyframes of another robot: point the limbs the same way, keep the motions
+    that stand, and improve those that rarely do as `getup motions build` does."""
+
+    robot: Annotated[str, ROBOT] = field()
+    """Robot to which the motions are added: a name, or a folder with a robot.toml."""
+    source: Annotated[str, ROBOT, arg(metavar="NAME|DIR")] = "op3"
+    """Robot whose keyframes are transferred."""
+    improve: bool = True
+    """Improve the motions that stand in less than 80 % of disturbed worlds, or not at all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,23 +71,16 @@ class RetargetedMotions:
         return set(self.rest) <= set(self.improved.built if self.improved else ())
 
 
-def retarget(
-    request: RetargetRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> RetargetedMotions:
+@command("motions retarget", is_begun=is_begun)
+def retarget(request: RetargetRequest, monitor: ProgressMonitor) -> RetargetedMotions:
     """Transfer the keys, keep the motions that stand, and improve those that rarely do.
 
     Motions that the robot has already stay as they are.
-
-    Raises:
-        BadInputError: if a robot or its keyframes are missing, or its folder cannot be written.
-        CancelledError: if ``cancel`` ended it; keys and motions that were ready are kept.
     """
-    RetargetRequest.accept(request)
-    monitor, robot = ProgressMonitor(report, cancel), load_robot(request)
-    with refusing():
-        source = load(request.source)
+    robot = load_robot(request)
+    source = load_robot(RobotOption(robot=request.source))
     if source.folder.resolve() == robot.folder.resolve():
-        raise BadInputError(f"--source is {source.name}, the robot itself, expected another robot")
+        raise ValueError(f"--source is {source.name}, the robot itself, expected another robot")
     check_folders(robot)
     wanted = _transfer(source, robot, request, monitor)
     known = [each.name for each in wanted if motion_file(robot.folder, each.name).exists()]
@@ -80,6 +100,24 @@ def retarget(
         wanting=_pick_wanting(rest, [each for each in wanted if each not in rest]),
         improved=build_all(robot, weak, request, monitor) if improves else None,
     )
+
+
+@retarget.show
+def _print(found: RetargetedMotions, request: RetargetRequest, console: Console) -> int:
+    if found.improved is not None:
+        print_built(found.improved, request, console)
+    elif found.wanting:
+        following = BuildRequest(names=found.wanting, robot=request.robot)
+        console.print(
+            f"a rise needs a motion from each side; next: "
+            f"{write_command('motions build', following)}",
+            markup=False,
+            soft_wrap=True,
+        )
+    if found.is_complete:
+        following = f"getup rise --robot {shlex.quote(request.robot)} --from supine"
+        console.print(f"next: {following}", markup=False, soft_wrap=True)
+    return DID_IT if found.is_complete else DID_NOT_STAND
 
 
 def _pick_wanting(rest: Sequence[Keyframes], kept: Sequence[Keyframes]) -> tuple[str, ...]:
@@ -110,9 +148,8 @@ def _transfer(
     new = [each for each in wanted if each.name not in known]
     if new:
         monitor.begin("pointing the limbs")
-        with refusing():
-            transfer = KeyTransfer.between(source, robot)
-            append_keyframes(path, [transfer.transfer(each) for each in new], robot)
+        transfer = KeyTransfer.between(source, robot)
+        append_keyframes(path, [transfer.transfer(each) for each in new], robot)
     monitor.tell(f"keys of {len(new)} motions of {source.name} written to {path}")
     return find_keyframes(robot, tuple(each.name for each in wanted))
 

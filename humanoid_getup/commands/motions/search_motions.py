@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.values import name_choices
 from humanoid_getup.experiments.judging.lying import LyingSide
-from humanoid_getup.jobs.requests.motions import DiscoverRequest
 from humanoid_getup.motions.build import UNFINISHED, motion_file
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.keyframes_file import KEYFRAMES, load_keyframes
@@ -36,6 +35,9 @@ from robots import Robot, TorqueLimit
 from robots.body.limbs import Limbs
 from robots.quaternion import Array
 from robots.storage.arrays import save_arrays
+
+if TYPE_CHECKING:
+    from humanoid_getup.commands.motions.discover_motions import DiscoverRequest
 
 BUDGET = 300_000.0  # s simulated
 SAVED_EVERY = 60.0  # s
@@ -102,12 +104,12 @@ class MotionSearch:
         """
         self._robot, self._request, self._monitor = robot, request, monitor
         self._world, self._sides = World(robot), choose_sides(request, robot)
-        with refusing():
-            Limbs(robot)
-            limit = TorqueLimit(request.torque_limit).on(robot)
-            settings = SearchSettings(limit=limit, threads=threads)
+        Limbs(robot)  # refuses a robot without arms or legs
+        limit = TorqueLimit(request.torque_limit).on(robot)
+        settings = SearchSettings(limit=limit, threads=threads)
         self._recipe = make_recipe(self._world, settings, self._sides, request.seed)
-        arrays = self._read() if self.file(robot).exists() else None
+        file = self.file(robot)
+        arrays = read_search(file, self._recipe) if file.exists() else None
         monitor.begin("squats")
         self._discovery = ChainDiscovery(
             self._world,
@@ -120,8 +122,7 @@ class MotionSearch:
         )
         self._begun = self._discovery.simulated if before is None else before
         if arrays is not None:
-            with refusing():
-                restore_search(self.file(robot), arrays, self._discovery, self._load)
+            restore_search(file, arrays, self._discovery, self._load)
             sides = ", ".join(map(_describe_side, self.sides))
             monitor.tell(f"goes on after {self._discovery.simulated:,.0f} s simulated: {sides}")
         self._saved, self._state = time.monotonic(), self._describe()
@@ -232,10 +233,6 @@ class MotionSearch:
                 "torque: with less, the servos lift the robot out of few of its squats"
             )
 
-    def _read(self) -> dict[str, Any]:
-        with refusing():
-            return read_search(self.file(self._robot), self._recipe)
-
     def _load(self, name: str) -> Motion:
         return Motion.load(motion_file(self._robot.folder, name))
 
@@ -273,8 +270,7 @@ def check_begin(robot: Robot, request: DiscoverRequest) -> None:
 def _list_keys(robot: Robot) -> list[str]:
     """List the names of the robot's keyframes."""
     path = robot.folder / KEYFRAMES
-    with refusing():
-        known = load_keyframes(path, robot) if path.exists() else []
+    known = load_keyframes(path, robot) if path.exists() else []
     return [each.name for each in known]
 
 

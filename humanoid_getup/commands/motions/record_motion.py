@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rich.markup import escape
+from tyro.conf import Positional
 
 from drivers import SafetyGuard
 from drivers.control_loop import Ending, RunReport, run
 from drivers.safety_limits import GuardLimits
-from humanoid_getup.cli.options.motions import RecordMotion
-from humanoid_getup.cli.plan_and_check.make_motions import print_added
+from humanoid_getup.commands.backend_options import ViewOptions
 from humanoid_getup.commands.backends import open_backend
+from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import console_for, showing
-from humanoid_getup.commands.errors import BadInputError, refusing
 from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND, HARDWARE_FAULT
 from humanoid_getup.commands.inputs import load_world
+from humanoid_getup.commands.motions.import_keys import (
+    NewKeysOptions,
+    add_keys,
+    find_target,
+    print_added,
+)
 from humanoid_getup.commands.viewer import viewing
 from humanoid_getup.execution.hand_recorder import HandRecorder, TerminalPresses
-from humanoid_getup.jobs.import_keys import add_keys, find_target
 from humanoid_getup.motions.importing.imported_keyframes import find_travel_time, make_keyframes
 from humanoid_getup.motions.importing.key_sequence import KeyCollector, KeySequence
 from humanoid_getup.motions.keyframes_file import load_keyframes
@@ -34,19 +39,33 @@ LONGEST = 3600.0  # s
 KEYS = "Enter takes the posture, backspace drops the last one, q finishes"
 
 
-def record(command: RecordMotion) -> int:
+@dataclass(frozen=True, kw_only=True)
+class RecordMotion(NewKeysOptions, ViewOptions):
+    """Record keys from a robot that is moved by hand, torque off.
+
+    Enter or space takes the posture, backspace drops the last one, q finishes.
+    """
+
+    name: Positional[str]
+    """Name of the new motion."""
+
+
+@program("motions record")
+def record(options: RecordMotion) -> int:
     """Record keys and add them to the keyframes; 1 if there are none to add."""
-    world, console = load_world(command), console_for()
+    world, console = load_world(options), console_for()
     robot = world.robot
-    path = find_target(command, robot)
-    with refusing():
-        _check_name(command.name)
-        if path.exists() and command.name in [k.name for k in load_keyframes(path, robot)]:
-            raise ValueError(f"{path}: motion '{command.name}' is there already, expected another")
+    path = find_target(options, robot)
+    if not NAME.fullmatch(options.name):
+        raise ValueError(
+            f"name '{options.name}': expected up to 100 letters, digits, '_', '-', '.'"
+        )
+    if path.exists() and options.name in [k.name for k in load_keyframes(path, robot)]:
+        raise ValueError(f"{path}: motion '{options.name}' is there already, expected another")
     with open_presses() as presses:
         console.print(f"the robot is limp: support it. {KEYS}")
         recorder = HandRecorder(robot, presses.poll, lambda count: console.print(f"{count} keys"))
-        report = _run(recorder, command, world)
+        report = _run(recorder, options, world)
     if report.ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt("nothing is saved")
     is_fault = report.ending is Ending.FAULT  # keys recorded until then are still valid
@@ -55,11 +74,10 @@ def record(command: RecordMotion) -> int:
     if not recorder.keys or not (is_fault or (recorder.done and recorder.is_kept)):
         console.print("no keys: nothing is saved")
         return HARDWARE_FAULT if is_fault else DID_NOT_STAND
-    with refusing():
-        found = make_keyframes(make_sequence(command.name, recorder.keys, robot), robot, clip=True)
+    found = make_keyframes(make_sequence(options.name, recorder.keys, robot), robot, clip=True)
     with showing() as report:
-        added = add_keys([found], robot, command, path, ProgressMonitor(report))
-    print_added(added, command)
+        added = add_keys([found], robot, options, path, ProgressMonitor(report))
+    print_added(added, options, console)
     return HARDWARE_FAULT if is_fault else DID_IT
 
 
@@ -68,7 +86,7 @@ def open_presses() -> Iterator[TerminalPresses]:
     """Watch the person's keys."""
     with TerminalPresses() as presses:
         if not presses.has_terminal:
-            raise BadInputError("standard input is not a terminal: recording needs its keys")
+            raise ValueError("standard input is not a terminal: recording needs its keys")
         yield presses
 
 
@@ -83,12 +101,12 @@ def make_sequence(name: str, keys: list[Array], robot: Robot) -> KeySequence:
     return collector.finish(name, "a recording by hand")
 
 
-def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunReport:
+def _run(recorder: HandRecorder, options: RecordMotion, world: World) -> RunReport:
     """Keep the robot limp until the person has finished; a simulated one waits in real time."""
     limit = FULL_TORQUE.on(world.robot)
-    with open_backend(replace(command, realtime=True), world, limit) as choice:
+    with open_backend(replace(options, realtime=True), world, limit) as choice:
         guard = SafetyGuard(choice.backend, GuardLimits.of_limp(world.robot))
-        with viewing(command, world, realtime=choice.realtime) as show:
+        with viewing(options, world, realtime=choice.realtime) as show:
             return run(
                 recorder,
                 guard,
@@ -96,8 +114,3 @@ def _run(recorder: HandRecorder, command: RecordMotion, world: World) -> RunRepo
                 realtime=choice.realtime,
                 on_cycle=show,
             )
-
-
-def _check_name(name: str) -> None:
-    if not NAME.fullmatch(name):
-        raise ValueError(f"name '{name}': expected up to 100 letters, digits, '_', '-', '.'")

@@ -1,30 +1,44 @@
-"""Discovers motions of a robot: by a search in physics, or in the rises of its policy."""
+"""`getup motions discover`: motions by a search in physics, or of the rises of a policy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from rich.console import Console
+from tyro.conf import Positional, arg
+
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT, DID_NOT_STAND
+from humanoid_getup.commands.files import READ, ROBOT, WRITTEN
 from humanoid_getup.commands.inputs import load_robot
-from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems
-from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
-from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.jobs.requests.motions import DiscoverRequest
-from humanoid_getup.jobs.search_motions import (
+from humanoid_getup.commands.motions.search_motions import (
     MotionSearch,
     NearestStand,
     check_begin,
     choose_sides,
     describe_motion,
 )
+from humanoid_getup.commands.options import (
+    Count,
+    EngineOptions,
+    RobotOption,
+    Seed,
+    TorqueLimitValue,
+    write_command,
+)
+from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems
+from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
+from humanoid_getup.commands.values import at_least, between
+from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
-from humanoid_getup.motions.motion_database import MOTION_FOLDER
+from humanoid_getup.motions.motion_database import MOTION_FOLDER, name_robot
 from humanoid_getup.posture_chains.search_file import read_simulated
 from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
 from humanoid_getup.progress.worker import report
@@ -38,6 +52,67 @@ if TYPE_CHECKING:  # its evaluation of policies is slow to import
 
 RISES = 48
 DEFAULT_ROBOT = "op3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscoverRequest(EngineOptions, RobotOption):
+    """Find motions of a robot that has none: search in physics how it gets up from each side.
+
+    From lying, the servos' targets move from one posture in which the robot rests to the next,
+    until it stands. With a policy, its rises become motions instead: replayed without feedback,
+    as smooth as they still stand. Either way, what stands in few disturbed worlds is not kept.
+    """
+
+    policy: Annotated[
+        Positional[str],
+        READ,
+        arg(
+            metavar="POLICY",
+            help="Name of a policy of the robot, or an .onnx file, whose rises become motions; "
+            "default: none, a search.",
+        ),
+    ] = ""
+    robot: Annotated[str, ROBOT, arg(metavar="NAME|DIR,...")] = ""
+    """Names of robots, or folders with a robot.toml; the engine runs one search for each. Default:
+    op3, or the policy file's robot."""
+    sides: Annotated[tuple[str, ...], arg(metavar="SIDE,...")] = ()
+    """Sides from which motions are searched: supine, prone, left; those from the right mirror
+    those from the left, unless a limp joint makes them differ; default: all."""
+    most: Count = 2
+    """Motions from each side, of different ways up."""
+    budget: Annotated[float | None, between(1.0, 1e9, "s"), arg(metavar="S")] = None
+    """Simulated time for a search [s], after which the round that has begun is finished; default:
+    300,000 s."""
+    torque_limit: TorqueLimitValue = None
+    resume: bool = False
+    """Go on with the search that ended or was interrupted, for another budget."""
+    rises: Annotated[int | None, at_least(2)] = None
+    """Rises of a policy from each side; default: 48."""
+    seed: Seed = 0
+    picture: Annotated[Path | None, WRITTEN, arg(metavar="FILE.png")] = None
+    """Picture of the motions to write; default: ROBOT_motions.png."""
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Return the robots."""
+        return tuple(self.robot.split(","))
+
+    def find_problems(self) -> list[str]:
+        """Report options of a search with a policy, and the reverse, as well."""
+        problems = super().find_problems()
+        if len(self.robots) > 1 and self.picture is not None:
+            problems.append("--picture is given, expected none with several robots")
+        if len(self.robots) > 1 and self.policy:
+            problems.append(f"--robot is {self.robot}, expected one with a policy")
+        of_search = {
+            "--budget": self.budget,
+            "--resume": self.resume or None,
+            "--torque-limit": self.torque_limit,
+            "--engine": None if self.engine == EngineOptions.engine else self.engine,
+        }
+        wrong, state = (of_search, "with") if self.policy else ({"--rises": self.rises}, "without")
+        given = [name for name, value in wrong.items() if value is not None]
+        return problems + [f"{name} is given, expected none {state} a policy" for name in given]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,44 +132,54 @@ class DiscoveredMotions:
     with nothing to draw with."""
 
 
+def is_begun(request: DiscoverRequest) -> bool:
+    """Tell whether there is a search to resume."""
+    robots = [load_robot(each) for each in _split(request)]
+    return not request.policy and any(MotionSearch.file(robot).exists() for robot in robots)
+
+
+@command("motions discover", is_begun=is_begun)
+def discover_all(
+    request: DiscoverRequest, monitor: ProgressMonitor
+) -> tuple[DiscoveredMotions, ...]:
+    """Find motions of robots from each side, and store them with their keys and a picture."""
+    found = (_harvest(request, monitor),) if request.policy else _search(request, monitor)
+    monitor.begin("drawing")
+    return tuple(_draw(each, request) for each in found)
+
+
+@discover_all.show
+def _print(found: tuple[DiscoveredMotions, ...], request: DiscoverRequest, console: Console) -> int:
+    for each in found:
+        if len(found) > 1:
+            console.print(f"{each.robot.name}:", markup=False)
+        for line in _tell(each, request):
+            console.print(line, markup=False, soft_wrap=True)
+    return DID_NOT_STAND if any(each.wanting for each in found) else DID_IT
+
+
 def discover(
     request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
 ) -> DiscoveredMotions:
-    """Find motions of one robot, as `discover_all` does for several.
-
-    Raises:
-        BadInputError: as there, or with several robots.
-        CancelledError: as there.
-    """
-    DiscoverRequest.accept(request)
+    """Find motions of one robot, as `discover_all` does for several."""
     if len(request.robots) > 1:
         raise BadInputError(f"robot is {request.robot}, expected one: discover_all takes several")
     (found,) = discover_all(request, report, cancel)
     return found
 
 
-def discover_all(
-    request: DiscoverRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> tuple[DiscoveredMotions, ...]:
-    """Find motions of robots from each side, and store them with their keys and a picture.
-
-    Raises:
-        BadInputError: if motions of that name are there already, files cannot be written, a policy
-            follows style curves, or there is no search to resume.
-        CancelledError: if ``cancel`` ended it; motions that were found are kept, and a search can
-            be resumed.
-    """
-    DiscoverRequest.accept(request)
-    monitor = ProgressMonitor(report, cancel)
-    found = (_harvest(request, monitor),) if request.policy else _search(request, monitor)
-    monitor.begin("drawing")
-    return tuple(_draw(each, request) for each in found)
-
-
-def is_begun(request: DiscoverRequest) -> bool:
-    """Tell whether there is a search to resume."""
-    robots = [load_robot(each) for each in _split(request)]
-    return not request.policy and any(MotionSearch.file(robot).exists() for robot in robots)
+def _tell(found: DiscoveredMotions, request: DiscoverRequest) -> Iterator[str]:
+    """Yield the picture, what was not found, and the command to go on with."""
+    if found.picture is not None:
+        yield f"film strips in {found.picture}"
+    if found.wanting:
+        yield f"no motion from: {', '.join(found.wanting)}"
+    yield from (each.describe() for each in found.nearest)
+    if found.wanting and found.goes_on:
+        yield f"next: {write_command('motions discover', replace(request, resume=True))}"
+    elif found.motions:
+        start = found.motions[0].start_class
+        yield f"next: getup rise {name_robot(found.robot)} --from {start}"
 
 
 def _split(request: DiscoverRequest) -> list[DiscoverRequest]:
@@ -120,7 +205,7 @@ def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonito
         return True
     try:
         check_begin(robot, replace(request, resume=False))
-    except BadInputError as error:
+    except ValueError as error:
         monitor.tell(f"{robot.name}: {error}")
         return False
     return True
@@ -128,10 +213,11 @@ def _is_searched(robot: Robot, request: DiscoverRequest, monitor: ProgressMonito
 
 def _harvest(request: DiscoverRequest, monitor: ProgressMonitor) -> DiscoveredMotions:
     """Make motions of the rises of a policy."""
-    from humanoid_getup.jobs.policies import load_policy, name_robot
+    from humanoid_getup.commands.policies import load_policy
+    from humanoid_getup.commands.policies import name_robot as name_robot_of
     from humanoid_getup.policy.onnx_policy import find_policy
 
-    request = name_robot(request, request.policy)
+    request = name_robot_of(request, request.policy)
     robot = load_robot(request)
     policy = load_policy(robot, request.policy, None)
     if policy.contract.style is not None:

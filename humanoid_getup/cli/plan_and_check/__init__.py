@@ -1,1 +1,0 @@
-"""Commands that plan, make and check motions, styles and scenes."""

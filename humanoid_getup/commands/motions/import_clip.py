@@ -1,0 +1,157 @@
+"""`getup mocap import`: a clip of motion capture as a motion of a robot."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from rich.console import Console
+from rich.markup import escape
+from tyro.conf import Positional, arg
+
+from humanoid_getup.clips.clip_file import read_clip
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import MADE, READ
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.options import RobotOption
+from humanoid_getup.commands.output_files import find_file_problems
+from humanoid_getup.commands.values import between
+from humanoid_getup.motions.mocap.retarget_clip import ClipRetargeter, RetargetedClip
+from humanoid_getup.progress.callback import ProgressMonitor
+
+CLIPS = "FILE.bvh, or FILE.asf FILE.amc"
+NOT_OF_NAMES = re.compile(r"[^\w.-]+")
+SUFFIX = ".npz"
+SLOWED = 1.005  # times its duration, from which a motion counts as slowed down
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipRequest(RobotOption):
+    """Make a motion of a robot from a clip: its limbs point as those of the body.
+
+    The motion is made without physics: `getup play` shows whether it can be played.
+    """
+
+    files: Annotated[Positional[tuple[Path, ...]], READ, arg(metavar="FILE.bvh|FILE.asf FILE.amc")]
+    """Clip of motion capture: a .bvh file, or an .amc file and its skeleton."""
+    begin: Annotated[float | None, arg(metavar="S")] = None
+    """Time of the clip at which the motion begins [s]; default: its beginning."""
+    end: Annotated[float | None, arg(metavar="S")] = None
+    """Time at which it ends [s]; default: its end."""
+    finish: bool = False
+    """End in the robot's stance, however the clip ends."""
+    rate: Annotated[float | None, between(1.0, 10_000.0, "Hz"), arg(metavar="HZ")] = None
+    """Frames per second of an .amc clip [Hz], which its file does not say; default: 120."""
+    up: Literal["y", "z"] | None = None
+    """Axis of the clip that points up; default: y."""
+    name: str = ""
+    """Name of the motion; default: that of the clip's file."""
+    out: Annotated[Path | None, MADE, arg(metavar="FILE.npz")] = None
+    """Motion file to write; default: the motion's name in the working folder."""
+
+    @property
+    def clip(self) -> Path:
+        """Return the file of the movement."""
+        return self.files[-1]
+
+    @property
+    def skeleton(self) -> Path | None:
+        """Return the separate file of the skeleton, if any."""
+        return self.files[0] if len(self.files) > 1 else None
+
+    @property
+    def motion_name(self) -> str:
+        """Return the name of the motion."""
+        return self.name or NOT_OF_NAMES.sub("_", self.clip.stem)
+
+    @property
+    def target(self) -> Path:
+        """Return the file to write."""
+        return self.out or Path(f"{self.motion_name}{SUFFIX}")
+
+    def find_problems(self) -> list[str]:
+        """Report wrong files, times in the wrong order, and a wrong output as well."""
+        problems = super().find_problems()
+        kinds = [file.suffix.lower() for file in self.files]
+        if kinds not in ([".bvh"], [".amc"], [".asf", ".amc"]):
+            given = " ".join(map(str, self.files)) or "missing"
+            return [*problems, f"the clip is {given}, expected {CLIPS}"]
+        if self.rate is not None and kinds == [".bvh"]:
+            problems.append("--rate is given, expected none with a .bvh file: it says its own")
+        begin, end = self.begin or 0.0, math.inf if self.end is None else self.end
+        if not 0.0 <= begin < math.inf or math.isnan(end):
+            problems.append(f"--begin is {begin:g} s, --end {end:g} s, expected times from 0 s on")
+        elif not begin < end:
+            problems.append(f"--begin is {begin:g} s, expected before --end, {end:g} s")
+        if self.target.suffix != SUFFIX:
+            problems.append(f"--out is {self.target}, expected a name that ends with {SUFFIX}")
+        return problems if self.out else problems + find_file_problems(self.target)
+
+
+def describe(found: RetargetedClip) -> dict[str, Any]:
+    """Describe a motion made from a clip, and the deviation of its limbs, for JSON."""
+    motion, deviation = found.motion, found.deviation
+    limb, largest = deviation.largest
+    return {
+        "name": motion.name,
+        "robot": motion.robot,
+        "start_class": motion.start_class,
+        "end_class": motion.end_class,
+        "duration_s": motion.duration,
+        "slowdown": found.slowdown,
+        "deviation_mean_deg": math.degrees(deviation.mean),
+        "deviation_max_deg": math.degrees(largest),
+        "deviation_max_limb": limb,
+        "deviation_deg": {
+            name: {"mean": math.degrees(rows.mean()), "max": math.degrees(rows.max())}
+            for name, rows in deviation.angle.items()
+        },
+        "bound_joints": deviation.bound,
+    }
+
+
+@command("mocap import", json=describe)
+def import_clip(request: ClipRequest, monitor: ProgressMonitor) -> RetargetedClip:
+    """Retarget the clip, and write the motion to the request's target."""
+    robot = load_robot(request)
+    monitor.begin("reading")
+    with refusing():
+        clip = read_clip(request.clip, request.skeleton, request.rate, request.up)
+    found = ClipRetargeter(robot).retarget(
+        clip,
+        name=request.motion_name,
+        begin=request.begin or 0.0,
+        end=math.inf if request.end is None else request.end,
+        finish=request.finish,
+        report=lambda share: monitor.begin(f"pointing the limbs: {share:.0%}"),
+    )
+    request.target.parent.mkdir(parents=True, exist_ok=True)
+    found.motion.save(request.target)
+    return found
+
+
+@import_clip.show
+def _print(found: RetargetedClip, request: ClipRequest, console: Console) -> int:
+    motion, deviation = found.motion, found.deviation
+    limb, largest = deviation.largest
+    lines = [
+        f"{motion.name}: {motion.duration:.2f} s from {motion.start_class} to {motion.end_class}",
+        f"limbs point {math.degrees(deviation.mean):.1f}° off the clip's on average, at most "
+        f"{math.degrees(largest):.0f}° (the {limb.replace('_', ' ')})",
+    ]
+    if found.slowdown > SLOWED:
+        lines.append(f"slowed down to {found.slowdown:.2f} times its duration: servos' speed")
+    if deviation.bound:
+        bound = sorted(deviation.bound.items(), key=lambda pair: -pair[1])
+        listed = ", ".join(f"{joint} {share:.0%}" for joint, share in bound)
+        lines.append(f"joints at an end of their range, share of the frames: {listed}")
+    robot_option = "" if request.robot == "op3" else f" --robot {request.robot}"
+    lines.append(f"written to {request.target}; next: getup play {request.target}{robot_option}")
+    for line in lines:
+        console.print(escape(line), soft_wrap=True)
+    return DID_IT

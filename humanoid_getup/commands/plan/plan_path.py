@@ -1,0 +1,232 @@
+"""`getup plan`: a path without physics, to a stored motion or to any posture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from tyro.conf import arg
+
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.exit_codes import DID_IT, NO_PATH
+from humanoid_getup.commands.files import READ, Written
+from humanoid_getup.commands.inputs import find_start, load_keys, load_world
+from humanoid_getup.commands.options import NO_ORIGIN, BodyOption, Keys, Origin, SceneOptions
+from humanoid_getup.commands.output_files import staging
+from humanoid_getup.commands.values import at_least
+from humanoid_getup.experiments.starts.falls import Fall
+from humanoid_getup.motions.key_posture import KeyPosture
+from humanoid_getup.motions.motion import Trajectory
+from humanoid_getup.motions.motion_database import load_database
+from humanoid_getup.motions.posture_metric import PostureMetric
+from humanoid_getup.planning.path_planner import PathOptions
+from humanoid_getup.planning.path_query import (
+    Goal,
+    PathAnswer,
+    choose_goals,
+    find_path,
+    measure_length,
+    to_motion,
+)
+from humanoid_getup.planning.rrt_blossom import SearchStatus
+from humanoid_getup.progress.callback import ProgressMonitor
+from humanoid_getup.reporting import film_strip
+from humanoid_getup.simulation.world import World
+from robots.kinematics import place_postures
+
+PATH, STRIP = "path.npz", "strip.png"
+FILES = (PATH, STRIP)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest(BodyOption, SceneOptions):
+    """Plan a path from a lying posture to a stored motion, or to any posture; no physics."""
+
+    origin: Origin = None
+    key: Keys = ()
+    to: Annotated[str | None, READ, arg(metavar="FILE|motions:NAME@TIME")] = None
+    """Where the path ends: a posture file, or a frame of a motion by its time [s]; default: the
+    nearest postures at which stored motions are joined, in turn."""
+    max_checks: Annotated[int, at_least(1, at_most=10**9)] = 300_000
+    """Postures that may be checked for collisions, for each path between two postures."""
+    refinement: bool = True
+    """If there is no path, loosen the constraints and tighten them step by step."""
+    keep_partial: bool = False
+    """If no path is found, save the collision-free beginning of the best one."""
+    out: Annotated[Path | None, Written(FILES), arg(metavar="DIR")] = None
+    """Folder for path.npz and strip.png."""
+
+    def find_problems(self) -> list[str]:
+        """Report a missing start, and --keep-partial without a folder, as well."""
+        problems = super().find_problems() + ([] if self.origin else [NO_ORIGIN])
+        if self.keep_partial and self.out is None:
+            problems.append("--keep-partial: expected --out DIR with it, to save the path in")
+        return problems
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedPath:
+    """A planned path, and figures of the search."""
+
+    request: PlanRequest
+    world: World
+    start: Fall
+    keys: tuple[KeyPosture, ...]
+    """Postures to rise through."""
+    answer: PathAnswer
+    files: tuple[Path, ...] = ()
+    """Files that were written."""
+    strip_reason: str | None = None
+    """Why there is no film strip in the folder."""
+
+    @property
+    def found(self) -> bool:
+        """Return whether there is a path."""
+        return self.answer.found
+
+    @property
+    def key_times(self) -> tuple[float | None, ...]:
+        """Return the time at which the path leaves each key [s]; None if it does not reach it."""
+        path, arrivals = self.answer.path, self.answer.result.arrivals
+        if path is None:
+            return tuple(None for _ in self.keys)
+        return tuple(
+            float(path.time[arrivals[number]]) if number < len(arrivals) else None
+            for number in range(len(self.keys))
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Describe the search for JSON."""
+        request, answer, world = self.request, self.answer, self.world
+        result, path, joined = answer.result, answer.path, answer.goal.connection
+        return {
+            "robot": world.robot.name,
+            "scene": request.scene,
+            "seed": request.seed,
+            "start": request.origin,
+            "start_class": self.start.start_class,
+            "found": answer.found,
+            "goal": answer.goal.name,
+            "connection": joined
+            and {
+                "motion": joined.motion.name,
+                "frame": joined.frame,
+                "time_s": float(joined.motion.time[joined.frame] - joined.motion.time[0]),
+                "distance": joined.distance,
+            },
+            "status": result.status.value,
+            "reason": result.reason,
+            "leg": result.leg,
+            "refined": result.refined,
+            "way_out_m": answer.way_out and answer.way_out.length,
+            "checks": answer.checks,
+            "nodes": answer.nodes,
+            "time_s": answer.time,
+            "duration_s": None if path is None else float(path.time[-1]),
+            "length": None if path is None else measure_length(PostureMetric.of(world.robot), path),
+            "tried": [{"goal": goal, "reason": reason} for goal, reason in answer.tried],
+            "strip_reason": self.strip_reason,
+            "keys": [
+                {"name": key.name, "time_s": time}
+                for key, time in zip(self.keys, self.key_times, strict=True)
+            ],
+        }
+
+
+@command("plan", json=PlannedPath.describe)
+def plan(request: PlanRequest, monitor: ProgressMonitor) -> PlannedPath:
+    """Search a path that is free of collisions, and write it with a film strip if requested."""
+    rng = np.random.default_rng(request.seed)
+    monitor.begin("loading")
+    world = load_world(request)
+    keys = load_keys(world, request.key)
+    to = [] if request.to is None else load_keys(world, [request.to])
+    monitor.begin("falling")
+    start = find_start(world, str(request.origin), rng)
+    if to:
+        goals = [Goal(name=to[0].name, posture=to[0].posture)]
+    else:
+        last = keys[-1].posture if keys else start.posture
+        goals = choose_goals(load_database(world.robot), last)
+
+    def show(goal: str, looseness: float | None) -> None:
+        tight = "" if looseness is None else f", constraints tightened to {1 - looseness:.0%}"
+        monitor.begin(f"planning to {goal}{tight}")
+
+    options = PathOptions(max_checks=request.max_checks, refines=request.refinement)
+    answer = find_path(world, start.posture, keys, goals, rng, options, show)
+    found = PlannedPath(request=request, world=world, start=start, keys=tuple(keys), answer=answer)
+    if request.out is None:
+        return found
+    monitor.begin("drawing")
+    with staging(request.out, FILES) as folder:
+        strip_reason = _write(found, folder)
+        files = tuple(request.out / name for name in FILES if (folder / name).exists())
+    return replace(found, files=files, strip_reason=strip_reason)
+
+
+def _write(found: PlannedPath, folder: Path) -> str | None:
+    """Write the path and its film strip; return why there is no strip."""
+    answer, request = found.answer, found.request
+    path = answer.path if answer.found or request.keep_partial else None
+    if path is None:
+        return "there is no path"
+    to_motion(found.world, path, answer, request.seed).save(folder / PATH)
+    return _draw(path, found.world, folder / STRIP, answer.goal.name)
+
+
+def _draw(path: Trajectory, world: World, file: Path, goal: str) -> str | None:
+    """Draw a path as a film strip; return why there is none."""
+    rows = film_strip.pick_frames(len(path.time))
+    qpos = place_postures(
+        world.robot,
+        world.model,
+        path.position[rows],
+        path.orientation[rows],
+        path.joint_pos[rows],
+    )
+    try:
+        pictures = film_strip.render_frames(world.robot, world.model, qpos)
+    except film_strip.NoRendererError as error:
+        return str(error)
+    title = f"{world.robot.name}, {world.scene.name}: path to {goal}, no physics"
+    film_strip.save_strip(pictures, path.time[rows], file, title=title)
+    return None
+
+
+@plan.show
+def _print(found: PlannedPath, request: PlanRequest, console: Console) -> int:
+    """Print the outcome in one line, and the figures."""
+    record, files = found.describe(), ", ".join(map(str, found.files))
+    effort = f"{record['checks']} checks in {record['time_s']:.1f} s"
+    if not found.found:
+        where = f"no path to {record['goal']} after {effort}: {record['reason']}"
+        if record["status"] == SearchStatus.BUDGET_SPENT.value:
+            where += f"; next: a higher --max-checks than {request.max_checks}"
+        saved = f"; its free beginning: {files}" if files else ""
+        console.print(f"[bold red]{escape(where + saved)}", soft_wrap=True)
+        return NO_PATH
+    took = f"{record['duration_s']:.2f} s, length {record['length']:.1f}"
+    headline = f"path to {record['goal']}: {took}"
+    console.print(f"[bold green]{escape(headline)}")
+    table = Table.grid(padding=(0, 2))
+    how = "refined from loose to strict" if record["refined"] else "strict constraints"
+    rows = {
+        "start": f"{record['start_class']}, seed {record['seed']}",
+        "search": f"{effort}, {record['nodes']} nodes, {how}",
+        "way out": record["way_out_m"]
+        and f"{record['way_out_m']:.2f} m, moved as it lies: a rise crawls",
+        "keys": ", ".join(f"{key['name']} at {key['time_s']:.2f} s" for key in record["keys"]),
+        "files": files,
+        "no film": record["strip_reason"],
+    }
+    for label, text in rows.items():
+        if text:
+            table.add_row(f"[dim]{label}", escape(text))
+    console.print(table)
+    return DID_IT

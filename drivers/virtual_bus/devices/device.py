@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from drivers.dynamixel.control_table import ControlTable
-from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Status
+from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Status
 from drivers.dynamixel.wire import PROTOCOL_2
 from drivers.virtual_bus.devices.registers import Registers, WritePlan
 
@@ -54,6 +54,8 @@ class VirtualDevice:
         """Build a device with its registers at factory defaults, its speed in bit/s."""
         self.table, self.quirks, self.firmware = table, quirks, firmware
         self.registers = Registers(table)
+        self.alarms = 0
+        """Hardware errors, as bits of `HardwareError`; replies of some protocols name them."""
         self.alive = True
         """False behind a broken cable: it neither receives nor replies."""
         self._powered = True
@@ -110,13 +112,8 @@ class VirtualDevice:
 
     @property
     def alert(self) -> int:
-        """Return the alert bit of its replies."""
-        return 0
-
-    @property
-    def alarms(self) -> int:
-        """Return the hardware errors that a reply names itself, as bits of `HardwareError`."""
-        return 0
+        """Return the alert bit of its replies, set while there is a hardware error."""
+        return ALERT if self.alarms else 0
 
     @property
     def powered(self) -> bool:

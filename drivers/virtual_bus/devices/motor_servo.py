@@ -11,6 +11,7 @@ from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
 from drivers.virtual_bus.devices.registers import Registers
+from drivers.virtual_bus.devices.sensors import Measured
 from robots.servo import ServoModel
 
 # Of the stall current, that a servo sustains, and s of the overload model: the manual mentions a
@@ -39,6 +40,9 @@ class MotorCommand:
 class MotorServo(VirtualDevice, ABC):
     """A servo of any kind; physics reads `motor_command` and calls `sense`."""
 
+    passing = HardwareError.VOLTAGE  # though the manual names a reboot alone
+    """Errors that go with their cause."""
+
     def __init__(
         self,
         table: ControlTable,
@@ -54,7 +58,7 @@ class MotorServo(VirtualDevice, ABC):
         stall = figures.stall_current if stall_current is None else stall_current
         self._protection = Protection(self.registers, stall)
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
-        self._boot_start = 0.0
+        self._boot_start, self._is_shut_down = 0.0, False
         self.late = 0.0
         """Time by which its physics, and so its own clock, is behind that of the bus [s]."""
         self._motor_command: MotorCommand | None = None
@@ -81,6 +85,29 @@ class MotorServo(VirtualDevice, ABC):
         """Restart with RAM at its defaults."""
         self._boot()
 
+    def trip(self, error: HardwareError) -> None:
+        """Set a hardware error; if the shutdown register has it, torque goes off."""
+        self._set_alarms(self.alarms | error)
+        if error & self.table.name_errors(self.registers["shutdown"]):
+            self._is_shut_down = True
+            self._release()
+
+    def _protect(self, measured: Measured) -> None:
+        """Trip at a new error; those that pass go with their cause."""
+        bits = self._protection.check(measured.voltage, measured.temperature)
+        if new := bits & ~self.alarms:
+            self.trip(HardwareError(new))
+        self._set_alarms(self.alarms & (bits | ~self.passing))
+
+    def _set_alarms(self, alarms: int) -> None:
+        if alarms == self.alarms:
+            return
+        self.alarms = int(alarms)
+        if "hardware_error_status" in self.registers:
+            known = self.table.error_bits
+            shown = sum(1 << i for i, bit in enumerate(known) if bit & alarms)
+            self.registers["hardware_error_status"] = shown if known else self.alarms
+
     def _handle_reboot(self, _params: bytes) -> int:
         self.reboot()
         return ErrorNumber.NONE
@@ -90,11 +117,15 @@ class MotorServo(VirtualDevice, ABC):
         self._boot_start = max(self._booted_at, self.now)
         self._restart()
 
+    def _lose_power(self) -> None:
+        super()._lose_power()
+        self._release()
+
     # For subclasses ----------------------------------------------------------------------
 
     @abstractmethod
-    def trip(self, error: HardwareError) -> None:
-        """Set a hardware error; if the shutdown register has it, torque goes off."""
+    def _release(self) -> None:
+        """Switch its torque off."""
 
     @abstractmethod
     def _compute_motor_command(self) -> MotorCommand:

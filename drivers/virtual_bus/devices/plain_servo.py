@@ -6,7 +6,7 @@ import math
 
 from drivers.dynamixel.control_table import table_named
 from drivers.dynamixel.goal_ranges import SLOPES, STIFFEST, full_scale, has_slope
-from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
@@ -24,6 +24,8 @@ class PlainServo(MotorServo):
     a move is kept, its acceleration is not.
     """
 
+    passing = HardwareError.VOLTAGE | HardwareError.OVERHEATING
+
     def __init__(
         self,
         servo_id: int,
@@ -40,7 +42,6 @@ class PlainServo(MotorServo):
         self._last_tick, self._rad_per_tick = figures.last_tick, figures.rad_per_tick
         self._full_scale = full_scale(table)
         self._kept = bytes(self.registers.memory)
-        self._alarms, self._is_shut_down = 0, False
         self._measured = Measured(ticks=figures.middle_tick, voltage=figures.nominal_voltage)
         self._target = float(figures.middle_tick)
         if Instruction.FACTORY_RESET in table.instructions:
@@ -57,16 +58,6 @@ class PlainServo(MotorServo):
         self._restart()
 
     # For bus and physics ------------------------------------------------------------------------
-
-    @property
-    def alert(self) -> int:
-        """Return the alert bit of its replies, set while there is a hardware error."""
-        return ALERT if self._alarms else 0
-
-    @property
-    def alarms(self) -> int:
-        """Return its hardware errors, which replies of some protocols name."""
-        return self._alarms
 
     @property
     def torque_on(self) -> bool:
@@ -104,17 +95,13 @@ class PlainServo(MotorServo):
         self._measured = measured
         self._write_measured()
         if self._powered:
-            self._protect()
+            self._protect(measured)
 
-    def trip(self, error: HardwareError) -> None:
-        """Set a hardware error; where the shutdown register has it, torque goes off."""
-        self._set_alarms(self._alarms | error)
-        if error & self.table.name_errors(self.registers["shutdown"]):
-            self._is_shut_down = True
-            if "goal_pwm" in self.registers:
-                self.registers["goal_pwm"] = 0
-            self.registers["torque_enable"] = 0
-            self._motor_command = None
+    def _release(self) -> None:
+        if "goal_pwm" in self.registers:
+            self.registers["goal_pwm"] = 0
+        self.registers["torque_enable"] = 0
+        self._motor_command = None
 
     def _run(self, duration: float) -> float:
         """Move the target of the position loop towards the goal."""
@@ -165,7 +152,7 @@ class PlainServo(MotorServo):
             has_limit = self.registers["profile_velocity"]
             self._target = self._measured.ticks if has_limit else self._goal
             self._is_shut_down = False
-            self._set_alarms(self._alarms & ~HardwareError.OVERLOAD)
+            self._set_alarms(self.alarms & ~HardwareError.OVERLOAD)
 
     def _limit_torque(self, value: int) -> None:
         self._motor_command = None
@@ -190,20 +177,6 @@ class PlainServo(MotorServo):
         registers["present_input_voltage"] = min(max(round(measured.voltage * 10.0), 0), 255)
         registers["present_temperature"] = min(max(round(measured.temperature), 0), 255)
         registers["moving"] = int(self.has_profile)
-
-    def _protect(self) -> None:
-        bits = self._protection.check(self._measured.voltage, self._measured.temperature)
-        if new := bits & ~self._alarms:
-            self.trip(HardwareError(new))
-        lasting = HardwareError.VOLTAGE | HardwareError.OVERHEATING
-        self._set_alarms(self._alarms & (bits | ~lasting))
-
-    def _set_alarms(self, alarms: int) -> None:
-        self._alarms = int(alarms)
-        if "hardware_error_status" in self.registers:
-            known = self.table.error_bits
-            shown = sum(1 << i for i, bit in enumerate(known) if bit & self._alarms)
-            self.registers["hardware_error_status"] = shown
 
     # Configuration ------------------------------------------------------------------------------
 
@@ -230,11 +203,6 @@ class PlainServo(MotorServo):
         self.reboot()
         return ErrorNumber.NONE
 
-    def _lose_power(self) -> None:
-        super()._lose_power()
-        self.registers["torque_enable"] = 0
-        self._motor_command = None
-
     def _restart(self) -> None:
         """Set RAM to its power-up values, and the EEPROM to what was kept."""
         registers = self.registers
@@ -244,7 +212,7 @@ class PlainServo(MotorServo):
         registers.reset_ram()
         if "goal_pwm" in registers:
             registers["goal_pwm"] = registers["pwm_limit"]
-        self._alarms, self._is_shut_down = 0, False
+        self.alarms, self._is_shut_down = 0, False
         self._protection.heat = 0.0
         self._protection.reload()
         self._write_measured()

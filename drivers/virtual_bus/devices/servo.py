@@ -7,8 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 from drivers.dynamixel.control_table import DriveMode, OperatingMode, table_named
-from drivers.dynamixel.protocol2 import ALERT, ErrorNumber, Instruction, Reset, Status
-from drivers.state import HardwareError
+from drivers.dynamixel.protocol2 import ErrorNumber, Instruction, Reset, Status
 from drivers.virtual_bus.devices.device import Quirks
 from drivers.virtual_bus.devices.motor_servo import MotorCommand, MotorServo
 from drivers.virtual_bus.devices.profile import PositionControl
@@ -77,11 +76,6 @@ class VirtualServo(MotorServo):
     # For bus and physics ------------------------------------------------------------------------
 
     @property
-    def alert(self) -> int:
-        """Return the alert bit of its replies, set while there is a hardware error."""
-        return ALERT if self._hardware_error else 0
-
-    @property
     def has_profile(self) -> bool:
         """Return whether a profile is being executed."""
         return self._control.running
@@ -101,21 +95,14 @@ class VirtualServo(MotorServo):
         effect = self._effects.get(name)
         if effect is not None and name != "operating_mode":
             effect(value)
-        self._hardware_error = self.peek("hardware_error_status")
+        self.alarms = self.peek("hardware_error_status")
         self._reload()
 
     def sense(self, measured: Measured) -> None:
         """Set the measured quantities."""
         self._sensors.update(measured)
         if self._powered:
-            self._protect()
-
-    def trip(self, error: HardwareError) -> None:
-        """Set a hardware error; if the shutdown register has it, torque is off until a reboot."""
-        self._set_hardware_error(self._hardware_error | error)
-        if error & self.peek("shutdown"):
-            self._is_shut_down = True
-            self._release()
+            self._protect(measured)
 
     def clear_turns(self) -> None:
         """Bring the position back into one turn and hold it."""
@@ -153,21 +140,6 @@ class VirtualServo(MotorServo):
             pwm_limit=min(abs(registers["goal_pwm"] / PWM_FULL_SCALE), 1.0),
             current_limit=current_limit,
         )
-
-    # Protection --------------------------------------------------------------------------------
-
-    def _protect(self) -> None:
-        measured = self._sensors.measured
-        bits = self._protection.check(measured.voltage, measured.temperature)
-        if new := bits & ~self._hardware_error:
-            self.trip(HardwareError(new))
-        gone = self._hardware_error & ~bits & HardwareError.VOLTAGE
-        if gone:  # with its cause, though the manual names a reboot alone
-            self._set_hardware_error(self._hardware_error & ~HardwareError.VOLTAGE)
-
-    def _set_hardware_error(self, error: int) -> None:
-        self._hardware_error = int(error)
-        self.registers["hardware_error_status"] = self._hardware_error
 
     def _trip_watchdog(self) -> None:
         """Stop at the present position after too long a silence."""
@@ -288,16 +260,12 @@ class VirtualServo(MotorServo):
 
     # Restart -----------------------------------------------------------------------------------
 
-    def _lose_power(self) -> None:
-        super()._lose_power()
-        self._release()
-
     def _restart(self) -> None:
         """Set RAM to its power-up values."""
         registers = self.registers
         registers.reset_ram()
         self._is_booting = True
-        self._hardware_error, self._is_shut_down = 0, False
+        self.alarms, self._is_shut_down = 0, False
         self.torque_on, self._traffic_at = False, self.now
         """Whether it drives its motor."""
         self._protection.heat = 0.0

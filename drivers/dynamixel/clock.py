@@ -87,7 +87,6 @@ class VirtualClock:
         return "" if lag < LEAST_LAG else LAG.format(lag)
 
     def _read(self) -> float | None:
-        """Read the servo's clock [s]."""
         table = table_named(self._joint.servo.model.name)
         if "realtime_tick" not in table or not is_pseudo_terminal(self._bus.port.path):
             return None

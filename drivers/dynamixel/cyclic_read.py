@@ -150,7 +150,6 @@ class CyclicRead:
         return self._bus.group(spans, fast=is_fast)
 
     def _count_misses(self, request: Request, replies: Replies) -> None:
-        """Count missing replies."""
         is_whole = len(replies.devices) == len(self._ids) - len(self._next_poll)
         if is_whole and not self._suspects:
             return

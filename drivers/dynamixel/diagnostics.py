@@ -437,7 +437,6 @@ def _explain_silence(
 
 
 def _group(items: Sequence[Item]) -> list[list[Item]]:
-    """Group items without gaps between them."""
     runs: list[list[Item]] = []
     for item in items:
         if runs and runs[-1][-1].end == item.address:

@@ -87,7 +87,6 @@ def widen(kind: int, params: bytes) -> bytes:
 
 
 def _to_bytes(words: bytes) -> bytes:
-    """Turn numbers of two bytes into numbers of one."""
     values = [number for (number,) in struct.iter_unpack("<H", words)]
     return bytes(values)
 

@@ -120,7 +120,6 @@ def find_bus(robot: Robot) -> BusSettings:
 
 
 def _check_protocol(robot: Robot, port: str, names: Sequence[str]) -> None:
-    """Check that all devices on a port speak one protocol."""
     models = {j.servo.model.name for j in robot.joints if j.name in names}
     wires = {table_named(model).wire.name for model in models}
     if len(wires) > 1:

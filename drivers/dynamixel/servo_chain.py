@@ -294,7 +294,6 @@ class ServoChain:
             self._verify_left = 0
 
     def _poll(self, states: ServoStates, limit: float) -> None:
-        """Check whether a servo that was left out is back."""
         until = time.monotonic() + POLL_WAIT
         device = self.cyclic.due_poll() if until <= limit else None
         if device is None:
@@ -436,7 +435,6 @@ class BackgroundRead:
         return self._requests[key]
 
     def _span(self, row: int, item: str) -> Span:
-        """Return the registers of an item; any will do for errors that each reply names."""
         table = self._tables[row]
         if item not in table:
             item = TORQUE

@@ -195,7 +195,6 @@ def _read(path: Path, data: bytes) -> FlightRecord:
 
 
 def _check_tracks(tracks: dict[str, Track], n: int) -> None:
-    """Check that each cycle has a measurement and both commands, of n joints."""
     cycles = tracks["state"].cycle
     for name in NEEDED:
         if not np.array_equal(tracks[name].cycle, cycles):

@@ -165,7 +165,6 @@ def _connect(path: str) -> socket.socket:
 
 
 def _explain(path: str, error: OSError) -> str:
-    """Explain why a path is no bus to connect to."""
     if error.errno == errno.ECONNREFUSED and Path(path).is_socket():
         return ENDED
     if error.errno in (errno.ENOENT, errno.EACCES, errno.ENAMETOOLONG):

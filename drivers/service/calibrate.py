@@ -163,7 +163,6 @@ class Calibrator:
                 self._measured[name] = replace(measured, sign=sign)
 
     def _find_sign(self, joint: Joint, prompt: Prompt) -> Sign | None:
-        """Find the sign of one joint; ``None`` if the person skips it."""
         way = find_directions(self._robot)[joint.name]
         alone = np.eye(self._robot.n)[self._robot.joint_names.index(joint.name)]
         while True:

@@ -235,7 +235,6 @@ def find_servos(
 
 
 def _find_by_ping(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
-    """Find the servos that speak Protocol 2.0."""
     if PROTOCOL_2 not in bus.searched:
         return []
     bus.wire, damaged = PROTOCOL_2, bus.statistics.damaged
@@ -248,7 +247,6 @@ def _find_by_ping(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
 
 
 def _find_by_sweep(bus: DynamixelBus, ids: Sequence[int]) -> list[LooseServo]:
-    """Find the servos that speak another protocol."""
     return _list_present(bus, sweep(bus, bus.searched, ids or None))
 
 
@@ -274,7 +272,6 @@ def _no_servo(bus: DynamixelBus, ids: Sequence[int], rates: Sequence[int]) -> Se
 
 
 def _describe(servo: LooseServo, item: Item) -> str:
-    """Describe the values that a register accepts."""
     if item.name == "operating_mode":
         return ", ".join(map(str, servo.table.modes))
     lower, upper = item.lower or 0, item.upper or 0

@@ -80,7 +80,6 @@ class RobotBus:
             raise DiagnosticsError([Finding.error(name_of(j), text, remedy) for j in failed])
 
     def _check_board(self) -> None:
-        """Check the board, and switch the servos' power on."""
         board = next((port.board for port in self.ports if port.board), None)
         if board is None:
             return
@@ -95,7 +94,6 @@ class RobotBus:
             await_servos(self.servos)
 
     def _open_imu(self, imu: ImuSource | None) -> None:
-        """Open the IMU, on the board or on its own line."""
         if imu is None and isinstance(self.robot, ServoBench):
             return
         if imu is None:
@@ -146,5 +144,4 @@ def open_robot_bus(
 
 
 def _register(joint: Joint, name: str) -> tuple[int, Item]:
-    """Return the id of a joint's servo, and one of its registers."""
     return joint.servo.id, table_named(joint.servo.model.name)[name]

@@ -178,7 +178,6 @@ class RealTimeRobot(HandledRobot):
     # Physics ------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        """Keep physics at the clock until the end."""
         try:
             self._keep_time()
         finally:
@@ -199,7 +198,6 @@ class RealTimeRobot(HandledRobot):
             self._stopping.wait(max(start + self.physics.time + pause - monotonic(), 0.0))
 
     def _receive(self) -> None:
-        """Take the messages of the other process."""
         try:
             while self._connection.poll():
                 message = self._connection.recv()
@@ -211,7 +209,6 @@ class RealTimeRobot(HandledRobot):
             self._stopping.set()
 
     def _receive_commands(self) -> None:
-        """Take the newest commands to the motors."""
         row = self._commands.read(after=self._read)
         if row is None:
             return
@@ -222,7 +219,6 @@ class RealTimeRobot(HandledRobot):
                 servo.command = command
 
     def _publish(self) -> None:
-        """Publish the newest measurements."""
         found = Measurements(
             servos=[servo.measured for servo in self._servos],
             **vars(self._board),

@@ -225,7 +225,6 @@ class ServoPhysics:
         )
 
     def _sense(self) -> None:
-        """Update the sensors of the servos and the board."""
         simulation = self.simulation
         ticks = self._units.to_fractional_ticks(simulation.joint_pos)
         velocity = self._sign * simulation.robot.transmission.to_servo(simulation.joint_vel)

@@ -108,7 +108,6 @@ def list_head_joints(robot: Robot) -> list[str]:
 
 
 def _count_feet(link: Link, is_foot: Callable[[Link], bool]) -> int:
-    """Count the limbs that end in feet at or below a link."""
     return max(sum(_count_feet(child, is_foot) for child in link.children), int(is_foot(link)))
 
 

@@ -98,7 +98,6 @@ class JointSides:
 
     @cached_property
     def _shared(self) -> Counter[str]:
-        """Count the pairs that one name without side stands for, and full names of joints."""
         return Counter([*map(self._bare, self.left), *self.robot.joint_names])
 
     def _choose_left(self, a: int, b: int) -> int:

@@ -151,7 +151,6 @@ def measure_support_margin(robot: Robot, model: mujoco.MjModel) -> float:
 
 
 def _place_sole(model: mujoco.MjModel, data: mujoco.MjData, site: str) -> Array:
-    """Return the points that span a foot in the world [m], (p, 3)."""
     number = model.site(site).id
     axes = data.site_xmat[number].reshape(3, 3)
     return data.site_xpos[number] + list_sole_points(model, site) @ axes.T

@@ -165,6 +165,5 @@ def _actuator_problems(table: RobotTable, model: mujoco.MjModel) -> list[str]:
 
 
 def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, ids: Iterable[int]) -> str:
-    """List the names of the model's objects of a kind."""
     names = [mujoco.mj_id2name(model, kind, int(i)) for i in ids]
     return ", ".join(name for name in names if name) or "none: it has none with a name"

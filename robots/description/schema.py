@@ -170,7 +170,6 @@ def _choose_rising_joints(
 
 
 def _wrong_limp_joints(table: RobotTable) -> list[str]:
-    """Check that limp joints are joints, each with a servo of its own."""
     coupled = {name for row in table.couplings for name in row.joints}
     names = {row.name for row in table.joints}
     return [
@@ -231,7 +230,6 @@ def _wrong_imu(table: RobotTable) -> list[str]:
 
 
 def _wrong_board(board: BoardSettings) -> list[str]:
-    """Find what a board lacks: the name of its control table, or the addresses instead."""
     problems = find_axes_problems("bus.board.imu_axes", board.imu_axes)
     if board.model:
         return problems
@@ -275,7 +273,6 @@ def _wrong_mirrors(rows: tuple[JointRow, ...]) -> list[str]:
 
 
 def _wrong_couplings(table: RobotTable) -> list[str]:
-    """Find couplings of unknown joints, of joints in two couplings, and singular ones."""
     rows = {row.name: row for row in table.joints}
     count = Counter(name for coupling in table.couplings for name in coupling.joints)
     problems = [

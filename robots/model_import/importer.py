@@ -199,7 +199,6 @@ def _choose_servos(
     options: ImportOptions,
     guesses: list[str],
 ) -> ServoChoice:
-    """Choose servos by the limits of actuators, else by the robot's weight and leg length."""
     names = body.joint_names
     body.view.look(stance.joint_pos)
     servos = choose_servos(

@@ -117,7 +117,6 @@ def _forget_scene(spec: mujoco.MjSpec) -> None:
 
 
 def _list_loops(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
-    """List the bodies that closed loops join."""
     for k in range(model.neq):
         kind = mujoco.mjtEq(int(model.eq_type[k]))
         is_loop = kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)

@@ -196,7 +196,6 @@ class Rebuilder:
             )
 
     def _add_mass(self, target: mujoco.MjsBody, body: int) -> None:
-        """Give a body the mass of everything welded to it."""
         model = self._model
         held = [b for b in self._tree.bodies if self.holder(b) == body and model.body_mass[b] > 0.0]
         mass = sum((float(model.body_mass[b]) for b in held), 0.0)

@@ -131,7 +131,6 @@ def _is_wild(figures: ActuatorFigures) -> bool:
 def _check_torques(
     joints: Sequence[str], stated: Mapping[str, ActuatorFigures], named: Mapping[str, str]
 ) -> None:
-    """Raise ModelImportError if joints are stronger than any servo."""
     strong = [j for j in joints if j in stated and j not in named]
     problems = [
         f"joint {shown(joint)} has a torque limit of {effort:g} N·m, expected at most "

@@ -72,7 +72,6 @@ def reduce_ties(source: ModelSource, tree: KinematicTree, notes: list[str]) -> R
 def _sort_out(
     followers: Sequence[Follower], motors: Sequence[str], notes: list[str]
 ) -> Iterator[Follower]:
-    """Yield the first leader of each joint, unless only a motor's shaft turns there."""
     known = set(motors)
     for each in followers:
         if {each.joint, each.leader} & {*motors}:

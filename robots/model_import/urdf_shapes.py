@@ -91,7 +91,6 @@ def _read_collada(content: bytes) -> Array:
 
 
 def _read_positions(geometry: ET.Element) -> Array:
-    """Read the positions of a geometry's vertices, (p, 3)."""
     names = {
         i.get("source", "")[1:] for i in geometry.iter("input") if i.get("semantic") == "POSITION"
     }
@@ -225,7 +224,6 @@ class UrdfShapes:
         return [text for text in problems if text not in further] + [count]
 
     def _drop_empty(self, link: ET.Element) -> None:
-        """Drop shapes without extent."""
         for shape in [*link.findall("collision"), *link.findall("visual")]:
             sizes = [
                 (part.tag, key, part.get(key, ""))

@@ -36,7 +36,6 @@ def _encode(value: Any) -> bytes:
 
 
 def _simplify(value: Any) -> Any:
-    """Convert a value that `msgspec` does not know to one that it can write."""
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
     if isinstance(value, PurePath):

@@ -120,7 +120,6 @@ class _ModelFiles:
         return list(dict.fromkeys(self._problems))
 
     def _count_file(self, path: Path) -> tuple[int, int]:
-        """Count the parts that a file makes, and those of them that are copies."""
         if path in self._open or len(self._open) > MOST_LEVELS:
             self._problems.append(f"{path.name} includes itself, or too many others")
             return 0, 0

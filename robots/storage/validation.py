@@ -270,7 +270,6 @@ def _split(hint: Any) -> tuple[Any, Meta]:
 
 
 def _item_type(base: Any) -> Any:
-    """Return the type of a dictionary's values or of a list's rows, else None."""
     arguments = get_args(base)
     if get_origin(base) is dict:
         return arguments[1]
@@ -295,7 +294,6 @@ def _show_with_unit(hint: Any, value: Any) -> str:
 
 
 def _describe(hint: Any) -> str:
-    """Describe what is expected of a value."""
     base, meta = _split(hint)
     if meta.description:
         return meta.description

@@ -146,7 +146,6 @@ class Chain:
         return self._address(item)
 
     def _find_listeners(self, baud: int | None) -> None:
-        """Group the devices that receive at a rate by id."""
         members: dict[int, list[VirtualDevice]] = {}
         for device in self.devices:
             if device.listens and (baud is None or device.baud == baud):

@@ -104,7 +104,6 @@ class PlainServo(MotorServo):
         self._motor_command = None
 
     def _run(self, duration: float) -> float:
-        """Move the target of the position loop towards the goal."""
         if self.has_profile:
             limit = abs(self.registers["profile_velocity"])
             speed = limit * self.table["profile_velocity"].scale / self._rad_per_tick  # ticks/s
@@ -204,7 +203,6 @@ class PlainServo(MotorServo):
         return ErrorNumber.NONE
 
     def _restart(self) -> None:
-        """Set RAM to its power-up values, and the EEPROM to what was kept."""
         registers = self.registers
         for item in self.table:
             if item.eeprom:

@@ -143,7 +143,6 @@ class PositionControl:
         self._write()
 
     def _write(self) -> None:
-        """Write the trajectory registers."""
         speed_counts = round(self._velocity * RAD_PER_TICK / self._speed_scale)
         position = round(self.position)
         self._registers["velocity_trajectory"] = clamp(speed_counts, MAX_COUNTS)

@@ -97,7 +97,6 @@ class Sensors:
         self._write()
 
     def _write(self) -> None:
-        """Write the measured registers."""
         sign, memory, measured = self.sign, self._registers.memory, self.measured
         share = sign * measured.pwm_share
         load = sign * measured.current if self._has_current else share

@@ -142,7 +142,6 @@ class VirtualServo(MotorServo):
         )
 
     def _trip_watchdog(self) -> None:
-        """Stop at the present position after too long a silence."""
         registers = self.registers
         registers["bus_watchdog"] = self._watchdog = TRIPPED
         for name in PROFILE:
@@ -176,12 +175,10 @@ class VirtualServo(MotorServo):
         self._halt()
 
     def _halt(self) -> None:
-        """Hold the present position."""
         self._control.halt(self._sensors.position)
         self._motor_command = None
 
     def _seed_goal(self) -> None:
-        """Set the goal to the present position."""
         self.registers["goal_position"] = clamp(self._sensors.position, self._farthest_goal)
         self._halt()
 
@@ -202,7 +199,6 @@ class VirtualServo(MotorServo):
     # Configuration ---------------------------------------------------------------------
 
     def _reload(self, _value: int = 0) -> None:
-        """Reload the configuration from the registers."""
         self._mode = self.peek("operating_mode")
         self._watchdog = self.peek("bus_watchdog")
         self._sensors.reload()
@@ -261,7 +257,6 @@ class VirtualServo(MotorServo):
     # Restart -----------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        """Set RAM to its power-up values."""
         registers = self.registers
         registers.reset_ram()
         self._is_booting = True

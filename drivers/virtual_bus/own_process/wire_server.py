@@ -118,7 +118,6 @@ class MirroredRobot(VirtualDevices, Physics):
         self._request(methodcaller("sag", voltage))
 
     def _sense(self) -> None:
-        """Give the newest measurements to the devices."""
         row = self._measurements.read(after=self._read)
         if row is None:
             return

@@ -126,7 +126,6 @@ class I2cLine:
         client.close()
 
     def _transfer(self, packet: bytes) -> bytes:
-        """Do the transfer of a packet; return the reply."""
         if len(packet) < TRANSFER.size:
             return bytes([errno.EINVAL])
         address, count = TRANSFER.unpack_from(packet)

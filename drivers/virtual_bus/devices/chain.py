@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -83,14 +83,6 @@ X_SERIES = CycleEnd(table_named("XM430-W350")["goal_position"].span)
 """As in every X and MX(2.0) servo."""
 
 
-class MemberRead(NamedTuple):
-    """The part of a group read that one device replies to."""
-
-    id: int
-    address: int
-    length: int
-
-
 class Chain:
     """Passes instructions to devices and collects their replies in the order of the wire.
 
@@ -104,18 +96,6 @@ class Chain:
         """What ends a control period in lock-step."""
         self.wire: Wire = self.devices[0].table.wire if self.devices else PROTOCOL_2
         """Protocol that all of them speak."""
-        self._groups: dict[int, Callable[[bytes], list[Reply]]] = {
-            Instruction.SYNC_READ: lambda params: self._reply_to_reads(
-                Instruction.SYNC_READ, _sync_requests(params)
-            ),
-            Instruction.BULK_READ: lambda params: self._reply_to_reads(
-                Instruction.BULK_READ, _bulk_requests(params)
-            ),
-            Instruction.FAST_SYNC_READ: lambda params: self._reply_to_fast(_sync_requests(params)),
-            Instruction.FAST_BULK_READ: lambda params: self._reply_to_fast(_bulk_requests(params)),
-            Instruction.SYNC_WRITE: lambda params: self._write(_sync_rows(params)),
-            Instruction.BULK_WRITE: lambda params: self._write(_bulk_rows(params)),
-        }
         self._members: dict[int, list[VirtualDevice]] = {}
 
     def advance(self, now: float) -> None:
@@ -138,12 +118,23 @@ class Chain:
         for devices in self._members.values():
             for device in devices:
                 device.note_traffic()
-        group = self._groups.get(item.instruction)
-        if group is not None and item.id == BROADCAST:
-            return group(item.params)
-        if item.id == BROADCAST:
-            return self._broadcast(item)
-        return self._address(item)
+        kind, params = item.instruction, item.params
+        if item.id != BROADCAST:
+            devices = self._members.get(item.id, [])
+            return self._collect(devices, lambda device: device.handle(kind, params))
+        if kind == Instruction.PING:
+            return self._ping_all()
+        if kind in READS:
+            return self._reply_to_reads(kind, READS[kind](params))
+        if kind in FAST_READS:
+            return self._reply_to_fast(FAST_READS[kind](params))
+        if kind in WRITES:
+            self._write(WRITES[kind](params))
+        else:
+            for devices in self._members.values():
+                for device in devices:
+                    device.handle(kind, params, is_broadcast=True)
+        return []
 
     def _find_listeners(self, baud: int | None) -> None:
         members: dict[int, list[VirtualDevice]] = {}
@@ -151,22 +142,6 @@ class Chain:
             if device.listens and (baud is None or device.baud == baud):
                 members.setdefault(device.id, []).append(device)
         self._members = members
-
-    # One instruction, one id or all ----------------------------------------------------------
-
-    def _address(self, packet: Packet) -> list[Reply]:
-        devices = self._members.get(packet.id, [])
-        return self._collect(
-            devices, lambda device: device.handle(packet.instruction, packet.params)
-        )
-
-    def _broadcast(self, packet: Packet) -> list[Reply]:
-        if packet.instruction == Instruction.PING:
-            return self._ping_all()
-        for devices in self._members.values():
-            for device in devices:
-                device.handle(packet.instruction, packet.params, is_broadcast=True)
-        return []
 
     def _ping_all(self) -> list[Reply]:
         """Reply to a broadcast ping: each id has its time slot."""
@@ -179,9 +154,7 @@ class Chain:
             now += delay + _duration(len(reply.data), devices[0].baud)
         return replies
 
-    # Group writes ----------------------------------------------------------------------------
-
-    def _write(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Reply]:
+    def _write(self, rows: Iterable[tuple[int, int, bytes]]) -> None:
         done: set[int] = set()
         for device_id, address, data in rows:
             if device_id in done:
@@ -189,56 +162,52 @@ class Chain:
             done.add(device_id)
             for device in self._members.get(device_id, ()):
                 device.write(address, data)
-        return []
 
-    # Group reads -----------------------------------------------------------------------------
-
-    def _reply_to_reads(self, kind: int, requests: Iterable[MemberRead]) -> list[Reply]:
+    def _reply_to_reads(self, kind: int, spans: Mapping[int, Span]) -> list[Reply]:
         replies: list[Reply] = []
         waited = 0.0
-        for request in requests:
-            members = self._members.get(request.id, ())
+        for device_id, span in spans.items():
+            members = self._members.get(device_id, ())
             devices = [d for d in members if d.answers_reads and kind in d.table.instructions]
             if not devices:
                 if self.quirks.sync_gap is ReadGap.CHAIN_BREAKS:
                     break
-                waited += self._slot(request.length + self.wire.overhead)
+                waited += self._slot(span.length + self.wire.overhead)
                 continue
-            (reply,) = self._collect(devices, partial(_read, request))
+            (reply,) = self._collect(devices, partial(_read, span))
             replies.append(Reply(reply.device, waited + reply.delay, reply.data))
             waited = 0.0
         return replies
 
-    def _reply_to_fast(self, requests: Iterable[MemberRead]) -> list[Reply]:
+    def _reply_to_fast(self, spans: Mapping[int, Span]) -> list[Reply]:
         """Reply to a fast read: one frame, each device's piece ending in the CRC so far."""
-        requests = list(requests)
-        length = 1 + sum(request.length + 4 for request in requests)
+        length = 1 + sum(span.length + 4 for span in spans.values())
         if length > MAX_LENGTH:
             return []
         replies: list[Reply] = []
         waited, crc = 0.0, 0
         start = HEADER + struct.pack("<BHB", BROADCAST, length, Instruction.STATUS)
-        for request in requests:
-            members = self._members.get(request.id, ())
+        for device_id, span in spans.items():
+            members = self._members.get(device_id, ())
             devices = [d for d in members if d.answers_reads and d.has_fast_read]
             if not devices:
                 if self.quirks.fast_gap is ReadGap.CHAIN_BREAKS:
                     break
-                waited += self._slot(len(start) + request.length + 4)
+                waited += self._slot(len(start) + span.length + 4)
                 start = b""
                 continue
             pieces = []
             for device in devices:
-                status = _read(request, device)
+                status = _read(span, device)
                 # The length was sent before, so a failed read sends zeros.
                 piece = start + bytes((status.error, status.id))
-                piece += status.data or bytes(request.length)
+                piece += status.data or bytes(span.length)
                 pieces.append(piece + struct.pack("<H", crc16(piece, crc)))
             data = _garble(pieces)
             crc = crc16(data, crc)
             # All pieces together are one reply, and the delay is from instruction to reply.
             delay = waited + (0.0 if replies else devices[0].return_delay)
-            replies.append(Reply(request.id, delay, data))
+            replies.append(Reply(device_id, delay, data))
             waited, start = 0.0, b""
         return replies
 
@@ -263,9 +232,9 @@ def _duration(length: int, baud: int) -> float:
     return length * BITS_PER_BYTE / baud
 
 
-def _read(request: MemberRead, device: VirtualDevice) -> Status:
-    error, data = device.read(request.address, request.length)
-    return Status(request.id, error | device.alert, data, device.alarms)
+def _read(span: Span, device: VirtualDevice) -> Status:
+    error, data = device.read(span.address, span.length)
+    return Status(device.id, error | device.alert, data, device.alarms)
 
 
 def _garble(frames: Sequence[bytes]) -> bytes:
@@ -282,19 +251,18 @@ def _garble(frames: Sequence[bytes]) -> bytes:
 # Parameters of group instructions ---------------------------------------------------------------
 
 
-def _sync_requests(params: bytes) -> list[MemberRead]:
+def _sync_spans(params: bytes) -> dict[int, Span]:
     if len(params) < 5:
-        return []
-    address, length = struct.unpack_from("<HH", params)
-    return [MemberRead(device_id, address, length) for device_id in dict.fromkeys(params[4:])]
+        return {}
+    return dict.fromkeys(params[4:], Span(*struct.unpack_from("<HH", params)))
 
 
-def _bulk_requests(params: bytes) -> list[MemberRead]:
-    requests: dict[int, MemberRead] = {}
+def _bulk_spans(params: bytes) -> dict[int, Span]:
+    spans: dict[int, Span] = {}
     for start in range(0, len(params) - 4, 5):
-        request = MemberRead(*struct.unpack_from("<BHH", params, start))
-        requests.setdefault(request.id, request)  # an id counts once
-    return list(requests.values())
+        device_id, *span = struct.unpack_from("<BHH", params, start)
+        spans.setdefault(device_id, Span(*span))  # an id counts once
+    return spans
 
 
 def _sync_rows(params: bytes) -> Iterator[tuple[int, int, bytes]]:
@@ -313,3 +281,14 @@ def _bulk_rows(params: bytes) -> Iterator[tuple[int, int, bytes]]:
         if start > len(params):
             return  # cut short
         yield device_id, address, params[start - length : start]
+
+
+Spans = Callable[[bytes], dict[int, Span]]
+SYNC, BULK = Instruction.SYNC_READ, Instruction.BULK_READ
+FAST_SYNC, FAST_BULK = Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ
+READS: dict[int, Spans] = {SYNC: _sync_spans, BULK: _bulk_spans}
+FAST_READS: dict[int, Spans] = {FAST_SYNC: _sync_spans, FAST_BULK: _bulk_spans}
+WRITES: dict[int, Callable[[bytes], Iterator[tuple[int, int, bytes]]]] = {
+    Instruction.SYNC_WRITE: _sync_rows,
+    Instruction.BULK_WRITE: _bulk_rows,
+}

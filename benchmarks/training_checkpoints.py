@@ -12,9 +12,8 @@ from threading import Event, Thread
 
 from training_progress import TrainingProgress
 
-from humanoid_getup.jobs.evaluate_policy import evaluate
-from humanoid_getup.jobs.requests.learning import EvaluateRequest, ExportRequest
-from humanoid_getup.jobs.train_policy import export
+from humanoid_getup.commands.learn.evaluate import EvaluateRequest, evaluate
+from humanoid_getup.commands.learn.export import ExportRequest, export
 from sim2real.training.checkpoint import CHECKPOINT, read_checkpoint
 from sim2real.training.config import RECIPE
 

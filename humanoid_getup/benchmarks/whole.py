@@ -6,7 +6,7 @@ import platform
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 
 import msgspec
@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 
 from humanoid_getup.benchmarks.disturbed import DISTURBANCES, DisturbedWays
-from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary
+from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
 from humanoid_getup.benchmarks.rise import (
     MeasuredRise,
     RefusableSummary,
@@ -27,11 +27,15 @@ from humanoid_getup.benchmarks.rise import (
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.drop import FallError
 from humanoid_getup.experiments.starts.falls import CLASSES, Fall, sample_falls
-from humanoid_getup.motions.motion import Motion
+from humanoid_getup.motions.motion import MIRRORED_SUFFIX, Motion
+from humanoid_getup.motions.motion_database import list_motions, load_database
+from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import NEAREST
+from humanoid_getup.strategies.choice import NEAREST, make_strategy
 from humanoid_getup.strategies.plan import Strategy
-from robots import Robot, TorqueLimit
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.track_record import PLAN
+from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.servo import LimitMode
 
 # Of OP3's 4.1 N·m they are 3.0, 2.5 and 2.0 N·m, the limits of the other benchmarks.
@@ -92,6 +96,10 @@ class DisturbedFall:
 
     number: int
     fall: Fall
+
+
+Piece = CappedRise | MotionPiece | DisturbedFall
+Measured = MeasuredRise | MotionSummary | list[MeasuredRise]
 
 
 class CapSummary(RiseSummary, frozen=True, kw_only=True):
@@ -173,6 +181,62 @@ class Whole:
     each: int
     """Falls of each class."""
 
+    @classmethod
+    def load(
+        cls,
+        world: World,
+        *,
+        each: int,
+        seed: int,
+        limit_by: LimitMode | None = None,
+        quick: bool = False,
+        threads: int = 0,
+    ) -> Whole:
+        """Find what a robot can do; whatever it lacks is left out."""
+        robot = world.robot
+        database = load_database(robot) if list_motions(robot) else None
+        own = [file.stem for file in list_policies(robot)] if robot.body.is_original else []
+
+        def make(name: str, limit: TorqueLimit) -> Strategy:
+            return make_strategy(
+                world, name, torque_limit=limit, database=database, threads=threads
+            )
+
+        methods = [*((PLAN, NEAREST) if database else ()), *own]
+        disturbed = None
+        if database:
+            options = PlannerOptions(threads=threads)
+            disturbed = DisturbedWays(
+                planner=PlannedRise(world, database, options=options),
+                policies={name: make(name, FULL_TORQUE) for name in own},
+            )
+        motions = database.motions if database else ()
+        return cls(
+            world=world,
+            methods={name: partial(make, name) for name in methods},
+            motions=[motion for motion in motions if not motion.name.endswith(MIRRORED_SUFFIX)],
+            caps=make_caps(robot, limit_by, QUICK_SHARES if quick else SHARES),
+            disturbed=disturbed,
+            disturbances=QUICK_CASES if quick else CASES,
+            seed=seed,
+            each=each,
+        )
+
+    def list_notes(self) -> list[str]:
+        """List the parts that are not measured, with reasons."""
+        notes, robot = [], self.world.robot
+        if self.disturbed is None:
+            notes.append(
+                f"Robot '{robot.name}' has no motions: nothing is planned or played, and no rise "
+                "is disturbed. `getup motions retarget` transfers those of another robot."
+            )
+        if not set(self.methods) - {PLAN, NEAREST}:
+            other = "" if robot.body.is_original else " for this body"
+            notes.append(
+                f"Robot '{robot.name}' has no policies{other}: nothing learned is measured."
+            )
+        return notes
+
     @cached_property
     def falls(self) -> FallsByClass:
         """Sample the falls that all methods get."""
@@ -224,6 +288,16 @@ class Whole:
         assert self.disturbed is not None
         changes = {case: DISTURBANCES[case] for case in self.disturbances}
         return self.disturbed.measure(piece.fall, piece.number, self.seed, changes)
+
+    def do(
+        self, piece: Piece, threads: int = 0
+    ) -> MeasuredRise | MotionSummary | list[MeasuredRise]:
+        """Do a rise, a motion, or a disturbed fall."""
+        if isinstance(piece, CappedRise):
+            return self.rise(piece)
+        if isinstance(piece, MotionPiece):
+            return measure_motion(self.world, piece, threads=threads)
+        return self.disturb(piece)
 
 
 def sample_by_class(world: World, each: int, seed: int) -> FallsByClass:

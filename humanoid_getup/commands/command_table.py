@@ -48,21 +48,10 @@ COMMANDS = {
     "fall": TableEntry(
         "Drop a limp robot, and write how it lies as a posture file.", module="get_up.fall"
     ),
-    "prior": TableEntry(
-        "Make the pose prior of styled policies.", "learning.PriorRequest", "training.make_prior"
-    ),
-    "train": TableEntry(
-        "Train a policy, or continue a training.", "learning.TrainRequest", "training.train"
-    ),
-    "eval": TableEntry(
-        "Evaluate a policy on settled falls.",
-        "learning.EvaluateRequest",
-        "policies.evaluate",
-        json=True,
-    ),
-    "export": TableEntry(
-        "Export the policy of a training.", "learning.ExportRequest", "training.export"
-    ),
+    "prior": TableEntry("Make the pose prior of styled policies.", module="learn.make_prior"),
+    "train": TableEntry("Train a policy, or continue a training.", module="learn.train"),
+    "eval": TableEntry("Evaluate a policy on settled falls.", module="learn.evaluate"),
+    "export": TableEntry("Export the policy of a training.", module="learn.export"),
     "policy": TableEntry("Import and check policies of other projects."),
     "policy import": TableEntry(
         "Make a policy that was trained elsewhere run here.",
@@ -103,14 +92,9 @@ COMMANDS = {
     ),
     "bench": TableEntry("Run a benchmark on the twin or on the virtual bus."),
     "bench all": TableEntry(
-        "Measure a robot as one page that others can repeat.",
-        "bench.BenchAll",
-        "bench.bench_all",
-        json=True,
+        "Measure a robot as one page that others can repeat.", module="look.bench_all"
     ),
-    "bench rise": TableEntry(
-        "Rise from many settled falls.", "bench.BenchRise", "bench.bench_rise", json=True
-    ),
+    "bench rise": TableEntry("Rise from many settled falls.", module="look.bench_rise"),
     "bus": TableEntry(
         "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
     ),
@@ -178,19 +162,10 @@ COMMANDS = {
         json=True,
     ),
     "preflight": TableEntry("Check whether a motion may be played.", module="plan.preflight"),
-    "studio": TableEntry(
-        "Pose, plan and look in the browser.", "look.StudioRequest", "studio.studio"
-    ),
-    "replay": TableEntry(
-        "Replay a flight log and compare.", "look.ReplayRequest", "replay.replay_log", json=True
-    ),
+    "studio": TableEntry("Pose, plan and look in the browser.", module="look.studio"),
+    "replay": TableEntry("Replay a flight log and compare.", module="look.replay"),
     "log": TableEntry("Export flight logs for other programs."),
-    "log export": TableEntry(
-        "Write a flight log as a ROS 2 bag.",
-        "look.ExportLogRequest",
-        "replay.export_log",
-        json=True,
-    ),
+    "log export": TableEntry("Write a flight log as a ROS 2 bag.", module="look.export_log"),
     "style": TableEntry("List, show, edit or extract styles of rising."),
     "style list": TableEntry("List the named styles.", module="plan.styles"),
     "style show": TableEntry("Print and draw the curves of styles.", module="plan.styles"),

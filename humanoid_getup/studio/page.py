@@ -20,7 +20,7 @@ from robots.kinematics import place
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.requests.look import StudioRequest
+    from humanoid_getup.commands.look.studio import StudioRequest
     from humanoid_getup.simulation.world import World
 PLAIN = (92, 104, 117)
 """Color of the buttons that are not the main one of a tab."""

@@ -28,7 +28,7 @@ from websockets.http11 import Request, Response
 
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.inputs import load_world
-from humanoid_getup.jobs.requests.look import StudioRequest
+from humanoid_getup.commands.look.studio import StudioRequest
 
 if TYPE_CHECKING:
     from humanoid_getup.simulation.world import World

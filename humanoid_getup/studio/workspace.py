@@ -26,7 +26,7 @@ from robots import list_robots
 if TYPE_CHECKING:
     import viser
 
-    from humanoid_getup.jobs.requests.look import StudioRequest
+    from humanoid_getup.commands.look.studio import StudioRequest
     from humanoid_getup.simulation.world import World
     from humanoid_getup.studio.folders import Folders
 

@@ -19,7 +19,8 @@ for package in ("robots", "drivers", "humanoid_getup"):
                 raise
 learning = {"torch", "onnx", "gymnasium", "rsl_rl", "tensordict", "sim2real"}
 print(len(sys.modules.keys() & learning), sorted(sys.modules.keys() & learning))
-print("humanoid_getup.jobs.train_policy" in sys.modules, "drivers.dynamixel.backend" in sys.modules)
+imported = "humanoid_getup.commands.learn.train", "drivers.dynamixel.backend"
+print(*(name in sys.modules for name in imported))
 """
 
 

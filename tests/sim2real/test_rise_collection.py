@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanoid_getup.jobs.make_prior import make_prior
-from humanoid_getup.jobs.requests.learning import PriorRequest
+from humanoid_getup.commands.learn.make_prior import PriorRequest, make_prior
 from sim2real.prior_training.collect import (
     EndPlan,
     PriorPiece,

@@ -124,7 +124,7 @@ def open_studio(
     The scene is coarse, without reflections and shadows, unless pictures are taken of it: where
     there is no GPU, they take most of the processor time until a page is shown.
     """
-    from humanoid_getup.jobs.requests.look import StudioRequest
+    from humanoid_getup.commands.look.studio import StudioRequest
     from humanoid_getup.studio.studio import Studio
 
     with Studio(StudioRequest(port=0, **options)) as studio:

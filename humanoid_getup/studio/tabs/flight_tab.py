@@ -13,10 +13,14 @@ import numpy as np
 from drivers.flight_log.reader import FlightRecord
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.files import shorten_path
+from humanoid_getup.commands.look.replay import (
+    REPLAY_FILES,
+    ReplayedFlight,
+    ReplayRequest,
+    replay_flight,
+)
 from humanoid_getup.commands.options import write_command
 from humanoid_getup.execution.phase import Phase
-from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
-from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
 from humanoid_getup.progress.background_job import BackgroundJob
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World

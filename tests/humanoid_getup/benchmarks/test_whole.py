@@ -16,7 +16,6 @@ from humanoid_getup.benchmarks.whole import (
 )
 from humanoid_getup.experiments.judging.summary import wilson_interval
 from humanoid_getup.experiments.starts.falls import CLASSES
-from humanoid_getup.jobs.measure_robot import do_piece
 from humanoid_getup.motions.motion_database import find_motion
 from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.simulation.world import World
@@ -57,7 +56,7 @@ def whole(op3, world):
 
 @pytest.fixture(scope="module")
 def rises(whole):
-    return {name: do_piece(whole, piece) for name, piece in whole.list_rises().items()}
+    return {name: whole.do(piece) for name, piece in whole.list_rises().items()}
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def summary(whole, rises):
         scene="flat",
         cases=summarize_rises(whole, rises),
         missing_classes={},
-        motions={MOTION: do_piece(whole, piece)},
+        motions={MOTION: whole.do(piece)},
         disturbed={},
         notes=["This robot flies."],
         command="getup bench all",

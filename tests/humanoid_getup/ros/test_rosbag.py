@@ -18,9 +18,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from drivers import Command, Cycle
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.commands.look.export_log import ExportLogRequest, export_log
 from humanoid_getup.commands.main import main
-from humanoid_getup.jobs.export_log import export_log
-from humanoid_getup.jobs.requests.look import ExportLogRequest
 from robots import Robot
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)

@@ -10,8 +10,7 @@ pytest.importorskip("mjviser")
 
 from paths import TINY
 
-from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
-from humanoid_getup.jobs.requests.look import ReplayRequest
+from humanoid_getup.commands.look.replay import ReplayedFlight, ReplayRequest, replay_flight
 from humanoid_getup.reporting.measured_flight import Cut, CutKind
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.tabs.flight_tab import MOST_CUTS, make_take

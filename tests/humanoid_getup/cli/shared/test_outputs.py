@@ -14,19 +14,18 @@ from rich.console import Console
 from rich.text import Text
 from run_getup import Run
 
-from humanoid_getup.commands import command_line as commands
 from humanoid_getup.commands import console as console_module
 from humanoid_getup.commands.console import format_figure, make_bars, showing
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.get_up.play import PlayRequest
 from humanoid_getup.commands.get_up.results import draw_run
 from humanoid_getup.commands.get_up.run import RunRequest
+from humanoid_getup.commands.learn.export import ExportRequest
 from humanoid_getup.commands.options import JsonOption, with_json
 from humanoid_getup.commands.output import write_json
 from humanoid_getup.commands.output_files import find_file_problems, find_folder_problems, staging
 from humanoid_getup.experiments.judging.summary import Quantiles
-from humanoid_getup.jobs.requests.learning import ExportRequest
-from humanoid_getup.progress.callback import Progress
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.reporting import film_strip, plots
 from robots import Robot
 from robots.storage.files import atomic_path
@@ -140,7 +139,7 @@ def test_files_of_a_command_whose_json_cannot_be_written_do_not_appear(run: Run)
     ],
 )
 def test_a_full_device_is_refused_before_the_work(run: Run, words: str, monkeypatch):
-    monkeypatch.setattr(commands, "load_work", lambda name: pytest.fail(f"{name} begins"))
+    monkeypatch.setattr(ProgressMonitor, "show", lambda _, each: pytest.fail(f"{each} begins"))
     code, _, error = run(*words.split(), "--json", "/dev/full")
     assert (code, error) == (2, "getup: output file /dev/full: No space left on device\n")
 

@@ -1,11 +1,18 @@
-"""Rises from many settled falls, by plans."""
+"""`getup bench rise`: rises from many settled falls, by plans."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from tyro.conf import arg
 
 from humanoid_getup.benchmarks.rise import (
     BENCH_CLASSES,
@@ -16,30 +23,76 @@ from humanoid_getup.benchmarks.rise import (
     measure_rise,
     summarize_classes,
 )
+from humanoid_getup.commands.command import command
+from humanoid_getup.commands.console import format_figure, make_table
 from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import WRITTEN
 from humanoid_getup.commands.inputs import load_world, make_torque_limit
+from humanoid_getup.commands.options import (
+    BodyOption,
+    Count,
+    EngineOptions,
+    PreferenceOptions,
+    SceneOptions,
+    TorqueOptions,
+)
 from humanoid_getup.commands.pieces import make_worker_request, starting
+from humanoid_getup.commands.values import between
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls
-from humanoid_getup.jobs.requests.bench import BenchRise
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
 
+HEADINGS = {
+    "n": "n",
+    "planned": "planned",
+    "stood": "stood",
+    "stood_interval_95": "95 %",
+    "stand_time_s": "stand [s]",
+    "peak_torque_nm": "peak [N·m]",
+    "rms_torque_nm": "RMS [N·m]",
+    "torque_use": "of limit",
+    "head_impact_m_s": "head [m/s]",
+    "self_collisions": "self-collisions",
+}
+"""Figures of the tables, with their headings."""
+LOADS = ("stand_time_s", "peak_torque_nm", "rms_torque_nm")
 
-def benchmark(
-    request: BenchRise, report: Report | None = None, cancel: Cancel | None = None
-) -> RiseBench:
-    """Rise from many settled falls.
 
-    Raises:
-        BadInputError: if something that it names cannot be used.
-        CancelledError: if ``cancel`` ended it; the rises that were finished are in its ledger.
-    """
-    BenchRise.accept(request)
-    monitor = ProgressMonitor(report, cancel)
+@dataclass(frozen=True, kw_only=True)
+class BenchRise(EngineOptions, PreferenceOptions, TorqueOptions, BodyOption, SceneOptions):
+    """Rise from many settled falls: success rates, times and faults."""
+
+    n: Count = 20
+    """Falls of each class: supine, prone, lateral."""
+    planning: bool = True
+    """Plan a collision-free path to the rising motion; otherwise interpolate."""
+    filtering: bool = True
+    """Filter the path through physics; otherwise play it unfiltered."""
+    assistance: Annotated[float, between(0.0, 1.0)] = 1.0
+    """Factor on the virtual actuator's torques in the filter; with 0, no candidate has it."""
+    ledger: Annotated[Path | None, WRITTEN, arg(metavar="FILE")] = None
+    """File in which every finished rise is kept, for work of hours: --resume continues with it."""
+    resume: bool = False
+    """Keep the finished rises of the ledger; they must be of the same benchmark."""
+
+    def find_problems(self) -> list[str]:
+        """Report a benchmark that keeps nothing to resume as well."""
+        problems = super().find_problems()
+        if self.resume and self.ledger is None:
+            problems.append("--resume is given without --ledger, expected the file of the rises")
+        return problems
+
+
+@command(
+    "bench rise", json=True, is_begun=lambda request: request.ledger and request.ledger.exists()
+)
+def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
+    """Rise from many settled falls; finished rises are kept in the ledger."""
     monitor.begin("loading")
     planner = make_planner(request)
     world, limit = planner.world, planner.torque_limit
@@ -84,6 +137,23 @@ def benchmark(
         all=RiseSummary.of(rises),
         rises=rises,
     )
+
+
+@benchmark.show
+def _print(found: RiseBench, _: BenchRise, console: Console) -> int:
+    figures = ("n", "planned", "stood", "stood_interval_95", *LOADS, "self_collisions")
+    print_figures("rise", found.classes, figures, console)
+    return DID_IT
+
+
+def print_figures(
+    name: str, cases: Mapping[str, Any], figures: Sequence[str], console: Console
+) -> None:
+    """Print figures of cases as a table."""
+    table = make_table((name, *(HEADINGS[figure] for figure in figures)), left=(name,))
+    for case, summary in cases.items():
+        table.add_row(escape(case), *(format_figure(getattr(summary, key)) for key in figures))
+    console.print(table)
 
 
 def make_planner(request: BenchRise, threads: int = 0) -> PlannedRise:

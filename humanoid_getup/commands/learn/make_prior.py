@@ -1,21 +1,49 @@
-"""Makes the pose prior of styled policies: plans rises, and fits the prior to them."""
+"""`getup prior`: plan rises, and fit the pose prior of styled policies to them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+from rich.console import Console
+from tyro.conf import arg
+
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import needing, refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import FOLDER, READ
 from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.options import EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.pieces import make_robot_absolute, starting
+from humanoid_getup.commands.values import Items, at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.jobs.requests.learning import PriorRequest
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import ProgressMonitor
 
 if TYPE_CHECKING:  # it needs the extra train
     from sim2real.prior_training.collect import EndPlan, PriorPiece, RunPlans
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorRequest(EngineOptions, RobotOption):
+    """Plan many rises and fit the pose prior of styled policies to them."""
+
+    out: Annotated[Path, FOLDER, arg(metavar="DIR")]
+    """Folder for prior.npz, rises.npz and the planned motions; the same command continues."""
+    rises: Annotated[int, at_least(4, step=4)] = 1000
+    """Number of rises to plan, equally many of each class; policies add half as many."""
+    policies: Annotated[tuple[str, ...], READ, Items(none=True), arg(metavar="POLICY,...")] = (
+        "robust",
+        "gentle",
+    )
+    """Policies of the robot whose rises are added; '' for none."""
+    epochs: Annotated[int, at_least(1)] = 100
+    """Passes over the postures."""
+    fitted: Annotated[Path | None, READ, arg(metavar="FILE.npz")] = None
+    """Keep a prior that was fitted before, and only collect rises."""
+    seed: Seed = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,17 +58,10 @@ class MadePrior:
     """Share of the variance that the decoder does not explain; None for a given prior."""
 
 
-def make_prior(
-    request: PriorRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> MadePrior:
-    """Collect rises and fit the prior; both are written to the request's folder.
-
-    Raises:
-        BadInputError: if a policy or file cannot be used, or torch is missing.
-        CancelledError: if ``cancel`` ended it; rises that were planned are kept.
-    """
-    PriorRequest.accept(request)
-    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
+@command("prior")
+def make_prior(request: PriorRequest, monitor: ProgressMonitor) -> MadePrior:
+    """Collect rises and fit the prior; both are written to the request's folder."""
+    robot = load_robot(request)
     monitor.begin("loading torch")
     with needing("train"):
         from sim2real.pose_prior.pose_prior import PosePrior
@@ -80,6 +101,17 @@ def make_prior(
         size=prior.size,
         unexplained=errors[-1] if errors else None,
     )
+
+
+@make_prior.show
+def _print(made: MadePrior, request: PriorRequest, console: Console) -> int:
+    left = made.unexplained
+    fit = "" if left is None else f"; the decoder leaves {100.0 * left:.1f} % of the variance"
+    console.print(
+        f"{request.out}: {made.rises} rises, {made.postures} postures; {made.size} latent "
+        f"parameters{fit}"
+    )
+    return DID_IT
 
 
 def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:

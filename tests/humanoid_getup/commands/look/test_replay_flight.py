@@ -1,21 +1,27 @@
-"""A replayed flight is what the command prints, with the postures of robot and twin."""
+"""A replayed flight is what `getup replay` prints, with the postures of robot and twin."""
 
 import json
 import pickle
+import resource
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from flight_recording import record_swing, twin_of
+from flight_recording import SECOND, Swing, record_swing, twin_of
 from paths import TINY
 
-from drivers import Cycle, Twin
+from drivers import Cycle, Ending, GuardLimits, SafetyGuard, Twin, run
 from drivers.flight_log.writer import FlightLog
 from humanoid_getup.commands.errors import BadInputError
+from humanoid_getup.commands.look.replay import (
+    REPLAY_FILES,
+    ReplayedFlight,
+    ReplayRequest,
+    replay_flight,
+)
 from humanoid_getup.commands.main import main
-from humanoid_getup.jobs.replay_flight import ReplayedFlight, replay_flight
-from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
 from humanoid_getup.reporting.measured_flight import CutKind
 from humanoid_getup.scenes.named_scenes import FOLDER
 from humanoid_getup.simulation.world import World
@@ -144,7 +150,12 @@ def test_a_scene_file_that_a_log_names_is_read_within_folders_alone(tiny: Robot,
     scene = FOLDER / "ice.toml"
     path = tmp_path / "f"
     with FlightLog(path, tiny, about={"scene": str(scene)}, start=tiny.standing) as log:
-        record_swing(tmp_path / "other", tiny, twin_of(tiny), tiny.standing, _copying(log))
+
+        def copy(cycle: Cycle) -> Cycle:
+            log.log(cycle)
+            return cycle
+
+        record_swing(tmp_path / "other", tiny, twin_of(tiny), tiny.standing, copy)
     request = ReplayRequest(log=path, robot=str(TINY))
     assert replay_flight(request).scene == replay_flight(request, folders=[FOLDER]).scene
     with pytest.raises(BadInputError, match=f"its scene is {scene}, expected a file in"):
@@ -152,9 +163,47 @@ def test_a_scene_file_that_a_log_names_is_read_within_folders_alone(tiny: Robot,
     assert replay_flight(replace(request, scene="flat"), folders=[tmp_path]).scene == "flat"
 
 
-def _copying(log: FlightLog):
-    def copy(cycle: Cycle) -> Cycle:
-        log.log(cycle)
-        return cycle
+def test_the_command_replays_what_a_full_disk_has_of_a_flight(
+    tiny: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    path = tmp_path / "f"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    guard = SafetyGuard(twin_of(tiny), GuardLimits.of(tiny, torque_limit=1.0))
 
-    return copy
+    def see(cycle: Cycle) -> None:
+        log.log(cycle)
+        if log.cycles == 50:
+            log.event(cycle.state.time, "phase", "on disk")
+            resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 100, hard))
+
+    log = FlightLog(path, tiny, start=tiny.standing)
+    try:
+        with log:
+            report = run(Swing(tiny), guard, max_time=SECOND, on_cycle=see)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert report.ending is Ending.TIMEOUT
+    assert log.fault is not None
+    assert log.fault.endswith(
+        "File too large, recording stopped; at least its first 50 cycles can be replayed"
+    )
+    assert main(["replay", str(path), "--robot", str(TINY)]) == 0
+    message = " ".join(capsys.readouterr().out.split())
+    assert "the twin moved exactly as logged" in message
+    assert "tiny: 50 cycles, 0.39 s, 1 events, cut off: 100 bytes lost" in message
+
+
+def test_without_the_extra_one_line_names_the_command_that_installs_it(
+    swing: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.delitem(sys.modules, "humanoid_getup.ros.rosbag", raising=False)
+    monkeypatch.setitem(sys.modules, "mcap_ros2", None)
+    monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
+    words = ["log", "export", str(swing), "--robot", str(TINY), "--rosbag2", str(tmp_path / "bag")]
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "pip install 'humanoid-getup[ros]'" in line
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Measures a robot: the whole benchmark, as one page with pictures."""
+"""`getup bench all`: measure a robot as one page with pictures."""
 
 from __future__ import annotations
 
@@ -6,83 +6,88 @@ import hashlib
 import math
 import shlex
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from humanoid_getup.benchmarks.disturbed import DisturbedWays
-from humanoid_getup.benchmarks.motions import MotionPiece, MotionSummary, measure_motion
+from rich.console import Console
+from tyro.conf import arg
+
+from humanoid_getup.benchmarks.motions import MotionSummary
 from humanoid_getup.benchmarks.rise import MeasuredRise, RefusableSummary, rise_from
 from humanoid_getup.benchmarks.whole import (
-    CASES,
-    QUICK_CASES,
-    QUICK_SHARES,
-    SHARES,
-    CappedRise,
-    DisturbedFall,
     Pictures,
+    Piece,
     Whole,
     WholeBench,
     describe_conditions,
-    make_caps,
     select_rises,
     summarize_rises,
 )
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import Written
 from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.look.bench_rise import LOADS, print_figures
+from humanoid_getup.commands.options import BodyOption, EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.pieces import make_worker_request, starting
+from humanoid_getup.commands.values import at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
 from humanoid_getup.engines.versions import Versions
-from humanoid_getup.jobs.requests.bench import (
-    FIGURES,
-    LEDGER,
-    PAGE,
-    PLOT,
-    WHOLE_ARTEFACTS,
-    BenchAll,
-)
-from humanoid_getup.motions.motion import MIRRORED_SUFFIX
-from humanoid_getup.motions.motion_database import list_motions, load_database
-from humanoid_getup.policy.onnx_policy import list_policies
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.experiments.starts.falls import CLASSES
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.reporting.benchmark_page import save_benchmark, write_page
 from humanoid_getup.reporting.film_strip import AFTERMATH, NoRendererError, save_run
 from humanoid_getup.simulation.world import World
-from humanoid_getup.strategies.choice import NEAREST, make_strategy
-from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
-from humanoid_getup.strategies.track_record import PLAN
-from robots import FULL_TORQUE, Robot, TorqueLimit
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
-Piece = CappedRise | MotionPiece | DisturbedFall
-Result = MeasuredRise | MotionSummary | list[MeasuredRise]
+PAGE, FIGURES, PLOT = "benchmark.md", "benchmark.json", "benchmark.png"
+LEDGER = "benchmark.jsonl"
+STRIPS = tuple(f"strip_{name}.png" for name in CLASSES)
+FILES = (PAGE, FIGURES, PLOT, *STRIPS)
 
 
-def measure_robot(
-    request: BenchAll, report: Report | None = None, cancel: Cancel | None = None
-) -> WholeBench:
-    """Run or resume the whole benchmark; write its page; return its figures.
+@dataclass(frozen=True, kw_only=True)
+class BenchAll(EngineOptions, BodyOption, RobotOption):
+    """Measure a robot as one page: every method under several torque caps, from the same falls."""
 
-    Raises:
-        BadInputError: if robot or folder cannot be used, or the ledger is of another benchmark.
-        CancelledError: if ``cancel`` ended it; what was finished is kept in the ledger.
-    """
-    BenchAll.accept(request)
-    monitor = ProgressMonitor(report, cancel)
+    n: Annotated[int | None, at_least(1)] = None
+    """Falls of each class: supine, prone, left, right; default: 20, with --quick 4."""
+    seed: Seed = 0
+    limit_by: Literal["current", "pwm", "ideal"] | None = None
+    """What the torque caps act on; default: the robot's own."""
+    quick: bool = False
+    """Fewer falls, torque caps and disturbances, for a first look."""
+    out: Annotated[Path, Written(FILES), arg(metavar="DIR")] = Path("out/benchmark")
+    """Folder for benchmark.md, benchmark.json, pictures, and the ledger of what is finished."""
+    resume: bool = False
+    """Keep what is finished; it must be of the same benchmark."""
+
+    @property
+    def each(self) -> int:
+        """Return the falls of each class."""
+        return self.n if self.n is not None else 4 if self.quick else 20
+
+
+@command("bench all", json=True, is_begun=lambda request: (request.out / LEDGER).exists())
+def measure_robot(request: BenchAll, monitor: ProgressMonitor) -> WholeBench:
+    """Run or resume the whole benchmark; write its page; return its figures."""
     monitor.begin("loading")
     with refusing():
         world = World(load_robot(request))
-        whole = load_whole(request, world)
+        whole = _load_whole(request, world)
         ledger = _open_ledger(request, world)
         rises, motions, disturbed = _measure(request, whole, ledger, monitor)
     ways = whole.disturbed.names if whole.disturbed else ()
     together = [rise for some in disturbed.values() for rise in some]
     cases = summarize_rises(whole, rises)
     monitor.begin("drawing")
-    with staging(request.out, WHOLE_ARTEFACTS) as folder:
+    with staging(request.out, FILES) as folder:
         pictures = Pictures(reason="there is no rise to draw")
         if rises:
             save_benchmark(list(cases.values()), folder / PLOT)
@@ -97,7 +102,7 @@ def measure_robot(
             missing_classes=whole.falls.missing if rises else {},
             motions=motions,
             disturbed=RefusableSummary.table(together, whole.disturbances if ways else (), ways),
-            notes=_list_notes(world.robot, whole),
+            notes=whole.list_notes(),
             command=_write_command(request),
             conditions=describe_conditions(world, whole.caps[0].limit),
             pictures=pictures,
@@ -107,33 +112,23 @@ def measure_robot(
     return result
 
 
-def load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
-    """Find what the robot can do with a number of threads; whatever it lacks is left out."""
-    robot = world.robot
-    database = load_database(robot) if list_motions(robot) else None
-    own = [file.stem for file in list_policies(robot)] if robot.body.is_original else []
+@measure_robot.show
+def _print(found: WholeBench, request: BenchAll, console: Console) -> int:
+    figures = ("n", "stood", "stood_interval_95", *LOADS, "torque_use", "head_impact_m_s")
+    print_figures("all", found.cases, figures, console)
+    console.print(f"written to {request.out / PAGE}", markup=False)
+    return DID_IT
 
-    def make(name: str, limit: TorqueLimit) -> Any:
-        return make_strategy(world, name, torque_limit=limit, database=database, threads=threads)
 
-    methods = [*((PLAN, NEAREST) if database else ()), *own]
-    disturbed = None
-    if database:
-        options = PlannerOptions(threads=threads)
-        disturbed = DisturbedWays(
-            planner=PlannedRise(world, database, options=options),
-            policies={name: make(name, FULL_TORQUE) for name in own},
-        )
-    motions = database.motions if database else ()
-    return Whole(
-        world=world,
-        methods={name: partial(make, name) for name in methods},
-        motions=[motion for motion in motions if not motion.name.endswith(MIRRORED_SUFFIX)],
-        caps=make_caps(robot, request.limit_by, QUICK_SHARES if request.quick else SHARES),
-        disturbed=disturbed,
-        disturbances=QUICK_CASES if request.quick else CASES,
-        seed=request.seed,
+def _load_whole(request: BenchAll, world: World, threads: int = 0) -> Whole:
+    """Find what the robot can do with a number of threads."""
+    return Whole.load(
+        world,
         each=request.each,
+        seed=request.seed,
+        limit_by=request.limit_by,
+        quick=request.quick,
+        threads=threads,
     )
 
 
@@ -162,7 +157,7 @@ def _measure(
     advance = monitor.count("pieces", count)
     shared = make_worker_request(BenchAll, request, out=Path(), resume=False)
     with starting(request, count - len(ledger.done)) as executor:
-        work = partial(do_piece, whole) if is_here(executor) else partial(do_piece_there, shared)
+        work = whole.do if is_here(executor) else partial(do_piece_there, shared)
 
         def run(pieces: Mapping[str, Piece], kind: Any) -> dict[str, Any]:
             return do_pieces(
@@ -183,38 +178,15 @@ def _measure(
         )
 
 
-def do_piece(whole: Whole, piece: Piece, threads: int = 0) -> Result:
-    """Do a rise, a motion, or a disturbed fall."""
-    if isinstance(piece, CappedRise):
-        return whole.rise(piece)
-    if isinstance(piece, MotionPiece):
-        return measure_motion(whole.world, piece, threads=threads)
-    return whole.disturb(piece)
-
-
-def do_piece_there(request: BenchAll, piece: Piece) -> Result:
+def do_piece_there(request: BenchAll, piece: Piece) -> Any:
     """Do a piece in a worker."""
-    return do_piece(_get_whole(request), piece, threads=1)
+    return _get_whole(request).do(piece, threads=1)
 
 
 @lru_cache(maxsize=1)
 def _get_whole(request: BenchAll) -> Whole:
     """Load the benchmark in a worker, once."""
-    return load_whole(request, World(load_robot(request)), threads=1)
-
-
-def _list_notes(robot: Robot, whole: Whole) -> list[str]:
-    """List the parts that were not measured, with reasons."""
-    notes = []
-    if whole.disturbed is None:
-        notes.append(
-            f"Robot '{robot.name}' has no motions: nothing is planned or played, and no rise is "
-            "disturbed. `getup motions retarget` transfers those of another robot."
-        )
-    if not set(whole.methods) - {PLAN, NEAREST}:
-        other = "" if robot.body.is_original else " for this body"
-        notes.append(f"Robot '{robot.name}' has no policies{other}: nothing learned is measured.")
-    return notes
+    return _load_whole(request, World(load_robot(request)), threads=1)
 
 
 def _draw(

@@ -1,19 +1,28 @@
-"""Sends the commands of a flight log to the twin, and compares."""
+"""`getup replay`: send a flight log's commands to the twin, and compare."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from tyro.conf import Positional, arg
 
 from drivers import Twin
 from drivers.flight_log.reader import FlightRecord
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, refusing
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import READ, ROBOT, Written
+from humanoid_getup.commands.options import JobRequest
 from humanoid_getup.commands.output_files import staging
-from humanoid_getup.jobs.requests.look import REPLAY_FILES, ReplayRequest
+from humanoid_getup.commands.values import between
 from humanoid_getup.playback.estimation import estimate_posture
-from humanoid_getup.progress.callback import Cancel, ProgressMonitor, Report
+from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.reporting import plots, style_plot
 from humanoid_getup.reporting.measured_flight import (
     Cut,
@@ -22,12 +31,7 @@ from humanoid_getup.reporting.measured_flight import (
     find_cuts,
     place_measured,
 )
-from humanoid_getup.reporting.replay import (
-    THRESHOLD,
-    ReplayReport,
-    choose_supply,
-    replay,
-)
+from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport, choose_supply, replay
 from humanoid_getup.scenes.named_scenes import SUFFIX as SCENE_FILE
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
@@ -37,7 +41,27 @@ from robots.servo import LIMIT_MODES, LimitMode
 from robots.storage.encoding import to_json
 from robots.storage.files import write_atomically
 
+REPLAY_FILES = ("replay.json", "flight.png", "replay.png", "style.png")
 FIGURES, FLIGHT, DIFFERENCE, STYLE = REPLAY_FILES
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayRequest(JobRequest):
+    """Replay a flight log on the twin and report the differences."""
+
+    log: Annotated[Positional[Path], READ, arg(metavar="LOG")]
+    """A flight log (.mcap)."""
+    robot: Annotated[str | None, ROBOT] = None
+    """Name of a robot, or a folder with a robot.toml; default: the log's robot."""
+    scene: Annotated[str | None, READ] = None
+    """Name of a scene; default: the log's scene, else flat."""
+    voltage: Annotated[float | None, between(1.0, 100.0, "V"), arg(metavar="V")] = None
+    """Supply voltage of the twin [V]; default: as measured at the start."""
+    threshold: Annotated[float | None, between(1e-9, 10.0, "rad"), arg(metavar="RAD")] = None
+    """Difference of a joint or of the tilt from which the replay has diverged [rad];
+    default: 0.05."""
+    out: Annotated[Path | None, Written(REPLAY_FILES), arg(metavar="DIR")] = None
+    """Folder for replay.json, flight.png and replay.png."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,27 +106,17 @@ class ReplayedFlight:
         }
 
 
+@command("replay", json=ReplayedFlight.describe)
 def replay_flight(
-    request: ReplayRequest,
-    report: Report | None = None,
-    cancel: Cancel | None = None,
-    *,
-    folders: Sequence[Path] | None = None,
+    request: ReplayRequest, monitor: ProgressMonitor, *, folders: Sequence[Path] | None = None
 ) -> ReplayedFlight:
     """Replay a flight log on the twin, and write what is requested.
 
     Args:
         request: Request.
-        report: Called with each progress.
-        cancel: Returns whether to cancel.
+        monitor: Shows progress.
         folders: Where the scene file may lie that a log names, if it names one; None for anywhere.
-
-    Raises:
-        BadInputError: if the log cannot be replayed, or a file not be written.
-        CancelledError: if ``cancel`` ended it; then nothing is written.
     """
-    ReplayRequest.accept(request)
-    monitor = ProgressMonitor(report, cancel)
     monitor.begin("reading")
     with refusing():
         record = FlightRecord.load(request.log)
@@ -122,6 +136,25 @@ def replay_flight(
     if request.out is None:
         return flight
     return replace(flight, written=_write(flight, request.out, monitor))
+
+
+@replay_flight.show
+def _print(flight: ReplayedFlight, _: ReplayRequest, console: Console) -> int:
+    record, report, figures = flight.record, flight.report, flight.report.figures()
+    rows = (
+        ("joints", figures.rms_rad, figures.max_rad),
+        ("tilt", figures.tilt_rms_rad, figures.tilt_max_rad),
+    )
+    console.print(f"[bold {'red' if report.divergence else 'green'}]{report.headline}")
+    table = Table.grid(padding=(0, 2))
+    table.add_row("[dim]log", escape(record.describe()))
+    if not report.is_exact:
+        for label, rms, largest in rows:
+            table.add_row(f"[dim]{label}", f"RMS {rms:.4f} rad, at most {largest:.4f} rad")
+    for event in record.events:
+        table.add_row(f"[dim]{escape(event.kind)}", f"{event.time:.2f} s: {escape(event.text)}")
+    console.print(table)
+    return DID_IT
 
 
 def _load_world(

@@ -1,17 +1,37 @@
-"""`getup bench all`, as a person runs it."""
+"""`getup bench`: a page, and rises that are the same on every engine and after an interrupt."""
 
 import json
+import os
 import shutil
+import signal
+import threading
+import time
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rise_figures_of import WALL_TIMES, read_rises
+from rise_figures_of import drop_wall_times, read_rises
 from run_getup import Run
 
 from humanoid_getup.benchmarks import rise
+from humanoid_getup.commands.look.bench_rise import BenchRise, benchmark
 from humanoid_getup.execution.result import RiseResult
+from humanoid_getup.progress.callback import CancelledError
 from robots import Robot
+from robots.storage.encoding import to_json
+
+QUICK: dict[str, Any] = {"n": 1, "seed": 4, "planning": False, "filtering": False}
+
+
+@pytest.fixture(scope="module")
+def here() -> list[dict[str, Any]]:
+    """Rise in this process."""
+    return rise_by(engine="local:1")
+
+
+def rise_by(**options: Any) -> list[dict[str, Any]]:
+    return read_rises(to_json(benchmark(BenchRise(**QUICK, **options))))
 
 
 def test_a_robot_that_can_do_nothing_gets_a_page_that_says_so(own_robot: Path, run: Run):
@@ -45,7 +65,7 @@ def test_a_run_is_resumed_and_ends_the_same(op3: Robot, tmp_path: Path, run: Run
     assert "19 of 21 pieces are finished" in out
     assert ledger.read_bytes().startswith(b"".join(pieces[:-2]))
     again = json.loads(Path("all/benchmark.json").read_text())
-    assert without_wall_time(again) == without_wall_time(json.loads(first))
+    assert drop_wall_times(again) == drop_wall_times(json.loads(first))
     code, _, error = run(*arguments, "--resume", "--seed", "1")
     assert code == 2
     assert "made with another seed (0, now 1)" in error
@@ -64,27 +84,16 @@ def test_workers_measure_what_one_process_measures(op3: Robot, tmp_path: Path, r
     assert run(*arguments, "here", "--engine", "local:1")[0] == 0
     assert run(*arguments, "there", "--engine", "local:2")[0] == 0
     here, there = (
-        without_wall_time(json.loads(Path(out, "benchmark.json").read_text()))
+        drop_wall_times(json.loads(Path(out, "benchmark.json").read_text()))
         for out in ("here", "there")
     )
     assert len(here["cases"]) == 2
     assert there["cases"] == here["cases"]
 
 
-def without_wall_time(value):
-    """Remove what depends on the machine."""
-    if isinstance(value, dict):
-        kept = {key: item for key, item in value.items() if key not in WALL_TIMES}
-        return {key: without_wall_time(item) for key, item in kept.items()}
-    return value
-
-
 def test_interrupted_rises_are_resumed_from_their_ledger(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
+    here: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch, run: Run
 ):
-    ledger, whole, resumed = (tmp_path / name for name in ("ledger.json", "a.json", "b.json"))
-    line = ("bench", "rise", "--n", "1", "--seed", "4", "--no-planning", "--no-filtering")
-    assert run(*line, "--json", str(whole))[0] == 0
     rise_from, risen = rise.rise_from, []
 
     def interrupt_the_third(*args: Any, **options: Any) -> RiseResult:
@@ -94,18 +103,53 @@ def test_interrupted_rises_are_resumed_from_their_ledger(
         return rise_from(*args, **options)
 
     monkeypatch.setattr(rise, "rise_from", interrupt_the_third)
-    kept = (*line, "--ledger", str(ledger))
+    line = ("bench", "rise", "--n", "1", "--seed", "4", "--no-planning", "--no-filtering")
+    kept = (*line, "--ledger", "ledger")
     code, _, error = run(*kept)
     assert code == 130
-    assert error.splitlines()[-1].endswith(f"--ledger {ledger} --resume continues")
-    code, out, _ = run(*kept, "--resume", "--json", str(resumed))
+    assert error.splitlines()[-1].endswith("--ledger ledger --resume continues")
+    code, out, _ = run(*kept, "--resume", "--json", "resumed.json")
     assert code == 0
     assert "2 rises are finished" in out
     assert risen == [0, 1, 2, 2]
-    assert read_rises(resumed.read_text()) == read_rises(whole.read_text())
+    assert read_rises(Path("resumed.json").read_text()) == here
     code, _, error = run(*kept, "--resume", "--torque-limit", "3")
     assert code == 2
     assert "made with another torque_limit_nm" in error
     code, _, error = run(*line, "--resume")
     assert code == 2
     assert "--resume is given without --ledger" in error
+
+
+@pytest.mark.parametrize("engine", ["local:2", pytest.param("dask:2", marks=pytest.mark.scale)])
+def test_workers_give_what_this_process_gives(here: list[dict[str, Any]], engine: str):
+    pytest.importorskip("distributed" if engine == "dask:2" else "mujoco")
+    assert len(here) == 3
+    assert rise_by(engine=engine) == here
+
+
+def test_a_killed_process_changes_nothing(here: list[dict[str, Any]]):
+    killed = threading.Event()
+
+    def kill_one() -> None:
+        while len(started := active_children()) < 2:
+            time.sleep(0.01)
+        os.kill(started[0].pid or 0, signal.SIGKILL)
+        killed.set()
+
+    threading.Thread(target=kill_one, daemon=True).start()
+    found = rise_by(engine="local:2")
+    assert killed.is_set()
+    assert found == here
+
+
+def test_a_ledger_goes_on_with_another_engine(here: list[dict[str, Any]], tmp_path: Path):
+    ledger, shown = tmp_path / "rises.jsonl", list[float]()
+    with pytest.raises(CancelledError):
+        benchmark(
+            BenchRise(engine="local:1", ledger=ledger, **QUICK),
+            lambda progress: shown.append(progress.done),
+            lambda: 2.0 in shown,
+        )
+    assert len(ledger.read_text().splitlines()) == 1 + 2
+    assert rise_by(engine="local:2", ledger=ledger, resume=True) == here

@@ -1,23 +1,32 @@
-"""Trains a get-up policy, and exports it to one ONNX file."""
+"""`getup train`: train a policy, or continue a training."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections import deque
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from rich.console import Console
+from tyro.conf import arg
+
+from humanoid_getup.commands.command import command
 from humanoid_getup.commands.errors import BadInputError, needing, refusing
-from humanoid_getup.commands.inputs import load_robot, load_robot_of
-from humanoid_getup.jobs.requests.learning import ExportRequest, TrainRequest
+from humanoid_getup.commands.exit_codes import DID_IT
+from humanoid_getup.commands.files import FOLDER, READ
+from humanoid_getup.commands.inputs import load_robot
+from humanoid_getup.commands.options import RobotOption, Seed
+from humanoid_getup.commands.values import at_least
 from humanoid_getup.motions.motion_database import list_motions
-from humanoid_getup.progress.callback import Cancel, Progress, ProgressMonitor, Report
+from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.physics_engine import PhysicsEngine
 
 if TYPE_CHECKING:
-    from sim2real.training.export import Exported
     from sim2real.training.iteration_log import TrainReport
+CHECKPOINT = "checkpoint.pt"
+MOST_THREADS = 256
 RECENT = 20  # iterations whose falls are counted: enough for a steady share
 LEARNED = 0.2  # share of falls without help that end standing, from which a body is learning
 ASSESSED = 600.0  # s of training after which it should be
@@ -25,24 +34,73 @@ MORE = "more --iterations may do"
 DOWN = 0.5  # of the standing neck height, below which robots do not get off the ground
 
 
-def train(
-    request: TrainRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> TrainedPolicy:
-    """Train into the request's folder, or continue the training in it.
+@dataclass(frozen=True, kw_only=True)
+class TrainRequest(RobotOption):
+    """Train a policy that gets the robot up; the same command again continues a training."""
 
-    Raises:
-        BadInputError: if the folder, a parent or a prior cannot be used, or torch is missing.
-        CancelledError: if ``cancel`` ended it; the last checkpoint is kept.
-    """
-    TrainRequest.accept(request)
-    parent, prior = request.parent, request.prior
-    if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
-        raise BadInputError(
-            f"--parent is {parent}, expected the folder of a training, or a policy file"
-        )
-    if prior is not None and not prior.is_dir():
-        raise BadInputError(f"--prior is {prior}, expected the folder of a pose prior")
-    robot, monitor = load_robot(request), ProgressMonitor(report, cancel)
+    out: Annotated[Path, FOLDER, arg(metavar="DIR")]
+    """Folder for checkpoint, progress and TensorBoard files."""
+    recipe: Literal["quick", "backwards", "robust", "gentle", "rough", "styled-quick", "styled"] = (
+        "quick"
+    )
+    """Training recipe."""
+    parent: Annotated[Path | None, READ, arg(metavar="DIR|FILE.onnx")] = None
+    """Folder of a training whose policy is the initial one, or a policy file (.onnx) with the same
+    actions; default: random weights."""
+    prior: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder of a pose prior, see `getup prior`, for a training with style curves."""
+    seed: Seed = 0
+    threads: Annotated[int, at_least(0, at_most=MOST_THREADS)] = 0
+    """Threads that step physics; 0: all of the machine."""
+    device: str = "cpu"
+    """Device of the networks: cpu or cuda."""
+    physics: Literal["mujoco", "warp"] = "mujoco"
+    """Engine that steps physics: mujoco on the processor, or warp (mujoco-warp) on a GPU: that of
+    the networks, else the first one, else the processor, which is slow."""
+    iterations: Annotated[int | None, at_least(1)] = None
+    """Updates of the policy; default: the recipe's."""
+    robots: Annotated[int | None, at_least(1)] = None
+    """Number of robots that are simulated at once; default: the recipe's."""
+    overlap: bool = False
+    """Collect the next steps while the networks learn from the last ones, in one process."""
+
+    def find_problems(self) -> list[str]:
+        """Report a parent and a prior that are none as well."""
+        problems, parent, prior = super().find_problems(), self.parent, self.prior
+        if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
+            problems.append(
+                f"--parent is {parent}, expected the folder of a training, or a policy file"
+            )
+        if prior is not None and not prior.is_dir():
+            problems.append(f"--prior is {prior}, expected the folder of a pose prior")
+        return problems
+
+
+@command("train")
+def train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
+    """Train into the request's folder, or continue the training in it."""
+    try:
+        return _train(request, monitor)
+    except KeyboardInterrupt as interrupt:
+        if (request.out / CHECKPOINT).exists():
+            hint = "the last checkpoint is kept: the same command continues from it"
+        else:
+            hint = "there is no checkpoint yet: the same command starts again"
+        raise KeyboardInterrupt(hint) from interrupt
+
+
+@train.show
+def _print(trained: TrainedPolicy, request: TrainRequest, console: Console) -> int:
+    if trained.leads:
+        console.print(f"{request.out}: {trained}")
+        if trained.recent and not trained.is_learning:
+            text = f"{trained.assess()}; the same command with more --iterations continues"
+            console.print(text, markup=False)
+    return DID_IT
+
+
+def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
+    robot = load_robot(request)
     monitor.begin("loading torch")
     with needing("train"):
         from sim2real.training.config import RECIPES
@@ -73,35 +131,13 @@ def train(
         monitor.show(Progress(phase="training", done=done, total=recipe.iterations, note=text))
 
     inputs = TrainingInputs(
-        parent=parent, prior=prior, device=request.device, threads=request.threads
+        parent=request.parent, prior=request.prior, device=request.device, threads=request.threads
     )
     with refusing():
         robot.require_imu_site()
-        check_inputs(robot, recipe, request.out, parent, prior, request.device)
+        check_inputs(robot, recipe, request.out, inputs.parent, inputs.prior, inputs.device)
         train(robot, recipe, request.seed, request.out, inputs, note)
     return trained
-
-
-def export(
-    request: ExportRequest, report: Report | None = None, cancel: Cancel | None = None
-) -> Exported:
-    """Export the policy of a training, as far as it has come, to one ONNX file.
-
-    Raises:
-        BadInputError: if the folder is of no training, or torch is missing.
-        CancelledError: if ``cancel`` ended it; then nothing is written.
-    """
-    ExportRequest.accept(request)
-    monitor = ProgressMonitor(report, cancel)
-    monitor.begin("loading torch")
-    with needing("train"):
-        from sim2real.training.config import TrainingRecord
-        from sim2real.training.export import export_policy
-    monitor.begin("exporting")
-    with refusing():
-        training = TrainingRecord.load(request.folder)
-        robot = load_robot_of(request, training.robot, f"training {request.folder}")
-        return export_policy(training, robot, request.out)
 
 
 def _check_device(device: str) -> None:

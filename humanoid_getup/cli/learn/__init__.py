@@ -1,1 +1,0 @@
-"""Commands of policies: `train`, `eval`, `export` and `prior`."""

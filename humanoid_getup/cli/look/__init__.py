@@ -1,1 +1,0 @@
-"""Commands that show results: `replay` and `bench`."""

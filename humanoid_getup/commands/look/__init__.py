@@ -1,0 +1,1 @@
+"""Commands that show, replay, export and measure."""

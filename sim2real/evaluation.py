@@ -1,0 +1,176 @@
+"""Evaluation of a policy from falls, in pieces that workers do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from humanoid_getup.experiments.starts.falls import CLASSES, Fall, FallSet, sample_fall_set
+from humanoid_getup.policy.onnx_policy import OnnxPolicy, find_policy
+from humanoid_getup.policy.style_follower import StyleChoice
+from humanoid_getup.progress.callback import Progress
+from humanoid_getup.progress.worker import report
+from humanoid_getup.scenes.named_scenes import load_scene
+from humanoid_getup.scenes.scene import Scene
+from humanoid_getup.simulation.world import World
+from humanoid_getup.strategies.plan import MotionPlan
+from humanoid_getup.strategies.planned_rise import PlannedRise, PlannerOptions
+from humanoid_getup.strategies.styled_rise import PLANNED, read_curves
+from humanoid_getup.style.curves import StyleCurves
+from humanoid_getup.style.extraction import ExtractionError
+from humanoid_getup.style.style import Style
+from humanoid_getup.style.style_file import load_any_style, load_style
+from robots import Robot, load_robot
+from sim2real.perturbations import Perturbation, PolicyTrial
+from sim2real.policy_evaluation import PolicyDriver, PolicyFigures
+
+NEAREST = "nearest"
+"""Style without a choice: the nearest of all named ones."""
+PLAN_SHARE = 0.9
+"""Of the time that a planned rise takes, where a policy follows the curves of its plan."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeededScene:
+    """A scene, with the seed of its ground if that is random."""
+
+    name: str
+    """Its name, or the absolute path of its file."""
+    seed: int
+
+    def load(self, robot: Robot) -> Scene:
+        """Load the scene for a robot."""
+        return load_scene(self.name, robot, self.seed)
+
+
+Grounds = list[tuple[SeededScene, FallSet]]
+"""Each ground with the falls on it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutPiece:
+    """Rollouts of a policy from some falls on one ground, at once."""
+
+    ground: SeededScene
+    falls: tuple[Fall, ...]
+    first: int
+    """Number of the first of the falls among those on this ground."""
+    style: str | None
+    """Name or file of the style that it follows; None for a policy without style curves."""
+    seed: int
+    """Of what is random about its robots."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RolledOut:
+    """Figures of some rollouts."""
+
+    figures: PolicyFigures
+    planned: int
+    """Number of rises that followed the curves of a plan."""
+
+
+def cut_falls(grounds: Grounds, style: str | None, *, most: int, seed: int) -> list[RolloutPiece]:
+    """Cut the falls on grounds into pieces of at most a number of robots, with seeds."""
+    parts = [
+        (ground, falls.falls, first)
+        for ground, falls in grounds
+        for first in range(0, len(falls.falls), most)
+    ]
+    return [
+        RolloutPiece(
+            ground=ground,
+            falls=falls[first : first + most],
+            first=first,
+            style=style,
+            seed=seed * len(parts) + number,
+        )
+        for number, (ground, falls, first) in enumerate(parts)
+    ]
+
+
+def load_followed(name: str, robot: Robot) -> Style:
+    """Load a style to follow, by name; for curves of plans, that of falls without one."""
+    return load_any_style(robot) if name in (NEAREST, PLANNED) else load_style(name, robot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatedPolicy:
+    """A policy under a perturbation; each worker loads it and its robot itself."""
+
+    robot_name: str
+    """Name or folder of the robot."""
+    policy_name: str
+    """Name of the policy, or its file."""
+    perturbation: Perturbation
+    sees_ground: bool
+    """Whether a policy with a height map observes the ground."""
+    seed: int
+    """Seed of plans, whose curves the policy follows."""
+    threads: int = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)} | {"threads": 1}
+
+    @cached_property
+    def robot(self) -> Robot:
+        """Load the robot."""
+        return load_robot(self.robot_name)
+
+    @cached_property
+    def policy(self) -> OnnxPolicy:
+        """Load the policy."""
+        robot, limit = self.robot, self.perturbation.torque_limit
+        file = find_policy(robot, self.policy_name)
+        return OnnxPolicy.load(file, robot, robot.control_period, limit)
+
+    def sample_falls(self, ground: SeededScene) -> FallSet:
+        """Sample a fall of each class on a ground."""
+        world = World(self.robot, ground.load(self.robot))
+        return sample_fall_set(world, dict.fromkeys(CLASSES, 1), ground.seed)
+
+    def roll_out(self, piece: RolloutPiece) -> RolledOut:
+        """Let the policy get up from falls, and report robots as they are done."""
+        choice, planned = self._choose_curves(piece)
+        trial = PolicyTrial(
+            robot=self.robot,
+            policy=PolicyDriver.of(self.policy, choice, sees_ground=self.sees_ground),
+            perturbation=self.perturbation,
+            seed=piece.seed,
+            scene=piece.ground.load(self.robot),
+            threads=self.threads,
+        )
+        share = 1.0 - PLAN_SHARE if piece.style == PLANNED else 1.0
+        starts = [fall.posture for fall in piece.falls]
+        rollouts = trial.run(starts, lambda robots: report(Progress(done=share * robots)))
+        return RolledOut(figures=rollouts.figures, planned=planned)
+
+    def _choose_curves(self, piece: RolloutPiece) -> tuple[StyleChoice | None, int]:
+        """Make the choice of curves; count rises that follow a plan's curves."""
+        if piece.style is None:
+            return None, 0
+        style = load_followed(piece.style, self.robot)
+        if piece.style != PLANNED:
+            return lambda _row, features: style.choose(features), 0
+        curves = self._plan_curves(piece)
+        found = sum(each is not None for each in curves)
+        return lambda row, features: curves[row] or style.choose(features), found
+
+    def _plan_curves(self, piece: RolloutPiece) -> Sequence[StyleCurves | None]:
+        """Plan a motion for each fall, and read its curves; ``None`` where no plan stands."""
+        world = World(self.robot, piece.ground.load(self.robot))
+        planner = PlannedRise(world, options=PlannerOptions(threads=self.threads))
+        found: list[StyleCurves | None] = []
+        for number, fall in enumerate(piece.falls, piece.first):
+            plan = planner.plan(fall.posture, np.random.default_rng([self.seed, number]))
+            found.append(None)
+            if isinstance(plan, MotionPlan) and plan.motion.rises:
+                with suppress(ExtractionError):
+                    found[-1] = read_curves(world, plan.motion)
+            report(Progress(done=PLAN_SHARE))
+        return found

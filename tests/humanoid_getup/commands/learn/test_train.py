@@ -1,0 +1,212 @@
+"""`getup train`: a story of its own, what it refuses in one line, and what it says of itself.
+
+Stands that the assistive force holds do not count.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+# Before any film strip: triton crashes if it is loaded after Mesa's LLVM.
+pytest.importorskip("tensordict")
+pytest.importorskip("gymnasium")
+pytest.importorskip("tensorboard")
+
+from run_getup import Run
+
+from humanoid_getup.commands.learn.train import ASSESSED, TrainedPolicy
+from humanoid_getup.progress.callback import Progress
+from sim2real.training.config import RECIPE, RECIPES, check_recipe
+from sim2real.training.iteration_log import TrainReport
+
+pytestmark = pytest.mark.train
+
+TINY = ("train", "--out", "mine", "--iterations", "2", "--robots", "4", "--threads", "1")
+
+
+HELPED = TrainReport(
+    iteration=0,
+    iterations=500,
+    steps=10_240,
+    seconds=10.0,
+    falls=100,
+    stood=60,
+    reward=0.1,
+    lift=0.8,
+    alone=10,
+    stood_alone=0,
+    height_alone=0.4,
+)
+"""Of 100 falls 60 end standing, all of them with help."""
+
+
+@pytest.fixture
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run `getup` in an empty folder, with a `quick` recipe that is over in a moment."""
+    tiny = replace(RECIPES["quick"], hidden=(8, 8), falls=4)
+    monkeypatch.setitem(RECIPES, "quick", tiny)
+    return run
+
+
+def refuse(run: Run, *arguments: str) -> str:
+    """Run what must be refused; return the one line."""
+    before = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    code, out, error = run(*arguments)
+    message = [line for line in error.splitlines() if line.startswith("getup: ")]
+    assert (code, out, len(message)) == (2, "", 1)
+    after = {file: file.read_bytes() for file in Path.cwd().rglob("*") if file.is_file()}
+    assert after == before
+    return message[0]
+
+
+def test_a_training_continues_where_it_stopped(run: Run):
+    code, out, _ = run(*TINY)
+    assert code == 0
+    assert out.startswith("mine: 2 iterations, 0.00 million steps in ")
+    assert {"checkpoint.pt", "falls.npz", "progress.csv", "recipe.json"} <= {
+        file.name for file in Path("mine").iterdir()
+    }
+    assert "trained already" in run(*TINY)[1]
+    code, out, _ = run(*TINY, "--iterations", "3")
+    assert code == 0
+    assert out.startswith("mine: 3 iterations")
+    assert json.loads(Path("mine/recipe.json").read_text())["recipe"]["iterations"] == 3
+
+
+def test_another_training_in_the_folder_is_reported_and_left_alone(run: Run):
+    assert run(*TINY)[0] == 0
+    line = refuse(run, *TINY, "--robots", "5", "--seed", "7")
+    assert "mine/recipe.json: made with another" in line
+    assert "recipe.robots (4, now 5)" in line
+    assert "seed (0, now 7)" in line
+
+
+def test_a_spoilt_file_of_a_training_is_named(run: Run):
+    assert run(*TINY)[0] == 0
+    spoilt = (
+        ("checkpoint.pt", b"PK\x03\x04 and no more", "checkpoint.pt is not a complete checkpoint"),
+        ("recipe.json", b"{", "recipe.json is not a recipe of a training"),
+        ("recipe.json", b"[1]", "recipe.json is not a recipe of a training"),
+        ("falls.npz", b"PK", "falls.npz holds no starts, expected an .npz"),
+    )
+    for name, content, message in spoilt:
+        whole = Path("mine", name).read_bytes()
+        Path("mine", name).write_bytes(content)
+        code, out, error = run(*TINY, "--iterations", "3")
+        assert (code, out) == (2, "")
+        assert message in error
+        assert Path("mine", name).read_bytes() == content
+        Path("mine", name).write_bytes(whole)
+
+
+def test_an_interrupted_training_leaves_130_and_its_checkpoint(run: Run, monkeypatch):
+    def interrupt(_: object, progress: Progress) -> None:
+        if progress.total is not None:
+            raise KeyboardInterrupt
+
+    assert run(*TINY)[0] == 0
+    before = Path("mine/checkpoint.pt").read_bytes()
+    monkeypatch.setattr("humanoid_getup.commands.console.ProgressDisplay.show", interrupt)
+    code, _, error = run(*TINY, "--iterations", "4")
+    assert code == 130
+    assert "the same command continues from it" in error
+    assert Path("mine/checkpoint.pt").read_bytes() == before
+
+
+@pytest.mark.warp
+def test_a_training_on_mujoco_warp_continues_and_is_no_other_one(run: Run):
+    pytest.importorskip("mujoco_warp", reason="needs the `warp` extra: make test-warp")
+    code, out, _ = run(*TINY, "--physics", "warp")
+    assert (code, out.startswith("mine: 2 iterations")) == (0, True)
+    assert json.loads(Path("mine", RECIPE).read_text())["recipe"]["physics"] == "warp"
+    code, out, _ = run(*TINY, "--physics", "warp", "--iterations", "3")
+    assert (code, out.startswith("mine: 3 iterations")) == (0, True)
+    code, out, error = run(*TINY, "--iterations", "3")
+    assert (code, out) == (2, "")
+    assert "recipe.physics (warp, now mujoco)" in error
+
+
+def test_a_folder_from_before_the_option_is_a_training_on_mujoco(tmp_path: Path):
+    file = tmp_path / RECIPE
+    file.write_text('{"recipe": {"robots": 4}}')
+    recipe = {"robots": 4, "physics": "mujoco", "overlap": False}
+    check_recipe(file, {"recipe": recipe})
+    with pytest.raises(match=r"recipe.physics \(mujoco, now warp\)"):
+        check_recipe(file, {"recipe": recipe | {"physics": "warp"}})
+
+
+def begin(motions: int = 3) -> TrainedPolicy:
+    return TrainedPolicy(leads=True, motions=motions, lift=HELPED.lift)
+
+
+def report(policy: TrainedPolicy, **fields: float) -> str:
+    """Report an iteration; return what it told."""
+    return policy.note(replace(HELPED, **fields))
+
+
+def test_robots_that_stand_by_the_force_alone_are_not_learning():
+    policy = begin()
+    report(policy)
+    assert policy.share == 0.0
+    assert not policy.is_learning
+    said = "60% of falls end standing with up to 80% of the weight held, 0% without help"
+    assert said in str(policy)
+
+
+def test_without_a_fall_of_a_kind_no_share_of_it_is_told():
+    policy = begin()
+    report(policy, falls=0, stood=0, alone=0)
+    assert policy.describe() == "no fall has ended yet"
+    report(policy, falls=0, stood=0, alone=0, level=2)
+    assert policy.describe().endswith("yet; episodes begin on the way, up to level 2")
+    assert policy.is_learning
+    report(policy, alone=0)
+    assert policy.describe().endswith("of the weight held")
+
+
+def test_a_training_whose_force_has_faded_before_it_was_continued_is_learning():
+    policy = begin()
+    report(policy, iteration=200, lift=0.3)
+    assert policy.is_learning
+
+
+@pytest.mark.parametrize("better", [{"stood_alone": 3}, {"lift": 0.75}])
+def test_robots_that_stand_alone_or_with_less_help_are_learning(better: dict[str, float]):
+    policy = begin()
+    report(policy)
+    assert not policy.is_learning
+    for _ in range(20):
+        report(policy, **better)
+    assert policy.is_learning
+
+
+def test_after_ten_minutes_it_is_told_once_whether_the_body_is_learning():
+    policy = begin()
+    assert report(policy, seconds=ASSESSED - 1.0) == ""
+    told = report(policy, seconds=ASSESSED)
+    assert told.startswith("after 10 min 60% of falls end standing with up to 80%")
+    assert "not learned yet; necks end at 40% of the standing height" in told
+    assert report(policy, seconds=ASSESSED + 10.0) == ""
+
+
+def test_a_short_training_blames_nothing():
+    policy = begin()
+    report(policy, seconds=20.0)
+    assert policy.assess().endswith("0% without help: too short to judge")
+
+
+@pytest.mark.parametrize(
+    ("motions", "neck", "lacks"),
+    [
+        (0, 0.4, "`getup motions discover` finds some"),
+        (3, 0.4, "`getup robots check` names joints that are too weak"),
+        (3, 0.9, "more --iterations may do"),
+    ],
+)
+def test_what_a_body_lacks_that_does_not_learn(motions: int, neck: float, lacks: str):
+    policy = begin(motions)
+    assert lacks in report(policy, seconds=ASSESSED, height_alone=neck)

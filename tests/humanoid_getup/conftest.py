@@ -49,15 +49,3 @@ def lying(world: World, tmp_path_factory: pytest.TempPathFactory) -> str:
 def stored_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan a stored motion, without a search: enough for a robot that lies where it begins."""
     monkeypatch.setattr(PlannedRise, "plan", plan_stored)
-
-
-@pytest.fixture
-def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run `getup` in an empty folder; return exit code, standard output, standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(arguments)
-        return code, *capsys.readouterr()
-
-    return run

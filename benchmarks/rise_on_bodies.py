@@ -27,13 +27,12 @@ from script import LOAD_FIGURES, WorkOptions, do_pieces, write_results
 from drivers import Ending, Twin
 from humanoid_getup.benchmarks.rise import MeasuredRise, rise_once
 from humanoid_getup.benchmarks.whole import sample_by_class
+from humanoid_getup.commands.robot.import_robot import ImportRequest, import_robot
 from humanoid_getup.engines.versions import hash_folder, hash_program
 from humanoid_getup.execution.result import RiseResult
 from humanoid_getup.execution.session import SessionOptions
 from humanoid_getup.experiments.judging.summary import RiseSummary, wilson_interval
 from humanoid_getup.experiments.starts.falls import UNCLASSED, Fall, classify, find_rest
-from humanoid_getup.jobs.import_robot import import_robot
-from humanoid_getup.jobs.requests.robots import ImportRequest
 from humanoid_getup.motions.motion_database import list_motions
 from humanoid_getup.policy.onnx_policy import list_policies
 from humanoid_getup.progress.ledger import Ledger

@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from humanoid_getup.commands.options import Origin, SceneOptions
+from humanoid_getup.commands.options import JsonOption, Origin, RobotOption, SceneOptions
 
 Ports = Annotated[tuple[str, ...], arg(metavar="PATH|NAME=PATH,...")]
 PORT_EXAMPLE = "e.g. --port /dev/ttyUSB0"
+NO_PORT = f"--port is missing, expected a serial port, {PORT_EXAMPLE}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,3 +71,15 @@ class ViewOptions(BackendOptions):
     view: bool = False
     """Show what the robot measures in MuJoCo's own viewer; a simulated one moves no faster than in
     real time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions(JsonOption, RobotOption):
+    """Options of the commands that service a robot on its bus."""
+
+    port: Ports = ()
+    """Serial port; of a robot with several, NAME=PATH of each."""
+
+    def find_problems(self) -> list[str]:
+        """Report missing ports as well."""
+        return super().find_problems() + ([] if self.port else [NO_PORT])

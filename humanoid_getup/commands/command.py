@@ -103,6 +103,11 @@ class Command(Generic[Request, Result]):
         self._show = show
         return show
 
+    def lead(self, run: Callable[[Any], int]) -> Callable[[Any], int]:
+        """Register what runs it on the command line instead, as a person needs it there."""
+        self.run = run
+        return run
+
     def run(self, options: Any, /) -> int:
         """Do the work of checked options, show progress and result; return the exit code."""
         person = self._person(options) if self._person else {}

@@ -95,72 +95,31 @@ COMMANDS = {
         "Measure a robot as one page that others can repeat.", module="look.bench_all"
     ),
     "bench rise": TableEntry("Rise from many settled falls.", module="look.bench_rise"),
-    "bus": TableEntry(
-        "Serve a virtual Dynamixel bus until stopped.", "options.hardware.ServeBus", "bus.serve_bus"
-    ),
+    "bus": TableEntry("Serve a virtual Dynamixel bus until stopped.", module="robot.bus"),
     "first-steps": TableEntry(
-        "Lead from a port to the first rise, step by step.",
-        "options.hardware.FirstSteps",
-        "first_steps.first_steps",
+        "Lead from a port to the first rise, step by step.", module="robot.first_steps"
     ),
-    "doctor": TableEntry(
-        "Check a robot on its bus; moves nothing.", "options.hardware.Doctor", "doctor.doctor"
-    ),
-    "calibrate": TableEntry(
-        "Measure the zeros and signs of the servos.",
-        "options.hardware.Calibrate",
-        "calibrate.calibrate",
-    ),
+    "doctor": TableEntry("Check a robot on its bus; moves nothing.", module="robot.doctor"),
+    "calibrate": TableEntry("Measure the zeros and signs of the servos.", module="robot.calibrate"),
     "servo": TableEntry("Set up, read and move single servos on a port."),
     "servo list": TableEntry(
-        "List serial ports, the devices on them, and what they measure.",
-        "options.servo.ListServos",
-        "servo.device_list.list_servos",
+        "List serial ports, the devices on them, and what they measure.", module="servo.devices"
     ),
     "servo setup": TableEntry(
-        "Give the servos of a robot their ids, one at a time.",
-        "options.servo.SetUpServos",
-        "servo.address.set_up",
+        "Give the servos of a robot their ids, one at a time.", module="servo.address"
     ),
-    "servo id": TableEntry(
-        "Give a servo another id.", "options.servo.ChangeId", "servo.address.change_servo_id"
-    ),
-    "servo baud": TableEntry(
-        "Give a servo another baud rate.",
-        "options.servo.ChangeBaud",
-        "servo.address.change_servo_baud",
-    ),
-    "servo table": TableEntry(
-        "Print all registers of a servo.", "options.servo.ShowTable", "servo.registers.show_table"
-    ),
-    "servo read": TableEntry(
-        "Read registers of a servo.",
-        "options.servo.ReadRegisters",
-        "servo.registers.read_registers",
-    ),
-    "servo write": TableEntry(
-        "Write registers of a servo.",
-        "options.servo.WriteRegisters",
-        "servo.registers.write_registers",
-    ),
-    "servo move": TableEntry("Move a servo slowly.", "options.servo.MoveServo", "servo.move.move"),
+    "servo id": TableEntry("Give a servo another id.", module="servo.address"),
+    "servo baud": TableEntry("Give a servo another baud rate.", module="servo.address"),
+    "servo table": TableEntry("Print all registers of a servo.", module="servo.registers"),
+    "servo read": TableEntry("Read registers of a servo.", module="servo.registers"),
+    "servo write": TableEntry("Write registers of a servo.", module="servo.registers"),
+    "servo move": TableEntry("Move a servo slowly.", module="servo.move"),
     "servo monitor": TableEntry(
-        "Show what servos measure, and their ranges.",
-        "options.servo.MonitorServos",
-        "servo.monitor.monitor",
+        "Show what servos measure, and their ranges.", module="servo.devices"
     ),
-    "servo reboot": TableEntry(
-        "Restart a servo.", "options.servo.RebootServo", "servo.address.reboot"
-    ),
-    "servo reset": TableEntry(
-        "Set a servo to the values as shipped.", "options.servo.ResetServo", "servo.address.reset"
-    ),
-    "watch": TableEntry(
-        "Show a limp robot while a person turns it by hand.",
-        "rise.WatchRequest",
-        "watch.watch",
-        json=True,
-    ),
+    "servo reboot": TableEntry("Restart a servo.", module="servo.address"),
+    "servo reset": TableEntry("Set a servo to the values as shipped.", module="servo.address"),
+    "watch": TableEntry("Show a limp robot while a person turns it by hand.", module="robot.watch"),
     "preflight": TableEntry("Check whether a motion may be played.", module="plan.preflight"),
     "studio": TableEntry("Pose, plan and look in the browser.", module="look.studio"),
     "replay": TableEntry("Replay a flight log and compare.", module="look.replay"),
@@ -179,24 +138,14 @@ COMMANDS = {
     ),
     "scenes": TableEntry("List or draw the scenes.", module="plan.scenes"),
     "robots": TableEntry("List the robots, import one from a model file, check one, export one."),
-    "robots list": TableEntry(
-        "List the installed robots.", "options.hardware.ListRobots", "list_robots.list_robots"
-    ),
+    "robots list": TableEntry("List the installed robots.", module="robot.list_robots"),
     "robots import": TableEntry(
-        "Make a robot folder from an MJCF or URDF file.",
-        "robots.ImportRequest",
-        "import_robot.import_robot",
-        json=True,
+        "Make a robot folder from an MJCF or URDF file.", module="robot.import_robot"
     ),
     "robots check": TableEntry(
-        "Check a robot's description, and what its body can do.",
-        "options.hardware.CheckRobot",
-        "check_robot.check_robot",
+        "Check a robot's description, and what its body can do.", module="robot.check_robot"
     ),
     "robots export": TableEntry(
-        "Write a robot's servos and controllers for ros2_control.",
-        "robots.ExportRobotRequest",
-        "export_robot.export_robot",
-        json=True,
+        "Write a robot's servos and controllers for ros2_control.", module="robot.export_robot"
     ),
 }

@@ -62,7 +62,7 @@ def refusing_own() -> Iterator[None]:
             raised = raised.tb_next
         if raised is None or not _is_own_raise(raised.tb_frame, raised.tb_lasti):
             raise
-        raise BadInputError(str(error)) from error
+        raise BadInputError(*getattr(error, "problems", [str(error)])) from error
 
 
 def _is_own_raise(frame: FrameType, instruction: int) -> bool:

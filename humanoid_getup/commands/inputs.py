@@ -29,6 +29,7 @@ from robots.bench import ServoBench
 from robots.imu import IMU_PORT
 from robots.storage.validation import name_unknown_joints
 
+ZERO, STANDING = "zero", "standing"
 FALL = "fall"
 """Key of a posture file of `getup fall`: the side on which the robot was to lie."""
 
@@ -114,6 +115,21 @@ def _find_sampled(
         return None
     rng.bit_generator.state = sampler.bit_generator.state
     return fall
+
+
+def find_held_posture(robot: Robot, at: str) -> Posture:
+    """Find the posture in which a person holds a robot: all angles 0, its stance, or a file's.
+
+    At zero, where its orientation is not known, the robot is upright.
+    """
+    if at == ZERO:
+        return replace(robot.standing, joint_pos=np.zeros(robot.n))
+    if at == STANDING:
+        return robot.standing
+    if not Path(at).exists():
+        raise BadInputError(f"unknown posture '{at}': expected zero, standing, or a file")
+    with refusing():
+        return load_posture(Path(at), robot)
 
 
 def load_keys(world: World, names: Sequence[str]) -> list[KeyPosture]:

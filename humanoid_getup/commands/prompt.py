@@ -1,4 +1,4 @@
-"""Questions to a person at the terminal."""
+"""A person at the terminal: questions, the key q, typed lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from drivers.service.calibrate import Prompt, is_yes
-from drivers.terminal_keys import find_standard_input
+from drivers.terminal_keys import TerminalKeys, find_standard_input
 from humanoid_getup.commands.errors import BadInputError
 
 MOST_BYTES = 4096  # of one read
@@ -62,6 +62,21 @@ def is_confirmed(console: Console, question: str, *, yes: bool) -> bool:
     if prompt is None:
         raise BadInputError("standard input is not a terminal: it cannot ask (or use --yes)")
     return is_yes(prompt.ask(f"{question} (yes does it)"))
+
+
+class QuitKey(TerminalKeys):
+    """Key q of the terminal, or its end, inside a ``with`` block."""
+
+    def __init__(self, terminal: int | None = None) -> None:
+        """Prepare to watch a terminal, by file descriptor; ``None`` for standard input."""
+        super().__init__(self._note, terminal)
+        self._pressed = threading.Event()
+        self.is_pressed = self._pressed.is_set
+        self.wait = self._pressed.wait
+
+    def _note(self, sent: bytes) -> None:
+        if sent.lower() in (b"q", b""):
+            self._pressed.set()
 
 
 class TypedLines:

@@ -10,10 +10,10 @@ import pytest
 from bus_stories import run_json, serving
 
 from drivers import Command, Twin
-from humanoid_getup.cli.robot.bench_words import list_bench_servos
 from humanoid_getup.commands.errors import BadInputError
 from humanoid_getup.commands.inputs import load_robot as load_for_command
 from humanoid_getup.commands.options import RobotOption
+from humanoid_getup.commands.robot.bus import list_bench_servos
 from robots import RobotError, load_robot
 from robots.bench import Load, make_bench, make_bench_joint
 from robots.description.servo_catalog import servo_models

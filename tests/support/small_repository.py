@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 from small_humanoid import small_humanoid
 
-from humanoid_getup.jobs.import_robot import import_robot
-from humanoid_getup.jobs.requests.robots import ImportRequest
+from humanoid_getup.commands.robot.import_robot import ImportRequest, import_robot
 
 NAME, PACKAGE = "small", "unified_humanoid_get_up_env"
 

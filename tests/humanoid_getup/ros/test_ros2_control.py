@@ -12,8 +12,7 @@ from nonempty import nonempty
 from paths import TINY
 
 from humanoid_getup.commands.main import main
-from humanoid_getup.jobs.requests.robots import ExportRobotRequest
-from humanoid_getup.jobs.robots import export_robot
+from humanoid_getup.commands.robot.export_robot import ExportRobotRequest, export_robot
 from robots import Robot, load_robot
 from robots.quaternion import Array
 

@@ -17,8 +17,8 @@ from humanoid_getup.commands.get_up.recording import recording
 from humanoid_getup.commands.get_up.session_hooks import NoOperator, SessionHooks
 from humanoid_getup.commands.get_up.stand import SitRequest
 from humanoid_getup.commands.inputs import load_world
+from humanoid_getup.commands.robot.watch import WatchRequest
 from humanoid_getup.execution.session import SessionOptions
-from humanoid_getup.jobs.requests.rise import WatchRequest
 from humanoid_getup.progress.callback import Progress, ProgressMonitor
 from humanoid_getup.simulation.world import World
 from robots import FULL_TORQUE

@@ -10,8 +10,7 @@ from humanoid_getup.commands.learn.evaluate import EvaluateRequest, evaluate
 from humanoid_getup.commands.motions.build_motions import BuildRequest, build_motions
 from humanoid_getup.commands.options import JobRequest
 from humanoid_getup.commands.plan.plan_path import PlanRequest, plan
-from humanoid_getup.jobs.requests.robots import CheckRequest
-from humanoid_getup.jobs.robots import check_robot
+from humanoid_getup.commands.robot.check_robot import CheckRequest, check_robot
 from humanoid_getup.progress.callback import CancelledError, Progress
 
 Job = Callable[..., object]

@@ -1,1 +1,0 @@
-"""Commands of robots: their folders, their buses and their servos."""

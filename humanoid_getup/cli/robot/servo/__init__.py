@@ -1,1 +1,0 @@
-"""`getup servo`: single servos on a port."""

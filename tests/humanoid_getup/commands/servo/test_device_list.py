@@ -1,0 +1,172 @@
+"""`getup servo list`: which ports there are, and who answers on them, whatever hangs there."""
+
+import json
+import os
+import pty
+import re
+
+import pytest
+from bus_stories import TINY, run_json, serving
+
+from drivers.dynamixel import bus
+from drivers.serial_port import SerialPort
+from drivers.service import scan
+from drivers.service.scan import PortFacts
+from drivers.virtual_bus.devices.servo import VirtualServo
+from humanoid_getup.commands.main import main
+from humanoid_getup.commands.servo import devices
+
+MEGABIT = ("--baud", "1000000")
+
+
+@pytest.fixture(autouse=True)
+def short_slots(monkeypatch):
+    """In lock-step answers to a ping of all come at once: there is no need to wait for 253."""
+    monkeypatch.setattr(bus, "PING_SLOT", 0.001)
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    with serving(TINY) as served:
+        served.place(l_hip=20.0)
+        yield served
+
+
+def look(port: str, capsys, *options: str) -> tuple[int, dict]:
+    return run_json("servo", "list", "--port", port, *options, capsys=capsys)
+
+
+def test_each_device_that_answers_is_listed_with_what_it_measures_and_nothing_changes(tiny, capsys):
+    writable = [item.name for item in tiny.virtual.servos[0].table if item.writable]
+    before = {name: tiny.peek(name) for name in writable}
+    code, message = look(tiny.path, capsys, *MEGABIT)
+    assert code == 0
+    (scanned,) = message["scans"]
+    found = scanned["found"]
+    assert [(d["id"], d["model"], d["firmware"]) for d in found] == [
+        (1, "XM430-W350", 46),
+        (2, "XM430-W350", 46),
+        (200, "OpenCR", 1),
+    ]
+    assert [d["is_board"] for d in found] == [False, False, True]
+    assert {d["baud"] for d in found} == {1_000_000}
+    assert found[0]["values"]["present_input_voltage"] == pytest.approx(12.0)
+    assert found[0]["values"]["present_temperature"] == 25.0
+    assert found[0]["values"]["torque_enable"] == 0
+    assert not any(d["doubled"] for d in found)
+    assert {name: tiny.peek(name) for name in writable} == before
+    assert main(("servo", "list", "--port", tiny.path, *MEGABIT)) == 0
+    out = capsys.readouterr().out
+    assert "3 devices at 1000000 bit/s" in out
+    assert re.search(r"2 +1000000 +XM430-W350 +46 .* off .* 12.0 +25", out)
+
+
+def test_devices_at_several_speeds_are_found_in_one_scan(tiny):
+    port = SerialPort(tiny.path, 57_600)
+    tiny.poke("r_hip", "baud_rate", 4)  # 2 Mbit/s
+    try:
+        found = scan.scan_port(port, (1_000_000, 2_000_000)).found
+    finally:
+        tiny.poke("r_hip", "baud_rate", 3)
+    assert [(d.id, d.baud) for d in found] == [(1, 1_000_000), (200, 1_000_000), (2, 2_000_000)]
+    assert not port.is_open
+
+
+def test_at_a_wrong_speed_no_device_answers_and_the_advice_says_what_to_check(tiny, capsys):
+    code, message = look(tiny.path, capsys, "--baud", "4000000")
+    assert code == 3
+    assert message["scans"][0]["found"] == []
+    for words in ("power switch", "supply", "cable", "--all-bauds"):
+        assert words in message["advice"]
+
+
+def test_two_servos_of_one_id_are_named(capsys):
+    double = VirtualServo(1, baud=1_000_000)
+    with serving(TINY) as served:
+        served.add(double)
+        code = main(("servo", "list", "--port", served.path, *MEGABIT))
+    out = capsys.readouterr().out
+    assert code == 0
+    assert "id 1 at 1000000 bit/s: replies are garbled, as by two devices of one id" in out
+    assert "id 2 at" not in out and "id 200 at" not in out
+
+
+def test_an_adapter_that_gives_back_what_was_sent_doubles_no_device(tiny):
+    class Echoing(SerialPort):
+        """Hands over what was sent before what came."""
+
+        echo = b""
+
+        def write(self, data: bytes) -> None:
+            self.echo += data
+            super().write(data)
+
+        def read(self, deadline: float) -> bytes:
+            echo, self.echo = self.echo, b""
+            return echo or super().read(deadline)
+
+    found = scan.scan_port(Echoing(tiny.path, 1_000_000), (1_000_000,)).found
+    assert [(d.id, d.doubled) for d in found] == [(1, False), (2, False), (200, False)]
+
+
+def test_servos_without_power_are_explained_where_their_board_answers(capsys):
+    with serving(TINY, powered=False) as served:
+        code, message = look(served.path, capsys, *MEGABIT)
+    assert code == 0
+    assert [d["id"] for d in message["scans"][0]["found"]] == [200]
+    assert "only a board answers" in message["advice"]
+
+
+# Ports ---------------------------------------------------------------------------------------
+
+
+def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothing(
+    tiny, capsys, monkeypatch
+):
+    ports = [
+        PortFacts(path=path, description="a port", latency_timer=16, is_adapter=is_adapter)
+        for path, is_adapter in (("/dev/gone", True), ("/dev/ttyS0", False), (tiny.path, True))
+    ]
+    monkeypatch.setattr(devices, "list_serial_ports", lambda: ports)
+    assert main(("servo", "list", *MEGABIT)) == 0
+    out = capsys.readouterr().out
+    assert "/dev/ttyS0  a port, latency timer 16 ms (not scanned: name it with --port)" in out
+    assert "port /dev/gone: does not exist" in out
+    assert "3 devices at 1000000 bit/s" in out
+
+
+def test_a_computer_without_any_port_gets_advice(capsys, monkeypatch):
+    monkeypatch.setattr(scan.list_ports, "comports", list)
+    assert main(("servo", "list")) == 3
+    assert "plug the adapter in" in capsys.readouterr().out
+
+
+def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tmp_path, tiny):
+    (tmp_path / "file").write_text("no port")
+    other = SerialPort(tiny.path, 1_000_000)
+    other.open()
+    try:
+        for arguments, expected in (
+            (("--port", "/dev/nowhere"), "port /dev/nowhere: does not exist"),
+            (("--port", str(tmp_path / "file")), "is not a serial port"),
+            (("--port", tiny.path), "in use by another program"),
+            (("--baud", "12345"), "baud is 12345 bit/s, expected 9600, 57600"),
+            (("--baud", "57600", "--all-bauds"), "exclude each other"),
+        ):
+            assert main(("servo", "list", *arguments)) == 2
+            out, error = capsys.readouterr()
+            assert expected in error and not out and error.count("\n") == 1
+    finally:
+        other.close()
+
+
+def test_a_silent_line_is_no_crowd(capsys):
+    master, slave = pty.openpty()
+    line = ("servo", "list", "--port", os.ttyname(slave), "--baud", "4000000", "--json", "-")
+    try:
+        code = main(line)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert code == 3
+    assert json.loads(capsys.readouterr().out)["scans"][0]["found"] == []

@@ -44,7 +44,7 @@ from robots.bus_settings import BAUD_RATES
 HEADINGS = ("mode", "torque", "°", "°/s", "load", "V", "°C", "error")
 LEFT = ("model", "mode", "torque", "error")
 UNKNOWN = "-"
-NO_PORT = "no serial port: plug the adapter in (lsusb, dmesg), or name a port with --port"
+PLUG_IN = "plug the adapter in (lsusb, dmesg), or name a port with --port"
 NO_DEVICE = (
     "no device answers: check power switch and supply, the cable, the servos' baud rate "
     "(--all-bauds), and that no other program uses the port"
@@ -88,7 +88,8 @@ def list_servos(options: ListServos) -> int:
     found = [device for scan in scans for device in scan.found]
     advice = None
     if not found:
-        advice = NO_DEVICE if scans else NO_PORT
+        missing = "USB adapter" if ports else "serial port"
+        advice = NO_DEVICE if scans else f"no {missing}: {PLUG_IN}"
     elif all(device.is_board for device in found):
         advice = ONLY_BOARDS
     record = {

@@ -7,6 +7,7 @@ import re
 
 import pytest
 from bus_stories import TINY, run_json, serving
+from serial.tools.list_ports_common import ListPortInfo
 
 from drivers.dynamixel import bus
 from drivers.serial_port import SerialPort
@@ -135,10 +136,22 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
     assert "3 devices at 1000000 bit/s" in out
 
 
-def test_a_computer_without_any_port_gets_advice(capsys, monkeypatch):
-    monkeypatch.setattr(scan.list_ports, "comports", list)
+@pytest.mark.parametrize(
+    ("ports", "advice"),
+    [
+        ([], "no serial port: plug the adapter in"),
+        (["/dev/ttyS0"], "no USB adapter: plug the adapter in"),
+    ],
+)
+def test_a_computer_without_an_adapter_gets_advice_that_fits_its_ports(
+    ports: list[str], advice: str, capsys, monkeypatch
+):
+    found = [ListPortInfo(port) for port in ports]
+    monkeypatch.setattr(scan.list_ports, "comports", lambda: found)
     assert main(("servo", "list")) == 3
-    assert "plug the adapter in" in capsys.readouterr().out
+    *named, last = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in named] == ports
+    assert advice in last
 
 
 def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tmp_path, tiny):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from paths import TINY
 
+from drivers.serial_port import SerialPort
 from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.serving.server import TimeMode
 from drivers.virtual_bus.virtual_ports import VirtualPorts
@@ -33,6 +34,10 @@ class Served:
     @property
     def path(self) -> str:
         return self._ports.main.path
+
+    def make_port(self, path: str, baud: int = 1_000_000) -> SerialPort:
+        """Make the client's end, on which nothing is waited for that does not come."""
+        return self._ports.make_port(path, baud)
 
     def place(self, **angles_deg: float) -> None:
         """Hold joints at angles [degrees], all others at 0."""

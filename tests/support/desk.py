@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
 from bus_stories import Served, serving
 
 from drivers.dynamixel.bus import DynamixelBus
@@ -23,9 +24,10 @@ def make_desk(*servos: tuple[int, str], baud: int = BAUD) -> ServoBench:
 
 @contextmanager
 def serving_desk(*servos: tuple[int, str], baud: int = BAUD) -> Iterator[Served]:
-    """Serve servos that wait for their client."""
+    """Serve servos that wait for their client; no wait for a reply ends by the clock."""
     desk = make_desk(*servos or ((1, "XL430-W250"), (3, "XM430-W350")), baud=baud)
-    with serving(desk) as served:
+    with serving(desk) as served, pytest.MonkeyPatch.context() as patch:
+        patch.setattr("drivers.service.loose_servo.SerialPort", served.make_port)
         yield served
 
 

@@ -10,12 +10,14 @@ from drivers.dynamixel.protocol1 import PROTOCOL_1, ChecksumParser
 from drivers.dynamixel.protocol2 import BROADCAST, ErrorNumber, Instruction, Packet, Status
 from drivers.serial_port import PortRefusedError
 from drivers.service import sweep
-from drivers.service.scan import FoundDevice, check_rate, scan_port
+from drivers.service.scan import FoundDevice, FoundImu, check_rate, find_imus, scan_port
 from drivers.virtual_bus.devices.board import VirtualBoard
 from drivers.virtual_bus.devices.chain import Chain
 from drivers.virtual_bus.devices.plain_servo import PlainServo
 from drivers.virtual_bus.devices.sensors import Measured
 from drivers.virtual_bus.devices.servo import VirtualServo
+from drivers.virtual_bus.imu.bno055 import VirtualBno055
+from drivers.virtual_bus.imu.bno08x_i2c import VirtualBno08xI2c
 
 BAUD = 1_000_000
 
@@ -37,9 +39,11 @@ def find_devices(port: MemoryPort) -> list[FoundDevice]:
 
 
 def test_devices_are_listed_by_id_with_what_they_measure():
-    board = VirtualBoard(baud=BAUD)
+    board, stranger = VirtualBoard(baud=BAUD), servo(5)
     board.sense_voltage(12.1)
-    found = find_devices(port_of(servo(7), board, servo(3, model="XL430-W250")))
+    stranger.poke("model_number", 12345)
+    found = find_devices(port_of(servo(7), board, stranger, servo(3, model="XL430-W250")))
+    assert found.pop(1) == FoundDevice(id=5, baud=BAUD, number=12345, firmware=45)
     assert [(d.id, d.number, d.model, d.firmware, d.is_board) for d in found] == [
         (3, 1060, "XL430-W250", 45, False),
         (7, 1020, "XM430-W350", 45, False),
@@ -48,36 +52,43 @@ def test_devices_are_listed_by_id_with_what_they_measure():
     assert {d.baud for d in found} == {BAUD}
     assert [d.values["present_input_voltage"] for d in found] == [119, 119, 121]
     assert [d.values.get("present_temperature") for d in found] == [34, 38, None]
-    assert found[0].values["present_position"] == 2003
-    assert found[0].values["torque_enable"] == 0
-
-
-def test_a_model_without_a_table_is_listed_by_its_number():
-    stranger = servo(5)
-    stranger.poke("model_number", 12345)
-    found = find_devices(port_of(stranger))
-    assert found == [FoundDevice(id=5, baud=BAUD, number=12345, firmware=45)]
+    assert found[0].values["present_position"] == 2003 and not found[0].values["torque_enable"]
+    port = port_of()
+    port.spoil = lambda packet, _: [packet.encode()]
+    assert find_devices(port) == [], "an echo of the adapter is none"
 
 
 def test_two_servos_of_one_id_are_one_doubled_device():
     (found,) = find_devices(port_of(servo(4), servo(4, model="XM540-W270")))
     assert (found.id, found.doubled, found.model) == (4, True, None)
+    # As shipped, all AX have the id 1.
+    pair = [PlainServo(1, model, baud=BAUD) for model in ("AX-12A", "AX-18A")]
+    found = find_devices(port_of(*pair, PlainServo(3, "AX-12A", baud=BAUD)))
+    assert [(d.id, d.doubled, d.model) for d in found] == [(1, True, None), (3, False, "AX-12A")]
+    assert found[0].protocol == "1.0 or feetech"
 
 
-def test_two_servos_of_one_id_of_which_one_waits_longer_are_one_doubled_device():
-    """Return delays of 0 and 500 us: the second reply begins after the first has ended."""
+def refuse(packet: Packet, replies: list[bytes]) -> list[bytes]:
+    is_read = packet.instruction == Instruction.READ
+    return [Status(4, ErrorNumber.ACCESS).encode()] if is_read else replies
+
+
+@pytest.mark.parametrize(
+    ("spoil", "doubled", "voltage"),
+    [
+        # Return delays of 0 and 500 µs: the second reply begins after the first has ended.
+        (lambda _, replies: replies * 2, True, 119),
+        (lambda sent, replies: replies * (1 + (sent.id == BROADCAST)), False, 119),
+        (refuse, False, None),
+    ],
+    ids=["all replies twice", "that to the broadcast ping", "no register is read"],
+)
+def test_a_servo_is_doubled_where_all_of_its_replies_come_twice(spoil, doubled, voltage):
     port = port_of(servo(4))
-    port.spoil = lambda _, replies: replies * 2
+    port.spoil = spoil
     (found,) = find_devices(port)
-    assert (found.id, found.doubled) == (4, True)
-
-
-def test_a_reply_to_the_broadcast_ping_that_comes_twice_doubles_no_device():
-    port = port_of(servo(4))
-    port.spoil = lambda packet, replies: replies * 2 if packet.id == BROADCAST else replies
-    (found,) = find_devices(port)
-    assert (found.id, found.doubled) == (4, False)
-    assert found.values["present_input_voltage"] == 119
+    assert (found.id, found.doubled) == (4, doubled)
+    assert found.values.get("present_input_voltage") == voltage
 
 
 def test_noise_in_one_reply_of_a_suspect_doubles_no_device():
@@ -111,24 +122,6 @@ def test_a_late_reply_doubles_no_other_device():
     assert [device.values["present_temperature"] for device in found] == [34, 35]
 
 
-def test_a_servo_that_refuses_to_be_read_is_no_doubled_device():
-    port = port_of(servo(4))
-
-    def refuse(packet: Packet, replies: list[bytes]) -> list[bytes]:
-        is_read = packet.instruction == Instruction.READ
-        return [Status(4, ErrorNumber.ACCESS).encode()] if is_read else replies
-
-    port.spoil = refuse
-    (found,) = find_devices(port)
-    assert (found.id, found.doubled, found.values) == (4, False, {})
-
-
-def test_an_echo_of_the_adapter_is_no_device():
-    port = port_of()
-    port.spoil = lambda packet, _: [packet.encode()]
-    assert find_devices(port) == []
-
-
 def test_every_rate_is_tried_and_the_port_is_closed():
     port = port_of(servo(1), servo(2, baud=57_600))
     scan = scan_port(port, (57_600, BAUD, 2_000_000))
@@ -155,10 +148,6 @@ def test_rates_that_the_adapter_refuses_are_listed():
     assert [device.id for device in scan.found] == [1]
     with pytest.raises(PortRefusedError, match="is refused"):
         scan_port(PickyPort(Chain([]), BAUD), (57_600,))
-
-
-def test_a_rate_that_no_servo_has_is_refused():
-    check_rate(57_600)
     with pytest.raises(ValueError, match="baud is 1234 bit/s, expected 9600, 57600"):
         check_rate(1234)
 
@@ -166,9 +155,13 @@ def test_a_rate_that_no_servo_has_is_refused():
 # Protocols without a broadcast ping --------------------------------------------------------
 
 
-def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.MonkeyPatch):
-    """At Status Return Level 0 an AX answers no read (e-manual)."""
+@pytest.fixture(autouse=True)
+def _few_ids(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep, "SWEPT", range(4))
+
+
+def test_a_servo_that_replies_to_pings_alone_is_found():
+    """At Status Return Level 0 an AX answers no read (e-manual)."""
     ax, other = (PlainServo(i, "AX-12A", baud=BAUD) for i in (1, 3))
     ax.poke("status_return_level", 0)
     found = find_devices(port_of(ax, other))
@@ -177,18 +170,7 @@ def test_a_servo_that_replies_to_pings_alone_is_found(monkeypatch: pytest.Monkey
     assert not any(device.doubled for device in found)
 
 
-def test_two_servos_of_one_id_are_one_doubled_device_in_protocol_1_too():
-    """As shipped, all AX have the id 1."""
-    pair = [PlainServo(1, "AX-12A", baud=BAUD), PlainServo(1, "AX-18A", baud=BAUD)]
-    found = find_devices(port_of(*pair, PlainServo(3, "AX-12A", baud=BAUD)))
-    assert [(d.id, d.doubled, d.model) for d in found] == [(1, True, None), (3, False, "AX-12A")]
-    assert found[0].protocol == "1.0 or feetech"
-
-
-def test_an_id_whose_reply_comes_late_is_found_in_the_second_round(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    monkeypatch.setattr(sweep, "SWEPT", range(4))
+def test_an_id_whose_reply_comes_late_is_found_in_the_second_round():
     port, waiting = port_of(PlainServo(1, "AX-12A", baud=BAUD)), list[bytes]()
 
     def delay(packet: Packet, replies: list[bytes]) -> list[bytes]:
@@ -202,16 +184,37 @@ def test_an_id_whose_reply_comes_late_is_found_in_the_second_round(
     assert [device.id for device in find_devices(port)] == [1]
 
 
-def test_silent_ids_are_pinged_once_where_nothing_replies(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sweep, "SWEPT", range(4))
+def test_silent_ids_are_pinged_once_where_nothing_replies():
     port = port_of()
     port.chain.wire, port._parser = PROTOCOL_1, ChecksumParser()
     assert sweep.list_speakers(DynamixelBus(port), sweep.ALIKE) == {}
     assert [packet.id for packet in port.sent] == [0, 1, 2, 3]
 
 
-def test_an_adapter_that_echoes_pings_makes_no_servo(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sweep, "SWEPT", range(4))
+def test_an_adapter_that_echoes_pings_makes_no_servo():
     port = port_of(PlainServo(1, "AX-12A", baud=BAUD))
     port.spoil = lambda packet, replies: [PROTOCOL_1.encode(packet), *replies]
     assert list(sweep.list_speakers(DynamixelBus(port), sweep.ALIKE)) == [1]
+
+
+# IMUs on I2C buses -------------------------------------------------------------------------------
+
+
+class OtherChip(VirtualBno055):
+    """A chip whose registers all hold 0xFF."""
+
+    def transfer(self, data: bytes, count: int = 0) -> bytes:
+        del data
+        return b"\xff" * count
+
+
+def test_each_imu_is_named_with_its_bus_and_other_chips_are_left_out():
+    chips = {(1, 0x29): VirtualBno055(), (3, 0x4A): VirtualBno08xI2c()}
+    chips |= {(1, 0x28): OtherChip(), (1, 0x4B): OtherChip()}
+    silent = VirtualBno055()
+    silent.alive = False
+    assert find_imus((1, 2, 3), lambda bus, address: chips.get((bus, address), silent)) == [
+        FoundImu(path="virtual I2C", model="BNO055"),
+        FoundImu(path="virtual I2C", model="BNO08x"),
+    ]
+    assert find_imus((250,)) == [], "there is no such bus"

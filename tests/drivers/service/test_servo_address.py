@@ -12,19 +12,22 @@ from drivers.virtual_bus.devices.servo import VirtualServo
 
 def test_a_servo_with_a_new_id_replies_there_and_no_longer_at_the_old_one(desk, bus):
     servo = change_id(find_servo(bus, 1, (BAUD,)), 9)
-    assert servo.id == 9
-    assert servo.read("id") == 9
+    assert servo.id == servo.read("id") == 9
     assert [found.id for found in find_servos(bus, (BAUD,))] == [3, 9]
     assert desk.peek("id") == [9, 3]
 
 
-@pytest.mark.parametrize(
-    ("new", "expected"), [(3, "a device has the id 3"), (253, "expected 0 to 252"), (-1, "to 252")]
-)
-def test_an_id_that_is_taken_or_does_not_exist_is_refused(desk, bus, new: int, expected: str):
-    with pytest.raises(SetupError, match=expected):
-        change_id(find_servo(bus, 1, (BAUD,)), new)
-    assert desk.peek("id") == [1, 3]
+def test_an_id_or_baud_rate_that_is_taken_or_does_not_exist_is_refused(desk, bus):
+    servo = find_servo(bus, 1, (BAUD,))
+    for change, new, expected in (
+        (change_id, 3, "a device has the id 3"),
+        (change_id, 253, "expected 0 to 252"),
+        (change_id, -1, "to 252"),
+        (change_baud, 250_000, "baud rate is 250000 bit/s, expected 9600, 57600"),
+    ):
+        with pytest.raises(SetupError, match=expected):
+            change(servo, new)
+    assert (desk.peek("id"), bus.port.baud) == ([1, 3], BAUD)
 
 
 def test_two_servos_of_one_id_do_not_both_get_the_new_one(desk, bus):
@@ -46,22 +49,12 @@ def test_a_servo_at_a_new_baud_rate_replies_there_and_no_longer_at_the_old_one(b
     assert [found.id for found in find_servos(bus, (2_000_000,))] == [1]
 
 
-def test_a_baud_rate_that_the_model_lacks_is_refused(bus):
-    servo = find_servo(bus, 1, (BAUD,))
-    with pytest.raises(SetupError, match="baud rate is 250000 bit/s, expected 9600, 57600"):
-        change_baud(servo, 250_000)
-    assert servo.read("id") == 1
-    assert bus.port.baud == BAUD
-
-
 def test_neither_id_nor_baud_rate_changes_under_torque(desk, bus):
     servo = find_servo(bus, 1, (BAUD,))
     desk.poke("servo_1", "torque_enable", 1)
-    for change in (lambda: change_id(servo, 9), lambda: change_baud(servo, 57_600)):
+    for change, value in ((change_id, 9), (change_baud, 57_600), (reset_servo, Reset.ALL_BUT_ID)):
         with pytest.raises(SetupError, match="has torque, expected none"):
-            change()
-    with pytest.raises(SetupError, match="has torque"):
-        reset_servo(servo, Reset.ALL_BUT_ID)
+            change(servo, value)
     assert (servo.read("id"), servo.read("baud_rate")) == (1, 3)
 
 

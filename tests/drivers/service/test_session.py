@@ -7,8 +7,6 @@ from service_bench import ServiceBench
 
 from drivers.dynamixel.diagnostics import DiagnosticsError
 from drivers.dynamixel.protocol2 import Instruction
-from drivers.errors import SetupError
-from drivers.service.session import open_robot_bus
 from robots import Robot
 
 
@@ -23,26 +21,22 @@ def test_servos_without_power_get_it_and_nothing_else_is_written(tiny: Robot):
     assert not bench.port.is_open
 
 
-def test_torque_stays_until_it_is_released(tiny: Robot):
+def test_torque_stays_until_it_is_released_and_a_servo_that_keeps_it_is_named(tiny: Robot):
     bench = ServiceBench(tiny)
     bench.servo("r_hip").write(64, b"\x01")
     with bench.open() as bus:
         assert [joint.name for joint in bus.find_torque()] == ["r_hip"]
         assert bus.written == []
-        bus.release()
-        assert bus.find_torque() == ()
-    assert bench.servo("r_hip").peek("torque_enable") == 0
-
-
-def test_a_servo_that_does_not_release_is_named(tiny: Robot):
-    bench = ServiceBench(tiny)
-    bench.servo("r_hip").write(64, b"\x01")
-    with bench.open() as bus:
         bench.port.spoil = lambda packet, replies: (
             [] if packet.instruction == Instruction.WRITE else replies
         )
         with pytest.raises(DiagnosticsError, match=r"'r_hip' .*does not confirm torque"):
             bus.release()
+        bench.servo("r_hip").poke("torque_enable", 1)
+        bench.port.spoil = lambda _, replies: replies
+        bus.release()
+        assert bus.find_torque() == ()
+    assert bench.servo("r_hip").peek("torque_enable") == 0
 
 
 def test_a_servo_that_answers_pings_alone_is_made_to_answer_reads(tiny: Robot):
@@ -51,14 +45,9 @@ def test_a_servo_that_answers_pings_alone_is_made_to_answer_reads(tiny: Robot):
     with bench.open() as bus:
         assert bench.servo("l_hip").peek("status_return_level") == 2
         assert len(bus.written) == 1 and "joint 'l_hip' (id 1) ignored reads" in bus.written[0]
-        assert bus.diagnose().errors == ()
-
-
-def test_some_joints_are_diagnosed_alone(tiny: Robot):
-    with ServiceBench(tiny).open() as bus:
-        found = bus.diagnose((bus.robot.actuators[1],))
-        assert [servo.joint.name for servo in found.servos] == ["r_hip"]
-        assert len(bus.diagnose().servos) == 2
+        assert bus.diagnose().errors == () and len(bus.diagnose().servos) == 2
+        (found,) = bus.diagnose((bus.robot.actuators[1],)).servos
+        assert found.joint.name == "r_hip"
 
 
 def test_a_board_that_is_silent_is_a_finding_and_no_imu(tiny: Robot):
@@ -80,12 +69,3 @@ def test_a_robot_without_imu_or_with_an_id_twice_has_findings(tiny: Robot):
             ("id 1", "belongs to l_hip and r_hip"),
             ("robot.toml", "names no IMU"),
         ]
-
-
-def test_a_port_that_does_not_open_is_named(tiny: Robot):
-    expected = "port /dev/none-of-these: does not exist"
-    with (
-        pytest.raises(SetupError, match=expected),
-        open_robot_bus(tiny, {"main": "/dev/none-of-these"}),
-    ):
-        pass

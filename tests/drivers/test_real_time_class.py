@@ -50,11 +50,8 @@ def test_without_permission_a_thread_stays_where_it_is(monkeypatch: pytest.Monke
         assert not is_in
     assert not enter_real_time_class(LOOP_PRIORITY)
     assert find_class() == before
-
-
-def test_a_system_without_such_classes_is_left_alone(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("drivers.real_time_class.IS_KNOWN", False)
-    monkeypatch.delattr(os, "sched_setscheduler")
+    monkeypatch.delattr(os, "sched_setscheduler")  # a system without such classes
     with in_real_time_class() as is_in:
         assert not is_in
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from memory_rig import Rig
 from recording_backend import RecordingBackend
 
 from drivers import Command, FaultKind, GuardLimits, SafetyGuard
@@ -47,6 +48,10 @@ def test_letting_go_is_never_held_up(guard, backend):
         ({"orientation": np.zeros(4)}, FaultKind.BAD_MEASUREMENT, "IMU"),
         ({"orientation": np.zeros(0)}, FaultKind.BAD_MEASUREMENT, "IMU"),  # but a turn rate
         ({"gyro": np.full(3, np.nan)}, FaultKind.BAD_MEASUREMENT, "IMU"),
+        *(
+            ({name: np.array([0.0, np.nan])}, FaultKind.BAD_MEASUREMENT, "joint 'r_hip'")
+            for name in ("joint_pos", "joint_vel", "joint_current", "temperature")
+        ),
         ({"alert": np.array([128, 0])}, FaultKind.SERVO_ERROR, "unknown kind"),
         ({"imu_age": 0.4}, FaultKind.LOST_IMU, "since 0.40 s"),
         ({"voltage": 9.4}, FaultKind.LOW_VOLTAGE, "9.4 V for 0.0 s, expected 10.0 V or more"),
@@ -204,6 +209,10 @@ def test_after_a_pause_under_torque_the_robot_is_held_where_it_is_measured(guard
 
 @pytest.mark.parametrize("ends", [{"alert": np.array([0, 32])}, {"voltage": 9.0}, None])
 def test_what_follows_a_pause_still_ends_limp(guard, backend, ends):
+    guard.read()
+    guard.write(Command.limp(2))
+    assert not turn(guard, backend, 0.02, time=backend.state.time + 2.0).is_limp
+    assert guard.fault is None, "without torque it is no pause"
     turn(guard, backend, 0.02)
     assert not turn(guard, backend, 0.02, time=backend.state.time + 2.0).is_limp
     if ends is None:
@@ -211,28 +220,6 @@ def test_what_follows_a_pause_still_ends_limp(guard, backend, ends):
         guard.resume()
     assert turn(guard, backend, 0.02, **(ends or {})).is_limp
     assert guard.fault.kind is not FaultKind.PAUSED
-
-
-def test_a_pause_without_torque_is_none(guard, backend):
-    guard.read()
-    guard.write(Command.limp(2))
-    assert not turn(guard, backend, 0.02, time=backend.state.time + 2.0).is_limp
-    assert guard.fault is None
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"lower": np.array([0.0, 2.0])}, "lower must not exceed upper"),
-        ({"max_velocity": np.array([1.0, -0.1])}, "max_velocity is"),
-        ({"max_velocity": np.array([1.0, np.inf])}, "max_velocity is"),
-        ({"torque_limit": np.array([np.nan, 1.0])}, "torque_limit is"),
-        ({"torque_limit": np.array([-0.1, 1.0])}, "torque_limit is"),
-    ],
-)
-def test_limits_that_limit_nothing_are_refused(tiny, changes, words):
-    with pytest.raises(ValueError, match=words):
-        replace(GuardLimits.of(tiny), **changes)
 
 
 def test_a_command_without_a_measurement_takes_one_first(tiny, backend):
@@ -263,3 +250,65 @@ def test_connecting_releases_only_what_is_open(tiny, backend):
     assert [command.is_limp for command in backend.received] == [True]
     assert backend.received[0].joint_pos.shape == (tiny.n,)
     guard.close()
+
+
+# Limits ------------------------------------------------------------------------------------------
+
+
+def test_a_torque_limit_holds_where_a_servo_has_more_and_one_that_limits_nothing_is_refused(tiny):
+    assert np.array_equal(GuardLimits.of(tiny, 1.5).torque_limit, [1.5, 1.5])
+    assert np.array_equal(GuardLimits.of(tiny, 99.0).torque_limit, tiny.max_torque)
+    for wrong in (-0.1, np.inf, np.nan):
+        with pytest.raises(ValueError, match=r"torque limit is .* N·m, expected a finite number"):
+            GuardLimits.of(tiny, wrong)
+    for name, values, words in (
+        ("lower", [0.0, 2.0], "lower must not exceed upper"),
+        ("max_velocity", [1.0, -0.1], "max_velocity is"),
+        ("max_velocity", [1.0, np.inf], "max_velocity is"),
+        ("torque_limit", [np.nan, 1.0], "torque_limit is"),
+        ("torque_limit", [-0.1, 1.0], "torque_limit is"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            replace(GuardLimits.of(tiny), **{name: np.array(values)})
+
+
+def test_torque_falls_from_the_whole_to_two_fifths_over_ten_degrees(tiny):
+    limits = GuardLimits.of(tiny, 2.0)
+    for degrees, torque in ((20.0, 2.0), (65.0, 2.0), (70.0, 1.4), (75.0, 0.8), (99.0, 0.8)):
+        assert limits.derate(np.full(2, degrees)) == pytest.approx([torque] * 2)
+
+
+@pytest.mark.parametrize("limit", [40, 79, 80, 95])
+def test_a_guard_goes_by_the_limits_inside_the_servos_where_they_are_the_narrower(tiny, limit):
+    rig = Rig(tiny)
+    rig.servo("r_hip").poke("temperature_limit", limit)
+    rig.servo("r_hip").poke("min_voltage_limit", 112)
+    own = GuardLimits.of(tiny)
+    with SafetyGuard(rig.backend) as guard:
+        lowest = min(limit, 80)
+        assert guard.limits.max_temperature == pytest.approx([75.0, lowest - 5.0])
+        assert guard.limits.derate_temperature == pytest.approx([65.0, lowest - 15.0])
+        assert (own.min_voltage, guard.limits.min_voltage) == (10.0, 11.2)
+    rig.poke("temperature_limit", 80)
+    rig.poke("min_voltage_limit", 95)
+    with guard:
+        assert guard.limits.max_temperature == pytest.approx(own.max_temperature)
+        assert guard.limits.min_voltage == own.min_voltage, "a limit that was set back stays"
+
+
+def test_a_servo_is_released_before_it_switches_itself_off(tiny):
+    rig = Rig(tiny)
+    rig.servo("r_hip").poke("temperature_limit", 50)
+    with SafetyGuard(rig.backend) as guard:
+        limits = []
+        for degrees in (34.0, 40.0, 46.0):
+            rig.virtual.physics.heat(2, degrees)
+            for _ in range(20):  # one slow value of one servo a cycle
+                state = guard.read()
+                sent = guard.write(Command.position(tiny, state.joint_pos))
+            limits.append(sent.torque_limit[1] / tiny.max_torque[1])
+        assert limits == pytest.approx([1.0, 0.7, 0.0], abs=0.01)
+        assert str(guard.fault) == (
+            "a servo is too hot: joint 'r_hip' has 46 °C, expected at most 45 °C"
+        )
+        assert not any(servo.peek("hardware_error_status") for servo in rig.virtual.servos)

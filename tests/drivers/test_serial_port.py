@@ -40,22 +40,18 @@ def soon(seconds: float = 60.0) -> float:
     return time.monotonic() + seconds
 
 
-def read_all(wire: PseudoTerminal, count: int) -> bytes:
-    data = b""
-    while len(data) < count:
-        data += wire.read()
-    return data
-
-
-def test_bytes_pass_as_they_are_in_both_directions(port, wire):
+def test_bytes_pass_as_they_are_in_both_directions_at_the_speed_that_is_set(port, wire):
     every = bytes(range(256))
     port.write(every)
-    assert read_all(wire, 256) == every
     wire.write(every)
-    data = b""
-    while len(data) < 256:
-        data += port.read(soon())
-    assert data == every
+    for read in (wire.read, lambda: port.read(soon())):
+        data = b""
+        while len(data) < 256:
+            data += read()
+        assert data == every
+    assert wire.baud == 1_000_000
+    port.set_baud(2_000_000)
+    assert (wire.baud, port.baud) == (2_000_000, 2_000_000)
 
 
 def test_a_read_gives_nothing_at_its_deadline(port):
@@ -76,42 +72,28 @@ def test_a_flush_throws_away_what_came(port, wire):
     assert port.read(time.monotonic()) == b""
 
 
-def test_the_speed_is_set_and_can_be_changed(port, wire):
-    assert wire.baud == 1_000_000
-    port.set_baud(2_000_000)
-    assert (wire.baud, port.baud) == (2_000_000, 2_000_000)
-    assert port.is_open
-
-
-def test_a_virtual_buss_port_is_distinguished_from_a_serial_adapter(wire, tmp_path):
-    assert is_pseudo_terminal(wire.path), "by the link, as users name it"
+@pytest.mark.parametrize("kind", PORTS)
+def test_what_is_no_free_port_is_named(port, wire, kind, tmp_path):
     (tmp_path / "file").write_text("")
+    for name, text in (("port", "in use by"), ("nothing", "does not exist; plug the adapter in"),
+                       ("file", "is not a serial port")):  # fmt: skip
+        with pytest.raises(PortError, match=rf"{name}: {text}"):
+            SerialPort(kind + str(tmp_path / name), 1_000_000).open()
+    port.close()
+    other = SerialPort(kind + wire.path, 1_000_000)
+    other.open()
+    other.close()
+    assert is_pseudo_terminal(kind + wire.path), "by the link, as users name it"
     for path in ("/dev/null", str(tmp_path / "file"), str(tmp_path / "nothing")):
         assert not is_pseudo_terminal(path)
 
 
-@pytest.mark.parametrize("kind", PORTS)
-def test_a_port_in_use_is_refused(port, wire, kind):
-    other = SerialPort(kind + wire.path, 1_000_000)
-    with pytest.raises(PortError, match="in use by another program"):
-        other.open()
-    port.close()
-    other.open()
-    other.close()
-
-
-@pytest.mark.parametrize("kind", PORTS)
-def test_a_missing_port_is_named(kind, tmp_path):
-    with pytest.raises(PortError, match=r"nothing: does not exist; plug the adapter in"):
-        SerialPort(kind + str(tmp_path / "nothing"), 1_000_000).open()
-
-
-@pytest.mark.parametrize("kind", PORTS)
-def test_a_file_that_is_no_port_is_named(kind, tmp_path):
-    path = tmp_path / "file"
-    path.write_text("")
-    with pytest.raises(PortError, match="is not a serial port"):
-        SerialPort(kind + str(path), 1_000_000).open()
+def test_the_makers_library_that_is_missing_or_does_not_know_a_speed_is_named(wire, monkeypatch):
+    with pytest.raises(PortError, match="4500000 bit/s is refused"):
+        SerialPort(SDK + wire.path, 4_500_000).open()
+    monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
+    with pytest.raises(PortError, match=r"no package .*: pip install 'humanoid-getup\[sdk\]'"):
+        SerialPort(SDK + wire.path, 1_000_000).open()
 
 
 def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
@@ -130,11 +112,6 @@ def test_a_forbidden_port_names_the_group_to_join(tmp_path, monkeypatch):
         SerialPort(str(path), 1_000_000).open()
     assert "join the group 'dialout' (sudo usermod -aG dialout $USER)" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_speed_that_the_sdk_does_not_know_is_refused(wire):
-    with pytest.raises(PortError, match="4500000 bit/s is refused"):
-        SerialPort(SDK + wire.path, 4_500_000).open()
 
 
 def test_an_unplugged_port_is_lost_for_reading_and_for_writing(wire):
@@ -176,10 +153,3 @@ def test_programs_that_ignore_locks_are_kept_out_while_it_is_open():
     finally:
         os.close(master)
         os.close(slave)
-
-
-def test_without_the_makers_library_it_says_how_to_install_it(wire, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
-    with pytest.raises(PortError, match=r"no package .*: pip install 'humanoid-getup\[sdk\]'"):
-        SerialPort(SDK + wire.path, 1_000_000).open()
-    assert is_pseudo_terminal(SDK + wire.path)

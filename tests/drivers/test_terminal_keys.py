@@ -30,23 +30,12 @@ def terminal():
             os.close(descriptor)
 
 
-def test_every_key_is_reported(terminal):
+@pytest.mark.parametrize("sent", [b" ", b"\x1b[A", "ä".encode(), b"\r\n"])
+def test_a_key_is_one_press_however_many_bytes_it_sends(terminal, sent: bytes):
     master, slave = terminal
     heard = Heard()
     with StopKey(heard, slave) as key:
         assert key.has_terminal
-        for _ in range(2):
-            heard.event.clear()
-            os.write(master, b" ")
-            assert heard.event.wait(LONGEST_WAIT)
-    assert heard.reasons == [PRESSED, PRESSED]
-
-
-@pytest.mark.parametrize("sent", [b"\x1b[A", "ä".encode(), b"\r\n"])
-def test_a_key_that_sends_several_bytes_is_one_press(terminal, sent: bytes):
-    master, slave = terminal
-    heard = Heard()
-    with StopKey(heard, slave):
         os.write(master, sent)
         assert heard.event.wait(LONGEST_WAIT)
         heard.event.clear()

@@ -42,44 +42,26 @@ def read_all(end: int, count: int) -> bytes:
     return data
 
 
-def test_every_byte_passes_unchanged_both_ways(wire: PseudoTerminal):
-    everything = bytes(range(256)) * 4
-    client = open_port(wire)
-    os.write(client, everything)
-    assert read_all(wire.fileno(), 1024) == everything
-    assert wire.write(everything) == 1024
-    assert read_all(client, 1024) == everything
-    assert wire.read() == b""  # no echo
-    os.close(client)
-
-
 @pytest.mark.parametrize("baud", [57600, 1_000_000, 4_500_000, 1_234_567])
 def test_the_wire_knows_the_rate_that_its_client_set(wire: PseudoTerminal, baud: int):
     with serial.Serial(wire.path, baud):
         assert wire.baud == baud
 
 
-def test_an_unplugged_port_is_an_error_to_its_client_and_no_path_any_more(wire: PseudoTerminal):
-    client = open_port(wire)
+def test_an_unplugged_port_is_an_error_to_its_client_and_a_new_line_at_the_old_path(wire):
+    path, client = wire.path, open_port(wire)
     wire.unplug()
     with pytest.raises(OSError):
         os.write(client, b"?")
     assert not os.path.lexists(wire.path)
     assert (wire.read(), wire.write(b"!"), wire.baud, wire.plugged) == (b"", 0, 0, False)
-    os.close(client)
-
-
-def test_a_replugged_port_has_the_old_path_and_a_new_line(wire: PseudoTerminal):
-    path, old = wire.path, open_port(wire)
-    wire.unplug()
     wire.plug()
-    client = open_port(wire)
+    again = open_port(wire)
     wire.write(b"hello")
-    assert wire.path == path
-    assert read_all(client, 5) == b"hello"
+    assert (wire.path, read_all(again, 5)) == (path, b"hello")
     with pytest.raises(OSError):
-        os.write(old, b"?")
-    for end in (old, client):
+        os.write(client, b"?")
+    for end in (client, again):
         os.close(end)
 
 
@@ -115,22 +97,18 @@ def test_a_link_replaces_one_that_a_killed_bus_left_behind(tmp_path):
 
 
 @pytest.mark.parametrize("target", ["/dev/null", "/dev/ttyUSB-unplugged", "another"])
-def test_a_link_that_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
-    link = tmp_path / "robot"
+def test_what_the_bus_did_not_make_is_refused_and_stays(tmp_path, target: str):
+    link, file = tmp_path / "robot", tmp_path / "notes"
     link.symlink_to(target)
-    with pytest.raises(SetupError, match=f"a link to {target} is there, name another path"):
-        PseudoTerminal(link)
-    assert link.readlink() == Path(target)
-
-
-def test_a_file_or_a_missing_folder_is_refused(tmp_path):
-    file = tmp_path / "notes"
     file.write_text("mine")
-    with pytest.raises(SetupError, match="a file is there, name another path"):
-        PseudoTerminal(file)
-    assert file.read_text() == "mine"
-    with pytest.raises(SetupError, match="no folder"):
-        PseudoTerminal(tmp_path / "missing" / "port")
+    for place, text in (
+        (link, f"a link to {target} is there, name another path"),
+        (file, "a file is there, name another path"),
+        (tmp_path / "missing" / "port", "no folder"),
+    ):
+        with pytest.raises(SetupError, match=text):
+            PseudoTerminal(place)
+    assert (link.readlink(), file.read_text()) == (Path(target), "mine")
 
 
 def test_closing_removes_the_folder_and_may_be_repeated():

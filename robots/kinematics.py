@@ -55,10 +55,7 @@ def lowest_point(model: mujoco.MjModel, qpos: Array) -> float:
 
 
 def lowest_points(model: mujoco.MjModel, qpos: Array) -> Array:
-    """Measure the height of the robot's lowest point [m], (T,), at MuJoCo positions (T, nq).
-
-    Exact for boxes, spheres, capsules, cylinders and ellipsoids; a mesh counts as its box.
-    """
+    """Measure the height of the robot's lowest point [m], (T,), at MuJoCo positions (T, nq)."""
     data, reach = mujoco.MjData(model), GeomReach(model)
     own = reach.geoms
     height, up = np.zeros((len(qpos), len(own))), np.zeros((len(qpos), len(own), 3))
@@ -161,13 +158,8 @@ def transfer_positions(
 ) -> Array:
     """Convert MuJoCo positions (..., nq) of the robot in one model to those in another."""
     own = robot.layout(source)
-    return place_postures(
-        robot,
-        target,
-        qpos[..., own.root_position],
-        qpos[..., own.root_orientation],
-        qpos[..., own.qpos],
-    )
+    posture = (qpos[..., at] for at in (own.root_position, own.root_orientation, own.qpos))
+    return place_postures(robot, target, *posture)
 
 
 def read_posture(robot: Robot, model: mujoco.MjModel, qpos: Array) -> Posture:

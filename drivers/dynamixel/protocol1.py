@@ -227,16 +227,7 @@ class Frame1:
         return ChecksumParser()
 
 
-_COMMON = frozenset(
-    {
-        Instruction.PING,
-        Instruction.READ,
-        Instruction.WRITE,
-        Instruction.REG_WRITE,
-        Instruction.ACTION,
-        Instruction.SYNC_WRITE,
-    }
-)
+_COMMON = frozenset({*ADDRESSED, Instruction.PING, Instruction.ACTION, Instruction.SYNC_WRITE})
 PROTOCOL_1 = Frame1("1.0", DYNAMIXEL_ERRORS, _COMMON | {Instruction.FACTORY_RESET})
 """Bus of AX and MX; a bulk read is known to some models alone."""
 FEETECH = Frame1("feetech", FEETECH_ERRORS, _COMMON)

@@ -133,8 +133,8 @@ class Limbs(JointView):
     def read_pose(self, limb: Limb) -> LimbPose:
         """Return where a limb points, at the angles looked at last."""
         middle = self.anchor(limb.middle)
-        upper = _unit(middle - self.anchor(limb.start))
-        lower = _unit(self.find_end(limb) - middle)
+        upper = unit(middle - self.anchor(limb.start))
+        lower = unit(self.find_end(limb) - middle)
         is_arm = limb.sole is None
         return LimbPose(upper, lower, None if is_arm else self.leg(limb.name).sole_axes)
 
@@ -186,5 +186,6 @@ class Limbs(JointView):
         return float(way @ axes[:, 0]), float(way @ axes[:, 2])
 
 
-def _unit(vector: Array) -> Array:
+def unit(vector: Array) -> Array:
+    """Scale a vector (3,) to unit length; one without length stays short."""
     return vector / max(float(np.linalg.norm(vector)), SMALL)

@@ -12,6 +12,7 @@ import numpy as np
 from robots.body.body_plan import BodyPlan
 from robots.body.flat_soles import CLOSE, MARGIN, FlatSoles, Foot, fit_posture
 from robots.body.joint_view import JointView
+from robots.body.limbs import unit
 from robots.body.links import list_way_up
 from robots.body.overlap import Pair, find_overlaps
 from robots.quaternion import Array
@@ -147,7 +148,7 @@ class StanceSolver:
         errors = []
         for arm, parts in zip(self._arms, self._arm_parts, strict=True):
             points = [*map(self._view.anchor, parts), self._view.end(arm[-1])]
-            errors += [_unit(b - a) - wanted for a, b in pairwise(points)]
+            errors += [unit(b - a) - wanted for a, b in pairwise(points)]
         return np.concatenate([np.zeros(0), *errors])
 
     def _list_arm_parts(self, arm: Sequence[int]) -> list[int]:
@@ -189,10 +190,6 @@ def _narrow(body: BodyPlan) -> tuple[Array, Array]:
     lower, upper = np.where(apart, body.lower, lower), np.where(apart, body.upper, upper)
     margin = np.minimum(MARGIN, 0.45 * (upper - lower))
     return lower + margin, upper - margin
-
-
-def _unit(vector: Array) -> Array:
-    return vector / max(float(np.linalg.norm(vector)), 1e-9)
 
 
 EXTENSIONS = (0.94, 0.9, 0.86, 0.82, 0.78, 0.7)

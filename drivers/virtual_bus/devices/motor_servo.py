@@ -10,7 +10,6 @@ from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.protocol2 import ErrorNumber
 from drivers.state import HardwareError
 from drivers.virtual_bus.devices.device import Quirks, VirtualDevice
-from drivers.virtual_bus.devices.registers import Registers
 from drivers.virtual_bus.devices.sensors import Measured
 from robots.servo import ServoModel
 
@@ -55,8 +54,8 @@ class MotorServo(VirtualDevice, ABC):
     ) -> None:
         """Build a servo of a type; the stall current [A] is that of its type if None is given."""
         super().__init__(table, servo_id, firmware, baud, quirks)
-        stall = figures.stall_current if stall_current is None else stall_current
-        self._protection = Protection(self.registers, stall)
+        self._stall_current = figures.stall_current if stall_current is None else stall_current
+        self._heat = 0.0  # of the winding, as a share of that at stall
         self._at_tick = table["realtime_tick"].address if "realtime_tick" in table else None
         self._boot_start, self._is_shut_down = 0.0, False
         self.late = 0.0
@@ -78,8 +77,13 @@ class MotorServo(VirtualDevice, ABC):
             tick = int((now - self._boot_start - self.late) * 1000.0)
             memory, at = self.registers.memory, self._at_tick
             memory[at], memory[at + 1] = tick & 0xFF, tick >> 8 & 0x7F  # wraps after 32767
-        if self._protection.overloads(self._run(duration), duration):
-            self.trip(HardwareError.OVERLOAD)
+        current = self._run(duration)
+        if self._heat or current:
+            # At first order the heat follows (current / stall)².
+            share = current / self._stall_current
+            self._heat += (share * share - self._heat) * -math.expm1(-duration / OVERLOAD_TIME)
+            if self._heat > OVERLOAD_SHARE**2:
+                self.trip(HardwareError.OVERLOAD)
 
     def reboot(self) -> None:
         """Restart with RAM at its defaults."""
@@ -94,10 +98,19 @@ class MotorServo(VirtualDevice, ABC):
 
     def _protect(self, measured: Measured) -> None:
         """Trip at a new error; those that pass go with their cause."""
-        bits = self._protection.check(measured.voltage, measured.temperature)
+        bits, (lowest, highest, hottest) = 0, self._limits
+        if not lowest <= round(measured.voltage * 10.0) <= highest:
+            bits = HardwareError.VOLTAGE.value
+        if measured.temperature > hottest:
+            bits |= HardwareError.OVERHEATING.value
         if new := bits & ~self.alarms:
             self.trip(HardwareError(new))
         self._set_alarms(self.alarms & (bits | ~self.passing))
+
+    def _reload_limits(self) -> None:
+        """Reload the limits of supply and temperature from the registers."""
+        names = ("min_voltage_limit", "max_voltage_limit", "temperature_limit")
+        self._limits = [self.registers[name] for name in names]
 
     def _set_alarms(self, alarms: int) -> None:
         if alarms == self.alarms:
@@ -138,40 +151,3 @@ class MotorServo(VirtualDevice, ABC):
     @abstractmethod
     def _restart(self) -> None:
         """Set RAM to its power-up values."""
-
-
-class Protection:
-    """Checks supply, temperature and load against the limits in the registers."""
-
-    def __init__(self, registers: Registers, stall_current: float) -> None:
-        """Check a servo whose motor draws a current [A] at standstill, at the nominal supply."""
-        self._registers = registers
-        self._stall_current, self.heat = stall_current, 0.0
-        self.reload()
-
-    def reload(self) -> None:
-        """Reload the limits from the registers."""
-        registers = self._registers
-        self._hottest = registers["temperature_limit"]
-        self._lowest = registers["min_voltage_limit"]
-        self._highest = registers["max_voltage_limit"]
-
-    def check(self, voltage: float, temperature: float) -> int:
-        """Return the `HardwareError` bits for a supply [V] and a temperature [°C]."""
-        bits = 0
-        if not self._lowest <= round(voltage * 10.0) <= self._highest:
-            bits = HardwareError.VOLTAGE.value
-        if temperature > self._hottest:
-            bits |= HardwareError.OVERHEATING.value
-        return bits
-
-    def overloads(self, current: float, duration: float) -> bool:
-        """Warm the winding by a current [A] for a duration [s]; return whether it is too hot.
-
-        Its heat, as a share of that at stall, follows ``(current / stall)²`` at first order.
-        """
-        if not self.heat and not current:
-            return False
-        share = current / self._stall_current
-        self.heat += (share * share - self.heat) * -math.expm1(-duration / OVERLOAD_TIME)
-        return self.heat > OVERLOAD_SHARE**2

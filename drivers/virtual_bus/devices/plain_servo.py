@@ -180,7 +180,7 @@ class PlainServo(MotorServo):
     # Configuration ------------------------------------------------------------------------------
 
     def _reload(self, _value: int) -> None:
-        self._protection.reload()
+        self._reload_limits()
         self._motor_command = None
 
     def _is_locked(self) -> bool:
@@ -211,8 +211,8 @@ class PlainServo(MotorServo):
         if "goal_pwm" in registers:
             registers["goal_pwm"] = registers["pwm_limit"]
         self.alarms, self._is_shut_down = 0, False
-        self._protection.heat = 0.0
-        self._protection.reload()
+        self._heat = 0.0
+        self._reload_limits()
         self._write_measured()
         registers["goal_position"] = registers["present_position"]
         self._target = self._goal

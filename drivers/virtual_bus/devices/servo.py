@@ -202,7 +202,7 @@ class VirtualServo(MotorServo):
         self._mode = self.peek("operating_mode")
         self._watchdog = self.peek("bus_watchdog")
         self._sensors.reload()
-        self._protection.reload()
+        self._reload_limits()
         self._motor_command = None
 
     def _set_watchdog(self, value: int) -> None:
@@ -263,7 +263,7 @@ class VirtualServo(MotorServo):
         self.alarms, self._is_shut_down = 0, False
         self.torque_on, self._traffic_at = False, self.now
         """Whether it drives its motor."""
-        self._protection.heat = 0.0
+        self._heat = 0.0
         self._free_goals()
         self._reload()
         self.clear_turns()

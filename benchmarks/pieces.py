@@ -16,6 +16,7 @@ from pathlib import Path
 import tyro
 
 from humanoid_getup.engines.executor import do_pieces, make_executor
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.progress.ledger import Ledger
 
 ENGINES = ("local:1", "local:2", "dask:2")
@@ -39,7 +40,8 @@ def measure(engine: str, count: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         ledger = Ledger(Path(folder, "ledger.jsonl"), {"seed": 0})
         with make_executor(engine, pieces=count) as executor:
-            do_pieces(echo, pieces, executor, ledger=ledger, ended=note, robot="op3")
+            work = checked(echo, executor, "op3")
+            do_pieces(work, pieces, executor, ledger=ledger, ended=note)
     return {
         "n": count,
         "start_s": arrived[0],

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from humanoid_getup.commands.console import console_for, counting, format_figure, make_table
 from humanoid_getup.engines.executor import do_pieces as run_pieces
 from humanoid_getup.engines.executor import make_executor
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.progress.ledger import Ledger
 from humanoid_getup.scenes.named_scenes import load_scene
 from humanoid_getup.simulation.world import World
@@ -112,7 +113,12 @@ def do_pieces(
         make_executor(options.engine, options.address, pieces=len(named)) as executor,
     ):
         found = run_pieces(
-            work, named, executor, ledger=ledger, kind=kind, ended=lambda *_: count(1)
+            checked(work, executor),
+            named,
+            executor,
+            ledger=ledger,
+            kind=kind,
+            ended=lambda *_: count(1),
         )
     return list(found.values())
 

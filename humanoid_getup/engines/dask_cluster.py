@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from shutil import which
 from typing import Any
 
-from humanoid_getup.engines.engine import TRIES, Engine, EngineError, describe_loss
+from humanoid_getup.engines.engine import LOST, TRIES, Engine
 
 CONNECT_TIME = 10.0  # s
 MOST_SHOWN = 200  # characters of a reason
@@ -21,7 +21,7 @@ def start_dask(engine: Engine) -> Iterator[Executor]:
     """Start Dask on this machine or in jobs of Slurm, or connect to a cluster.
 
     Raises:
-        EngineError: if the cluster does not answer or has no workers, or if a piece ended its
+        ValueError: if the cluster does not answer or has no workers, or if a piece ended its
             worker repeatedly.
         ModuleNotFoundError: if a package is missing.
     """
@@ -35,26 +35,26 @@ def start_dask(engine: Engine) -> Iterator[Executor]:
             client: Any = stack.enter_context(Client(cluster, timeout=CONNECT_TIME))
         except Exception as error:  # of whatever carries tls://, ucx:// and others
             reason = " ".join(str(error).split())[:MOST_SHOWN]
-            raise EngineError(
+            raise ValueError(
                 f"no Dask scheduler answers at {cluster} ({reason}), expected one that "
                 "`dask scheduler` runs, such as tcp://127.0.0.1:8786"
             ) from error
         if engine.address and not client.nthreads():
-            raise EngineError(
+            raise ValueError(
                 f"the Dask scheduler at {cluster} has no workers, expected some that "
                 "`dask worker` runs"
             )
         try:
             yield client.get_executor(pure=False)
         except KilledWorker as error:
-            raise EngineError(describe_loss()) from error
+            raise ValueError(LOST) from error
 
 
 def _start_cluster(engine: Engine) -> Any:
     """Start workers on this machine, or as jobs of Slurm.
 
     Raises:
-        EngineError: if there is no Slurm.
+        ValueError: if there is no Slurm.
     """
     if engine.kind == "dask":
         from dask.distributed import LocalCluster
@@ -64,7 +64,7 @@ def _start_cluster(engine: Engine) -> Any:
     from dask_jobqueue.slurm import SLURMCluster
 
     if which("sbatch") is None:
-        raise EngineError("there is no `sbatch`, expected a machine that submits jobs to Slurm")
+        raise ValueError("there is no `sbatch`, expected a machine that submits jobs to Slurm")
     count = engine.workers or SLURM_WORKERS
     cluster: Any = SLURMCluster(cores=1, processes=1, memory=MEMORY)
     cluster.adapt(minimum=count, maximum=count)  # jobs that end at their time limit are replaced

@@ -14,20 +14,12 @@ EXPECTED = "local, dask or slurm, with a number of workers as in local:4"
 MOST_WORKERS, MOST_PROCESSES = 100_000, 256
 """Of a cluster, and of this machine."""
 TRIES = 3  # of a piece whose worker ends
+LOST = (
+    f"a worker ended in each of {TRIES} tries of a piece, expected one that lasts: use fewer "
+    "if memory ran out, or engine local:1 to see what happens, and resume"
+)
 WORTH = 8
 """Fewest pieces for which a worker process pays off."""
-
-
-class EngineError(ValueError):
-    """An engine cannot be used, or a worker cannot do its piece; finished pieces are kept."""
-
-
-def describe_loss() -> str:
-    """Describe that a piece ended its workers, and what to do."""
-    return (
-        f"a worker ended in each of {TRIES} tries of a piece, expected one that lasts: use fewer "
-        "if memory ran out, or engine local:1 to see what happens, and resume"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +34,7 @@ class Engine:
 
     @classmethod
     def parse(cls, name: str, address: str = "") -> Self:
-        """Parse a name such as "local:4".
-
-        Raises:
-            ValueError: if there is no such engine, or it has no address.
-        """
+        """Parse a name such as "local:4"; raise an error if there is no such engine."""
         found = NAME.fullmatch(name)
         kind = KINDS.get(found[1]) if found else None
         if found is None or kind is None:

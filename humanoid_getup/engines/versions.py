@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from dataclasses import dataclass, fields
-from functools import cache
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeVar
 
-from humanoid_getup.engines.engine import EngineError
+from humanoid_getup.engines.executor import is_here
 from robots import load_robot
 
 PACKAGES = ("humanoid_getup", "drivers", "robots", "sim2real")
@@ -17,6 +20,9 @@ LIBRARIES = ("mujoco", "numpy", "scipy", "cma", "onnxruntime")
 SUFFIXES = {".py", ".toml"}
 LEFT_OUT = {"unfinished", "__pycache__"}
 """Folders of a robot on which no result depends."""
+
+Piece = TypeVar("Piece")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +38,7 @@ class Versions:
 
     @classmethod
     def find(cls, robot: str) -> Versions:
-        """Find those of this process and of a robot by its name or folder, if any.
-
-        Raises:
-            ValueError: if there is no such robot.
-        """
+        """Find those of this process and of a robot by its name or folder, if any."""
         found = [f"{name} {version(name)}" for name in LIBRARIES]
         return cls(
             program=hash_program(),
@@ -46,23 +48,34 @@ class Versions:
             robot=hash_folder(load_robot(robot).folder) if robot else "",
         )
 
-    def check(self, found: Versions) -> None:
-        """Compare with those of a worker.
 
-        Raises:
-            EngineError: naming what differs.
-        """
-        names = [field.name for field in fields(self)]
-        differing = [
-            f"{name} {getattr(found, name)} (expected {getattr(self, name)})"
-            for name in names
-            if getattr(self, name) != getattr(found, name)
-        ]
-        if differing:
-            raise EngineError(
-                f"a worker on {platform.node()} has another {', '.join(differing)}: install the "
-                "same release and copy the same robot there, and start the worker again"
-            )
+def checked(
+    work: Callable[[Piece], Result], executor: Executor, robot: str = ""
+) -> Callable[[Piece], Result]:
+    """Return work that a worker with another program, other libraries or another robot refuses."""
+    if is_here(executor):
+        return work
+    return partial(_check_and_do, work, robot, Versions.find(robot))
+
+
+def _check_and_do(
+    work: Callable[[Piece], Result], robot: str, expected: Versions, piece: Piece
+) -> Result:
+    wanted, found = asdict(expected), asdict(_find_own(robot))
+    differing = [
+        f"{name} {found[name]} (expected {wanted[name]})"
+        for name in wanted
+        if wanted[name] != found[name]
+    ]
+    if differing:
+        raise ValueError(
+            f"a worker on {platform.node()} has another {', '.join(differing)}: install the "
+            "same release and copy the same robot there, and start the worker again"
+        )
+    return work(piece)
+
+
+_find_own = cache(Versions.find)
 
 
 @cache

@@ -46,20 +46,16 @@ class ProgressMonitor:
     def __init__(self, report: Report | None = None, cancel: Cancel | None = None) -> None:
         """Prepare to report progress to ``report`` and to call ``cancel``, if given."""
         self._report = report or (lambda _: None)
-        self._cancel = cancel or (lambda: False)
+        self.cancel = cancel or (lambda: False)
 
     def check(self) -> None:
-        """Raise `CancelledError` if the work is canceled.
-
-        Raises:
-            CancelledError: if it is.
-        """
-        if self._cancel():
+        """Raise `CancelledError` if the work is canceled."""
+        if self.cancel():
             raise CancelledError("cancelled")
 
     def commit(self) -> None:
         """Ignore cancellation from now on: what was done cannot be undone."""
-        self._cancel = lambda: False
+        self.cancel = lambda: False
 
     def show(self, progress: Progress) -> None:
         """Report progress, and raise `CancelledError` if the work is canceled."""

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from humanoid_getup.commands.errors import BadInputError, refusing
-from humanoid_getup.progress.background_job import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.progress.callback import Cancel, Progress
+from humanoid_getup.progress.worker import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.studio.folders import Folders
 from humanoid_getup.studio.plain_text import make_status
 from humanoid_getup.studio.pose_robot import stand

@@ -25,6 +25,7 @@ from humanoid_getup.commands.pieces import make_absolute, make_robot_absolute, s
 from humanoid_getup.commands.policies import name_robot
 from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.experiments.judging.summary import PolicySummary, Quantiles
 from humanoid_getup.experiments.starts.falls import (
     CLASSES,
@@ -325,12 +326,11 @@ class _Rollouts:
         grounds = {str(seed): SeededScene(name=file, seed=seed) for seed in seeds}
         count = self.monitor.count(phase, len(grounds) * len(CLASSES))
         found = do_pieces(
-            self.evaluated.sample_falls,
+            checked(self.evaluated.sample_falls, self.executor, self.evaluated.robot_name),
             grounds,
             self.executor,
             ended=lambda _, falls: count(len(falls.falls)),
             monitor=self.monitor,
-            robot=self.evaluated.robot_name,
         )
         return list(zip(grounds.values(), found.values(), strict=True))
 
@@ -393,12 +393,10 @@ class _Rollouts:
                 receive(Progress(done=ended - reported))
 
         found = do_pieces(
-            self.evaluated.roll_out,
+            checked(self.evaluated.roll_out, self.executor, self.evaluated.robot_name),
             named,
             self.executor,
             ended=end,
-            monitor=self.monitor,
-            robot=self.evaluated.robot_name,
-            receive=receive,
+            monitor=ProgressMonitor(receive, self.monitor.cancel),
         )
         return list(found.values())

@@ -20,6 +20,7 @@ from humanoid_getup.commands.options import EngineOptions, RobotOption, Seed
 from humanoid_getup.commands.pieces import make_robot_absolute, starting
 from humanoid_getup.commands.values import Items, at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.progress.callback import ProgressMonitor
 
 if TYPE_CHECKING:  # it needs the extra train
@@ -123,7 +124,7 @@ def _spread_plans(request: PriorRequest, monitor: ProgressMonitor) -> RunPlans:
     def run(pieces: Mapping[str, PriorPiece], end: EndPlan) -> None:
         with starting(request, len(pieces)) as executor:
             work = partial(plan_piece, robot, 0 if is_here(executor) else 1)
-            do_pieces(work, pieces, executor, ended=end, monitor=monitor, robot=robot)
+            do_pieces(checked(work, executor, robot), pieces, executor, ended=end, monitor=monitor)
         forget_planner()
 
     return run

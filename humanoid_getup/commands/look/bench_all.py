@@ -36,7 +36,7 @@ from humanoid_getup.commands.output_files import staging
 from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.commands.values import at_least
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.versions import Versions
+from humanoid_getup.engines.versions import Versions, checked
 from humanoid_getup.experiments.starts.falls import CLASSES
 from humanoid_getup.progress.callback import ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
@@ -158,6 +158,7 @@ def _measure(
     shared = make_worker_request(BenchAll, request, out=Path(), resume=False)
     with starting(request, count - len(ledger.done)) as executor:
         work = whole.do if is_here(executor) else partial(do_piece_there, shared)
+        work = checked(work, executor, shared.robot)
 
         def run(pieces: Mapping[str, Piece], kind: Any) -> dict[str, Any]:
             return do_pieces(
@@ -168,7 +169,6 @@ def _measure(
                 kind=kind,
                 ended=lambda *_: advance(1),
                 monitor=monitor,
-                robot=shared.robot,
             )
 
         return (

@@ -40,7 +40,7 @@ from humanoid_getup.commands.options import (
 from humanoid_getup.commands.pieces import make_worker_request, starting
 from humanoid_getup.commands.values import between
 from humanoid_getup.engines.executor import do_pieces, is_here
-from humanoid_getup.engines.versions import Versions
+from humanoid_getup.engines.versions import Versions, checked
 from humanoid_getup.experiments.judging.summary import RiseSummary
 from humanoid_getup.experiments.starts.falls import sample_falls
 from humanoid_getup.progress.callback import ProgressMonitor
@@ -108,15 +108,15 @@ def benchmark(request: BenchRise, monitor: ProgressMonitor) -> RiseBench:
     shared = make_worker_request(BenchRise, request, ledger=None, resume=False)
     left = len(pieces.keys() - (ledger.done.keys() if ledger else ()))
     with refusing(), starting(request, left) as executor:
+        work = partial(measure_rise, planner) if is_here(executor) else partial(plan_rise, shared)
         found = do_pieces(
-            partial(measure_rise, planner) if is_here(executor) else partial(plan_rise, shared),
+            checked(work, executor, shared.robot),
             pieces,
             executor,
             ledger=ledger,
             kind=MeasuredRise,
             ended=lambda *_: advance(1),
             monitor=monitor,
-            robot=shared.robot,
         )
     rises = [*found.values()]
     return RiseBench(

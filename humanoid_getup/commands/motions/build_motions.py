@@ -25,6 +25,7 @@ from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sh
 from humanoid_getup.commands.values import between
 from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.motions.build import (
     UNFINISHED,
     Build,
@@ -144,8 +145,9 @@ def build_all(
             work = rounds * count_work(request.generations, min(done.values()))
             watch = _Watch(monitor, request.generations, work=work, done=done)
             # Builds write into the folder of their robot: it is no version.
-            build = partial(build_piece, shared)
-            do_pieces(build, pieces, executor, ended=end, monitor=monitor, receive=watch.show)
+            build = checked(partial(build_piece, shared), executor)
+            reporting = ProgressMonitor(watch.show, monitor.cancel)
+            do_pieces(build, pieces, executor, ended=end, monitor=reporting)
     finally:
         with contextlib.suppress(OSError):  # it is not empty, or not there
             (robot.folder / UNFINISHED).rmdir()

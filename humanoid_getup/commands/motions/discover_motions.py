@@ -36,6 +36,7 @@ from humanoid_getup.commands.output_files import find_file_problems, find_folder
 from humanoid_getup.commands.pieces import SharedFolder, make_worker_request, sharing, starting
 from humanoid_getup.commands.values import at_least, between
 from humanoid_getup.engines.executor import do_pieces, is_here
+from humanoid_getup.engines.versions import checked
 from humanoid_getup.motions.build import SOUND, UNFINISHED, motion_file
 from humanoid_getup.motions.motion import NAME, Motion
 from humanoid_getup.motions.motion_database import MOTION_FOLDER, name_robot
@@ -348,7 +349,7 @@ def spread_searches(
             for robot in robots
         }
         # Searches write into the folders of their robots: these are no version.
-        work = partial(search_piece, 0 if is_here(executor) else 1)
+        work = checked(partial(search_piece, 0 if is_here(executor) else 1), executor)
         return tuple(do_pieces(work, pieces, executor, ended=end, monitor=monitor).values())
 
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from humanoid_getup.commands.motions.discover_motions import DiscoveredMotions
     from humanoid_getup.posture_chains.search_file import StoredOptions
-    from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.progress.worker import BackgroundJob
     from humanoid_getup.studio.boards.state_board import MappedState, SearchMap
     from humanoid_getup.studio.page import Page
 

@@ -21,7 +21,7 @@ from humanoid_getup.commands.look.replay import (
 )
 from humanoid_getup.commands.options import write_command
 from humanoid_getup.execution.phase import Phase
-from humanoid_getup.progress.background_job import BackgroundJob
+from humanoid_getup.progress.worker import BackgroundJob
 from humanoid_getup.reporting.replay import THRESHOLD, ReplayReport
 from humanoid_getup.simulation.world import World
 from humanoid_getup.studio.page import Page

@@ -10,7 +10,7 @@ import numpy as np
 from humanoid_getup.motions.keyframes import Keyframes
 from humanoid_getup.motions.motion import MAX_DURATION, STANDING, START_CLASSES, EndClass
 from humanoid_getup.motions.trial import Trial
-from humanoid_getup.progress.background_job import BackgroundJob
+from humanoid_getup.progress.worker import BackgroundJob
 from humanoid_getup.studio.edit_keys import (
     LEAST_DURATION,
     KeyEditor,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import viser
 
     from humanoid_getup.commands.get_up.results import FinishedRise
-    from humanoid_getup.progress.background_job import BackgroundJob
+    from humanoid_getup.progress.worker import BackgroundJob
     from humanoid_getup.studio.page import Page
     from humanoid_getup.studio.takes.take import Take
 

@@ -28,9 +28,9 @@ from counted_work import (
 )
 from waiting import wait_until
 
-from humanoid_getup.engines.engine import Engine, EngineError
+from humanoid_getup.engines.engine import Engine
 from humanoid_getup.engines.executor import do_pieces, make_executor
-from humanoid_getup.engines.versions import Versions, hash_folder
+from humanoid_getup.engines.versions import Versions, checked, hash_folder
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
 from humanoid_getup.progress.ledger import Ledger
 from robots import load_robot
@@ -131,7 +131,7 @@ def test_a_killed_worker_costs_one_piece(engine: str, tmp_path: Path):
 
 @pytest.mark.parametrize("engine", ["local:2", DASK])
 def test_a_piece_that_always_ends_its_worker_is_given_up_in_one_line(engine: str):
-    with pytest.raises(EngineError, match="in each of 3 tries of a piece") as problem:
+    with pytest.raises(ValueError, match="in each of 3 tries of a piece") as problem:
         run(engine, die, [1, 2])
     assert str(problem.value).isprintable()
 
@@ -225,7 +225,7 @@ def test_a_program_that_runs_itself_in_its_workers_ends(tmp_path: Path):
         errors = process.communicate()[1]
     assert process.returncode == 1
     assert "if __name__ == '__main__':" in errors
-    assert "EngineError: a worker ended in each of 3 tries" in errors
+    assert "ValueError: a worker ended in each of 3 tries" in errors
 
 
 @pytest.mark.parametrize("field", ["program", "libraries", "robot"])
@@ -234,11 +234,13 @@ def test_a_worker_that_differs_is_refused_by_what_differs(
 ):
     expected = replace(Versions.find(str(copied_op3)), **{field: "another"})
     monkeypatch.setattr(Versions, "find", lambda _: expected)
-    with pytest.raises(
-        EngineError, match=rf"has another {field} \S.* \(expected another\)"
-    ) as problem:
-        run("local:2", square, [1, 2], robot=str(copied_op3))
-    assert str(problem.value).isprintable()
+    with make_executor("local:2") as executor:
+        work = checked(square, executor, str(copied_op3))
+        with pytest.raises(
+            ValueError, match=rf"another {field} \S.* \(expected another\)"
+        ) as error:
+            do_pieces(work, {"a": 1, "b": 2}, executor)
+    assert str(error.value).isprintable()
 
 
 def test_the_checksum_of_a_robot_is_that_of_its_content(tmp_path: Path):
@@ -257,7 +259,7 @@ def test_a_cluster_that_does_not_answer_is_refused_in_one_line(scheme: str):
     """Also by what is not set up for it here: certificates, or a network card."""
     pytest.importorskip("distributed")
     with (
-        pytest.raises(EngineError, match="answers at") as problem,
+        pytest.raises(ValueError, match="answers at") as problem,
         make_executor("dask", f"{scheme}://127.0.0.1:1"),
     ):
         pass
@@ -279,5 +281,5 @@ def test_a_cluster_that_is_running_does_pieces():
 def test_slurm_is_named_where_there_is_none(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("dask_jobqueue")
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(EngineError, match="no `sbatch`"), make_executor("slurm:4"):
+    with pytest.raises(ValueError, match="no `sbatch`"), make_executor("slurm:4"):
         pass

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from waiting import wait_until
 
-from humanoid_getup.progress.background_job import BackgroundJob, JobEnd, LatestJob
 from humanoid_getup.progress.callback import CancelledError, Progress, ProgressMonitor
-from humanoid_getup.progress.worker import passing_reports, report
+from humanoid_getup.progress.worker import BackgroundJob, JobEnd, LatestJob, passing_reports, report
 
 TIMEOUT = 60.0  # s; a wait ends with its event
 
@@ -108,7 +107,7 @@ def test_a_job_that_is_interrupted_releases_the_robot(tmp_path: Path):
 PARENT = """
 import sys, threading
 from test_background_job import hold
-from humanoid_getup.progress.background_job import BackgroundJob
+from humanoid_getup.progress.worker import BackgroundJob
 
 if __name__ == "__main__":
     BackgroundJob(hold, sys.argv[1], report=lambda progress: print(progress.phase, flush=True))

@@ -74,17 +74,6 @@ class GetupRobotConfig(RobotConfig):
             policy=self.policy,
             attempts=self.attempts,
         )
-        problems = self._find_problems()
-        try:
-            RiseRequest.accept(request)
-        except BadInputError as error:
-            problems += [re.sub(r"--([a-z][a-z-]*)", _rename, each) for each in error.problems]
-        if problems:
-            raise BadInputError("; ".join(problems))
-        return request
-
-    def _find_problems(self) -> list[str]:
-        """Report values that only this configuration has."""
         speeds = {"max_speed": self.max_speed, "approach_speed": self.approach_speed}
         problems = [
             f"--robot.{name} is {speed:g} deg/s, expected more than 0 deg/s"
@@ -93,7 +82,13 @@ class GetupRobotConfig(RobotConfig):
         ]
         if not 0.0 < (tilt := self.fallen_tilt) < 180.0:
             problems.append(f"--robot.fallen_tilt is {tilt:g} deg, expected between 0 and 180 deg")
-        return problems
+        try:
+            RiseRequest.accept(request)
+        except BadInputError as error:
+            problems += [re.sub(r"--([a-z][a-z-]*)", _rename, each) for each in error.problems]
+        if problems:
+            raise BadInputError("; ".join(problems))
+        return request
 
 
 def _rename(option: re.Match[str]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from lerobot.motors import MotorCalibration
 
 from drivers.servo_units import tick_range
-from robots import Joint, Robot
+from robots import Robot
 from robots.quaternion import Array
 
 HOMED = 2047  # ticks of a servo in the posture in which LeRobot homed it, of 4096 a turn
@@ -41,15 +41,14 @@ class JointUnits:
 def find_calibration(robot: Robot) -> dict[str, MotorCalibration]:
     """Compute LeRobot's calibration of a robot that was homed with all joints at 0, by joints.
 
-    The ranges are those of the joints; ``drive_mode`` is 1 where more ticks turn a joint in its
-    negative direction.
+    LeRobot's positions are ticks plus a homing offset. The ranges are those of the joints;
+    ``drive_mode`` is 1 where more ticks turn a joint in its negative direction.
     """
-    return {joint.name: _calibrate(joint) for joint in robot.actuators}
-
-
-def _calibrate(joint: Joint) -> MotorCalibration:
-    """Compute the calibration of a servo; LeRobot's positions are ticks plus a homing offset."""
-    low, high = tick_range(joint)
-    offset = HOMED - joint.servo.zero_ticks
-    drive_mode = int(joint.servo.sign < 0)
-    return MotorCalibration(joint.servo.id, drive_mode, offset, low + offset, high + offset)
+    found = {}
+    for joint in robot.actuators:
+        low, high = tick_range(joint)
+        offset, drive_mode = HOMED - joint.servo.zero_ticks, int(joint.servo.sign < 0)
+        found[joint.name] = MotorCalibration(
+            joint.servo.id, drive_mode, offset, low + offset, high + offset
+        )
+    return found

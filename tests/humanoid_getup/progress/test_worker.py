@@ -106,7 +106,7 @@ def test_a_job_that_is_interrupted_releases_the_robot(tmp_path: Path):
 
 PARENT = """
 import sys, threading
-from test_background_job import hold
+from test_worker import hold
 from humanoid_getup.progress.worker import BackgroundJob
 
 if __name__ == "__main__":

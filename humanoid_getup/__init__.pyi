@@ -17,6 +17,10 @@ from humanoid_getup.commands.learn.evaluate import EvaluateRequest as EvaluateRe
 from humanoid_getup.commands.learn.evaluate import evaluate as evaluate
 from humanoid_getup.commands.learn.export import ExportRequest as ExportRequest
 from humanoid_getup.commands.learn.export import export as export
+from humanoid_getup.commands.learn.foreign_policy import CheckPolicyRequest as CheckPolicyRequest
+from humanoid_getup.commands.learn.foreign_policy import ImportPolicyRequest as ImportPolicyRequest
+from humanoid_getup.commands.learn.foreign_policy import check_policy as check_policy
+from humanoid_getup.commands.learn.foreign_policy import import_policy as import_policy
 from humanoid_getup.commands.learn.make_prior import PriorRequest as PriorRequest
 from humanoid_getup.commands.learn.make_prior import make_prior as make_prior
 from humanoid_getup.commands.learn.train import TrainRequest as TrainRequest
@@ -62,10 +66,6 @@ from humanoid_getup.execution.get_up import get_up as get_up
 from humanoid_getup.execution.keep_stand import keep_stand as keep_stand
 from humanoid_getup.execution.session import SessionOptions as SessionOptions
 from humanoid_getup.experiments.starts.falls import sample_fall as sample_fall
-from humanoid_getup.jobs.foreign_policy import check_policy as check_policy
-from humanoid_getup.jobs.foreign_policy import import_policy as import_policy
-from humanoid_getup.jobs.requests.learning import CheckPolicyRequest as CheckPolicyRequest
-from humanoid_getup.jobs.requests.learning import ImportPolicyRequest as ImportPolicyRequest
 from humanoid_getup.motions.motion import Motion as Motion
 from humanoid_getup.policy.onnx_policy import OnnxPolicy as OnnxPolicy
 from humanoid_getup.progress.callback import CancelledError as CancelledError

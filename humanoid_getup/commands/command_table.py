@@ -54,16 +54,11 @@ COMMANDS = {
     "export": TableEntry("Export the policy of a training.", module="learn.export"),
     "policy": TableEntry("Import and check policies of other projects."),
     "policy import": TableEntry(
-        "Make a policy that was trained elsewhere run here.",
-        "learning.ImportPolicyRequest",
-        "policies.import_policy",
-        json=True,
+        "Make a policy that was trained elsewhere run here.", module="learn.foreign_policy"
     ),
     "policy check": TableEntry(
         "Compare an imported policy with a trace from where it was trained.",
-        "learning.CheckPolicyRequest",
-        "policies.check_policy",
-        json=True,
+        module="learn.foreign_policy",
     ),
     "motions": TableEntry(
         "List, build, retarget, discover, import, record, preview, show or export motions."

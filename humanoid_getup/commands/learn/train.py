@@ -64,17 +64,6 @@ class TrainRequest(RobotOption):
     overlap: bool = False
     """Collect the next steps while the networks learn from the last ones, in one process."""
 
-    def find_problems(self) -> list[str]:
-        """Report a parent and a prior that are none as well."""
-        problems, parent, prior = super().find_problems(), self.parent, self.prior
-        if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
-            problems.append(
-                f"--parent is {parent}, expected the folder of a training, or a policy file"
-            )
-        if prior is not None and not prior.is_dir():
-            problems.append(f"--prior is {prior}, expected the folder of a pose prior")
-        return problems
-
 
 @command("train")
 def train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
@@ -100,6 +89,13 @@ def _print(trained: TrainedPolicy, request: TrainRequest, console: Console) -> i
 
 
 def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
+    parent, prior = request.parent, request.prior
+    if parent is not None and not parent.is_dir() and parent.suffix != ".onnx":
+        raise BadInputError(
+            f"--parent is {parent}, expected the folder of a training, or a policy file"
+        )
+    if prior is not None and not prior.is_dir():
+        raise BadInputError(f"--prior is {prior}, expected the folder of a pose prior")
     robot = load_robot(request)
     monitor.begin("loading torch")
     with needing("train"):
@@ -131,11 +127,11 @@ def _train(request: TrainRequest, monitor: ProgressMonitor) -> TrainedPolicy:
         monitor.show(Progress(phase="training", done=done, total=recipe.iterations, note=text))
 
     inputs = TrainingInputs(
-        parent=request.parent, prior=request.prior, device=request.device, threads=request.threads
+        parent=parent, prior=prior, device=request.device, threads=request.threads
     )
     with refusing():
         robot.require_imu_site()
-        check_inputs(robot, recipe, request.out, inputs.parent, inputs.prior, inputs.device)
+        check_inputs(robot, recipe, request.out, parent, prior, request.device)
         train(robot, recipe, request.seed, request.out, inputs, note)
     return trained
 

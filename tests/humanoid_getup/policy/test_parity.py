@@ -12,8 +12,7 @@ from foreign_policies import save_network
 from paths import NODDING
 from tiny_policies import save_policy
 
-from humanoid_getup.jobs.foreign_policy import import_policy
-from humanoid_getup.jobs.requests.learning import ImportPolicyRequest
+from humanoid_getup.commands.learn.foreign_policy import ImportPolicyRequest, import_policy
 from humanoid_getup.policy.onnx_policy import OnnxPolicy
 from humanoid_getup.policy.parity import Trace, compare_policy, load_trace
 from robots import Robot, load_robot, quaternion

@@ -16,8 +16,7 @@ from foreign_policies import save_network
 from paths import NODDING
 from tiny_policies import state_of
 
-from humanoid_getup.jobs.foreign_policy import import_policy
-from humanoid_getup.jobs.requests.learning import ImportPolicyRequest
+from humanoid_getup.commands.learn.foreign_policy import ImportPolicyRequest, import_policy
 from humanoid_getup.policy.foreign.description import ForeignNetwork, ForeignPolicy, map_joints
 from humanoid_getup.policy.foreign.reading import describe_policy
 from humanoid_getup.policy.foreign.wrapping import fit_policy

@@ -120,14 +120,10 @@ def print_health(health: HealthCheck, console: Console) -> None:
         )
     mode = OPERATING_MODES[health.robot.limit_by].describe()
     console.print(f"[bold]torque limits[/]: by {health.robot.limit_by}, in {mode} mode")
-    console.print(f"[bold]real-time class[/]: {_describe_class(health.is_prioritized)}")
+    permit = f"{PERMIT if IS_KNOWN else 'none on this system'}: {NOT_PRIORITIZED}"
+    real_time = PRIORITIZED if health.is_prioritized else permit
+    console.print(f"[bold]real-time class[/]: {real_time}")
     console.print(f"[dim]{escape('; '.join((NOTHING_SET, *health.written)))}")
-
-
-def _describe_class(is_prioritized: bool) -> str:
-    if is_prioritized:
-        return PRIORITIZED
-    return f"{PERMIT if IS_KNOWN else 'none on this system'}: {NOT_PRIORITIZED}"
 
 
 def _tabulate(health: HealthCheck) -> Table:
@@ -135,12 +131,8 @@ def _tabulate(health: HealthCheck) -> Table:
     for servo in health.servos:
         joint, registers = _find_joint(servo, health.robot), servo.registers
         lower, upper = (round(math.degrees(limit)) for limit in (joint.lower, joint.upper))
-        error = HardwareError(servo.errors)
         table.add_row(
-            joint.name,
-            str(servo.id),
-            servo.table.model,
-            str(servo.firmware),
+            *map(str, (joint.name, servo.id, servo.table.model, servo.firmware)),
             f"{servo.temperature:.0f}",
             f"{servo.voltage:.1f}",
             "-" if servo.angle is None else f"{math.degrees(servo.angle):+.1f}",
@@ -148,7 +140,7 @@ def _tabulate(health: HealthCheck) -> Table:
             f"{registers['return_delay_time'] * 2}",
             servo.mode_name,
             "on" if registers["torque_enable"] else "off",
-            " ".join(str(bit.name).lower() for bit in error) or "-",
+            " ".join(str(bit.name).lower() for bit in HardwareError(servo.errors)) or "-",
         )
     return table
 

@@ -13,17 +13,9 @@ from drivers.dynamixel.diagnostics import name_of
 from drivers.dynamixel.protocol2 import Reset
 from drivers.dynamixel.robot_ports import find_bus
 from drivers.errors import DriverError
+from drivers.service import servo_address
 from drivers.service.calibrate import Prompt
 from drivers.service.loose_servo import LooseServo, open_bus
-from drivers.service.servo_address import (
-    change_baud,
-    change_id,
-    check_new_baud,
-    check_new_id,
-    check_reset,
-    reset_servo,
-    set_up_servo,
-)
 from humanoid_getup.commands.backend_options import ServiceOptions
 from humanoid_getup.commands.command import program
 from humanoid_getup.commands.console import console_for, count_of
@@ -34,11 +26,7 @@ from humanoid_getup.commands.prompt import open_prompt
 from humanoid_getup.commands.servo.registers import ID, ConfirmedOptions, OneServo
 from robots import Joint, Robot
 
-KEPT = {
-    "id-and-baud": Reset.ALL_BUT_ID_AND_BAUD,
-    "id": Reset.ALL_BUT_ID,
-    "nothing": Reset.ALL,
-}
+KEPT = {"id-and-baud": Reset.ALL_BUT_ID_AND_BAUD, "id": Reset.ALL_BUT_ID, "nothing": Reset.ALL}
 QUIT = "q"
 
 
@@ -75,23 +63,24 @@ class ResetServo(ConfirmedOptions):
 
 
 @program("servo id")
-def give_id(options: ChangeId) -> int:
+def change_id(options: ChangeId) -> int:
     """Give a servo another id; 1 if the person declined."""
     with options.open() as servo:
-        check_new_id(servo, options.new)
+        servo_address.check_new_id(servo, options.new)
         question, done = f"{servo.name} gets the id {options.new}", f"was id {servo.id}"
-        return _confirm(options, question, partial(change_id, servo, options.new), done)
+        change = partial(servo_address.change_id, servo, options.new)
+        return _confirm(options, question, change, done)
 
 
 @program("servo baud")
-def give_baud(options: ChangeBaud) -> int:
+def change_baud(options: ChangeBaud) -> int:
     """Give a servo another baud rate; 1 if the person declined."""
     with options.open() as servo:
-        check_new_baud(servo, options.new)
+        servo_address.check_new_baud(servo, options.new)
         before = servo.bus.port.baud
         question = f"{servo.name} changes from {before} to {options.new} bit/s"
-        done = f"was at {before} bit/s"
-        return _confirm(options, question, partial(change_baud, servo, options.new), done)
+        change = partial(servo_address.change_baud, servo, options.new)
+        return _confirm(options, question, change, f"was at {before} bit/s")
 
 
 @program("servo reset")
@@ -99,10 +88,10 @@ def reset(options: ResetServo) -> int:
     """Set a servo to the values as shipped; 1 if the person declined."""
     with options.open() as servo:
         kept = KEPT[options.keep]
-        check_reset(servo, kept)
+        servo_address.check_reset(servo, kept)
         rest = "its id as well" if kept is Reset.ALL else f"but {options.keep.replace('-', ' ')}"
         question = f"{servo.name} forgets all that it keeps without power, {rest}"
-        return _confirm(options, question, partial(reset_servo, servo, kept), "reset")
+        return _confirm(options, question, partial(servo_address.reset_servo, servo, kept), "reset")
 
 
 @program("servo reboot")
@@ -183,7 +172,7 @@ def _set_up_one(
     while prompt.ask(question).strip().lower() != QUIT:
         try:
             with open_bus(path, baud) as bus:
-                before = set_up_servo(bus, robot, joint)
+                before = servo_address.set_up_servo(bus, robot, joint)
         except DriverError as error:
             prompt.tell(str(error))
             continue

@@ -18,18 +18,9 @@ from tyro.conf import arg
 from drivers.dynamixel.control_table import ControlTable
 from drivers.dynamixel.diagnostics import read_items
 from drivers.serial_port import PortError, SerialPort
+from drivers.service import scan
 from drivers.service.loose_servo import LooseServo, find_servos, open_bus
-from drivers.service.scan import (
-    COMMON_RATES,
-    MEASURED,
-    PortFacts,
-    PortScan,
-    check_rate,
-    find_imus,
-    list_i2c_buses,
-    list_serial_ports,
-    scan_port,
-)
+from drivers.service.scan import COMMON_RATES, MEASURED, PortFacts, PortScan
 from drivers.service.sweep import choose_wires
 from drivers.state import HardwareError
 from humanoid_getup.commands.command import program
@@ -82,10 +73,10 @@ def list_servos(options: ListServos) -> int:
     """List ports and devices; 0 if a device answers, 3 if none does."""
     if options.baud is not None and options.all_bauds:
         raise ValueError("--baud and --all-bauds exclude each other, expected one of them")
-    ports = () if options.port else list_serial_ports()
+    ports = () if options.port else scan.list_serial_ports()
     scans = _scan_all(options, ports)
-    imus = [] if options.port else find_imus(list_i2c_buses())
-    found = [device for scan in scans for device in scan.found]
+    imus = [] if options.port else scan.find_imus(scan.list_i2c_buses())
+    found = [device for each in scans for device in each.found]
     advice = None
     if not found:
         missing = "USB adapter" if ports else "serial port"
@@ -94,18 +85,18 @@ def list_servos(options: ListServos) -> int:
         advice = ONLY_BOARDS
     record = {
         "ports": [asdict(port) for port in ports],
-        "scans": [_describe(scan) for scan in scans],
+        "scans": [_describe(each) for each in scans],
         "imus": [asdict(imu) for imu in imus],
         "advice": advice,
     }
     write_json(record, options)
-    console, scanned = console_for(options), {scan.path for scan in scans}
+    console, scanned = console_for(options), {each.path for each in scans}
     for port in ports:
         timer = "" if port.latency_timer is None else f", latency timer {port.latency_timer} ms"
         note = "" if port.path in scanned else " (not scanned: name it with --port)"
         console.print(f"[bold]{escape(port.path)}[/]  [dim]{escape(port.description)}{timer}{note}")
-    for scan in scans:
-        _print_scan(scan, console)
+    for each in scans:
+        _print_scan(each, console)
     for imu in imus:
         console.print(f"[bold]{escape(imu.path)}[/]: IMU {imu.model}, describe it in \\[imu]")
     if advice:
@@ -117,7 +108,7 @@ def _scan_all(options: ListServos, ports: Sequence[PortFacts]) -> list[PortScan]
     """Scan the port that is named, or all adapters; of these one that refuses stops nothing."""
     rates = BAUD_RATES if options.all_bauds else COMMON_RATES
     if options.baud is not None:
-        check_rate(options.baud)
+        scan.check_rate(options.baud)
         rates = (options.baud,)
     adapters = [port.path for port in ports if port.is_adapter]
     scans, wires = [], choose_wires(options.protocol)
@@ -125,7 +116,7 @@ def _scan_all(options: ListServos, ports: Sequence[PortFacts]) -> list[PortScan]
         for path in [options.port] if options.port else adapters:
             report(f"scanning {path}")
             try:
-                scans.append(scan_port(SerialPort(path, rates[0]), rates, wires))
+                scans.append(scan.scan_port(SerialPort(path, rates[0]), rates, wires))
             except PortError as error:
                 if options.port:
                     raise
@@ -133,38 +124,38 @@ def _scan_all(options: ListServos, ports: Sequence[PortFacts]) -> list[PortScan]
     return scans
 
 
-def _describe(scan: PortScan) -> dict[str, Any]:
+def _describe(port: PortScan) -> dict[str, Any]:
     """Describe a scan for JSON, what devices measure in SI units."""
     devices = []
-    for device in scan.found:
+    for device in port.found:
         names = ("id", "baud", "number", "model", "firmware", "is_board", "protocol")
         row = {name: getattr(device, name) for name in (*names, "doubled", "only_pings")}
         table, counts = device.table, device.values.items()
         values = {name: table.to_si(name, n) for name, n in counts} if table else {}
         devices.append(row | {"values": values})
     kept = ("path", "rates", "refused_rates", "refusal")
-    return {name: getattr(scan, name) for name in kept} | {"found": devices}
+    return {name: getattr(port, name) for name in kept} | {"found": devices}
 
 
-def _print_scan(scan: PortScan, console: Console) -> None:
-    if scan.refusal is not None:
-        console.print(f" [yellow]![/] {escape(scan.refusal)}")
+def _print_scan(port: PortScan, console: Console) -> None:
+    if port.refusal is not None:
+        console.print(f" [yellow]![/] {escape(port.refusal)}")
         return
-    rates = ", ".join(map(str, scan.rates))
-    number = count_of(len(scan.found), "device") if scan.found else "no device"
-    console.print(f"[bold]{escape(scan.path)}[/]: {number} at {rates} bit/s")
-    if scan.refused_rates:
-        refused = ", ".join(map(str, scan.refused_rates))
+    rates = ", ".join(map(str, port.rates))
+    number = count_of(len(port.found), "device") if port.found else "no device"
+    console.print(f"[bold]{escape(port.path)}[/]: {number} at {rates} bit/s")
+    if port.refused_rates:
+        refused = ", ".join(map(str, port.refused_rates))
         console.print(f" [yellow]![/] its adapter does not support {refused} bit/s")
     table = make_table(("id", "baud", "model", "fw", *HEADINGS), left=LEFT)
-    for device in scan.found:
+    for device in port.found:
         unknown = "?" if device.number is None else f"unknown model {device.number}"
         firmware = "?" if device.firmware is None else str(device.firmware)
         cells = list_cells(device.table, device.values)
         table.add_row(str(device.id), str(device.baud), device.model or unknown, firmware, *cells)
-    if scan.found:
+    if port.found:
         console.print(table)
-    for device in scan.found:
+    for device in port.found:
         at = f"id {device.id} at {device.baud} bit/s"
         if device.doubled:
             console.print(f" [red]✗[/] {at}: {DOUBLED}")

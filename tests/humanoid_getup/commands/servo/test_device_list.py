@@ -15,7 +15,6 @@ from drivers.service import scan
 from drivers.service.scan import PortFacts
 from drivers.virtual_bus.devices.servo import VirtualServo
 from humanoid_getup.commands.main import main
-from humanoid_getup.commands.servo import devices
 
 MEGABIT = ("--baud", "1000000")
 
@@ -128,7 +127,7 @@ def test_without_a_port_every_adapter_is_asked_and_one_that_refuses_stops_nothin
         PortFacts(path=path, description="a port", latency_timer=16, is_adapter=is_adapter)
         for path, is_adapter in (("/dev/gone", True), ("/dev/ttyS0", False), (tiny.path, True))
     ]
-    monkeypatch.setattr(devices, "list_serial_ports", lambda: ports)
+    monkeypatch.setattr(scan, "list_serial_ports", lambda: ports)
     assert main(("servo", "list", *MEGABIT)) == 0
     out = capsys.readouterr().out
     assert "/dev/ttyS0  a port, latency timer 16 ms (not scanned: name it with --port)" in out

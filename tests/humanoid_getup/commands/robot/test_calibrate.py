@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -60,6 +61,11 @@ def real_robot(**joints: JointCalibration):
     with serving(robot) as served:
         served.place()
         yield served
+
+
+def turning(served: Served, **angles: float) -> Callable[[], str]:
+    """Answer Enter once joints are turned by hand to angles [degrees]."""
+    return lambda: served.place(**angles) or ""
 
 
 @pytest.fixture
@@ -142,10 +148,7 @@ def test_zeros_of_coupled_servos_are_found_in_a_posture_of_both_joints(folder, c
 
 def test_signs_of_coupled_servos_are_found_by_turning_their_own_joints(folder, calibrate):
     with coupled_robot(folder) as served:
-
-        def turn(**angles: float) -> Callable[[], str]:
-            return lambda: served.place(**angles) or ""
-
+        turn = partial(turning, served)
         person = Person(turn(l_hip=20.0), turn(l_hip=20.0, r_hip=20.0), "yes")
         code, _ = calibrate(served, person, "--signs")
     assert code == 0
@@ -256,10 +259,7 @@ def test_a_robot_that_moves_is_measured_again_when_it_is_held_still(calibrate, m
 
 def test_signs_are_found_by_turning_each_joint(folder, calibrate):
     with real_robot(l_hip=JointCalibration(2100, -1)) as served:
-
-        def turn(**angles: float) -> Callable[[], str]:
-            return lambda: served.place(**angles) or ""
-
+        turn = partial(turning, served)
         person = Person(turn(l_hip=20.0), "yes", turn(l_hip=20.0, r_hip=15.0), "yes")
         code, message = calibrate(served, person, "--signs")
     assert code == 0
@@ -273,12 +273,9 @@ def test_signs_are_found_by_turning_each_joint(folder, calibrate):
 
 def test_a_small_turn_is_asked_for_again_and_another_joints_turn_is_named(calibrate):
     with real_robot() as served:
-        person = Person(
-            lambda: served.place(l_hip=3.0) or "",
-            lambda: served.place(l_hip=3.0, r_hip=25.0) or "",
-            lambda: served.place(l_hip=25.0, r_hip=25.0) or "",
-            "no",
-        )
+        turn = partial(turning, served)
+        both = turn(l_hip=25.0, r_hip=25.0)
+        person = Person(turn(l_hip=3.0), turn(l_hip=3.0, r_hip=25.0), both, "no")
         code, message = calibrate(served, person, "--signs", "--joint", "l_hip")
     assert code == 1
     heard = " ".join(person.heard)
@@ -289,13 +286,8 @@ def test_a_small_turn_is_asked_for_again_and_another_joints_turn_is_named(calibr
 
 def test_signs_before_zeros_in_one_go_and_a_joint_may_be_left(folder, calibrate):
     with real_robot(l_hip=JointCalibration(2100, -1)) as served:
-        person = Person(
-            lambda: served.place(l_hip=20.0) or "",
-            "yes",
-            "s",
-            lambda: served.place(l_hip=-30.0) or "",
-            "yes",
-        )
+        turn = partial(turning, served)
+        person = Person(turn(l_hip=20.0), "yes", "s", turn(l_hip=-30.0), "yes")
         standing = replace(load_robot(TINY).standing, joint_pos=np.radians([-30.0, 0.0]))
         (folder / "held.json").write_text(format_posture(standing, load_robot(TINY)))
         code, _ = calibrate(served, person, "--signs", "--at", str(folder / "held.json"))
@@ -343,11 +335,10 @@ def test_directions_in_words_are_those_of_the_model():
 # Refusals ------------------------------------------------------------------------------------
 
 
-def refuse(capsys, *arguments: str, code: int = 2, table: bool = False) -> str:
-    """Return the one line of a refusal; a table of what was measured may come before it."""
+def refuse(capsys, *arguments: str, code: int = 2) -> str:
+    """Return the one line of a refusal."""
     assert main(("calibrate", *arguments)) == code
     out, error = capsys.readouterr()
-    error = error.splitlines(keepends=True)[-1] if table else error
     assert out == "" and error.startswith("getup: ") and error.count("\n") == 1
     return error
 

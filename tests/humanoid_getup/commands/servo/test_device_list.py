@@ -1,8 +1,5 @@
 """`getup servo list`: which ports there are, and who answers on them, whatever hangs there."""
 
-import json
-import os
-import pty
 import re
 
 import pytest
@@ -61,23 +58,11 @@ def test_each_device_that_answers_is_listed_with_what_it_measures_and_nothing_ch
     assert re.search(r"2 +1000000 +XM430-W350 +46 .* off .* 12.0 +25", out)
 
 
-def test_devices_at_several_speeds_are_found_in_one_scan(tiny):
-    port = SerialPort(tiny.path, 57_600)
-    tiny.poke("r_hip", "baud_rate", 4)  # 2 Mbit/s
-    try:
-        found = scan.scan_port(port, (1_000_000, 2_000_000)).found
-    finally:
-        tiny.poke("r_hip", "baud_rate", 3)
-    assert [(d.id, d.baud) for d in found] == [(1, 1_000_000), (200, 1_000_000), (2, 2_000_000)]
-    assert not port.is_open
-
-
 def test_at_a_wrong_speed_no_device_answers_and_the_advice_says_what_to_check(tiny, capsys):
     code, message = look(tiny.path, capsys, "--baud", "4000000")
     assert code == 3
     assert message["scans"][0]["found"] == []
-    for words in ("power switch", "supply", "cable", "--all-bauds"):
-        assert words in message["advice"]
+    assert "power switch and supply, the cable" in message["advice"]
 
 
 def test_two_servos_of_one_id_are_named(capsys):
@@ -89,24 +74,6 @@ def test_two_servos_of_one_id_are_named(capsys):
     assert code == 0
     assert "id 1 at 1000000 bit/s: replies are garbled, as by two devices of one id" in out
     assert "id 2 at" not in out and "id 200 at" not in out
-
-
-def test_an_adapter_that_gives_back_what_was_sent_doubles_no_device(tiny):
-    class Echoing(SerialPort):
-        """Hands over what was sent before what came."""
-
-        echo = b""
-
-        def write(self, data: bytes) -> None:
-            self.echo += data
-            super().write(data)
-
-        def read(self, deadline: float) -> bytes:
-            echo, self.echo = self.echo, b""
-            return echo or super().read(deadline)
-
-    found = scan.scan_port(Echoing(tiny.path, 1_000_000), (1_000_000,)).found
-    assert [(d.id, d.doubled) for d in found] == [(1, False), (2, False), (200, False)]
 
 
 def test_servos_without_power_are_explained_where_their_board_answers(capsys):
@@ -170,15 +137,3 @@ def test_a_port_or_a_speed_that_cannot_be_used_is_refused_in_one_line(capsys, tm
             assert expected in error and not out and error.count("\n") == 1
     finally:
         other.close()
-
-
-def test_a_silent_line_is_no_crowd(capsys):
-    master, slave = pty.openpty()
-    line = ("servo", "list", "--port", os.ttyname(slave), "--baud", "4000000", "--json", "-")
-    try:
-        code = main(line)
-    finally:
-        os.close(master)
-        os.close(slave)
-    assert code == 3
-    assert json.loads(capsys.readouterr().out)["scans"][0]["found"] == []

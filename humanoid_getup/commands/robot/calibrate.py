@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 from tyro.conf import arg
 
 from drivers.dynamixel.diagnostics import name_all
@@ -70,8 +69,8 @@ class Calibrate(ServiceOptions):
 def calibrate(command: Calibrate) -> int:
     """Measure, ask, save; 0 if saved, 1 if the person declined."""
     robot = _load_robot(command)
-    joints = [robot.actuators[i] for i in choose_joints(robot, command.joint)]
-    held = _choose_posture(command, robot, joints)
+    chosen = [robot.actuators[i] for i in choose_joints(robot, command.joint)]
+    held = _choose_posture(command, robot, chosen)
     ports = name_ports(robot, command.port)
     is_virtual = any(map(is_pseudo_terminal, ports.values()))
     path = command.out or robot.folder / (VIRTUAL_FILE if is_virtual else CALIBRATION_FILE)
@@ -84,7 +83,7 @@ def calibrate(command: Calibrate) -> int:
         raise BadInputError(f"standard input is not a terminal: {needed}")
     asker = None if command.yes else prompt
     with open_robot_bus(robot, ports) as bus:
-        calibrator = Calibrator(bus, joints)
+        calibrator = Calibrator(bus, chosen)
         calibrator.check()
         if not _release(bus, asker):
             console.print(NOT_SAVED)
@@ -94,8 +93,7 @@ def calibrate(command: Calibrate) -> int:
         if held is not None:
             _measure_zeros(calibrator, command, robot, held, asker)
     measured = calibrator.measured
-    console.print(_tabulate(measured))
-    _print_warnings(measured, console, has_zeros=held is not None)
+    _print(measured, console, has_zeros=held is not None)
     check_ranges(measured)
     saved = asker is None or is_yes(asker.ask(f"save to {path}? (yes saves)"))
     if saved:
@@ -103,7 +101,9 @@ def calibrate(command: Calibrate) -> int:
             save(robot, measured, path)
         except OSError as error:
             raise _no_folder(path.parent, error.strerror or str(error)) from error
-    write_json(_describe(robot, measured, path if saved else None), command)
+    joints = {row.joint.name: _describe(row) for row in measured}
+    kept = str(path) if saved else None
+    write_json({"robot": robot.name, "saved": kept, "joints": joints}, command)
     if not saved:
         console.print(NOT_SAVED)
         return DID_NOT_STAND
@@ -179,19 +179,14 @@ def _measure_zeros(
             asker.tell(str(error))
 
 
-def _tabulate(measured: Sequence[JointMeasurement]) -> Table:
+def _print(measured: Sequence[JointMeasurement], console: Console, *, has_zeros: bool) -> None:
     table = make_table(HEADINGS, left=["joint"])
     for row in measured:
         servo = row.joint.servo
         figures = (servo.id, servo.zero_ticks, row.zero_ticks, f"{row.shift:+.1f}")
         signs = (f"{servo.sign:+d}", f"{row.sign:+d}")
         table.add_row(row.joint.name, *map(str, figures), *signs)
-    return table
-
-
-def _print_warnings(
-    measured: Sequence[JointMeasurement], console: Console, *, has_zeros: bool
-) -> None:
+    console.print(table)
     for row in measured:
         for warning in row.warnings:
             console.print(f" [yellow]![/] joint '{escape(row.joint.name)}': {escape(warning)}")
@@ -199,19 +194,13 @@ def _print_warnings(
         console.print(" [yellow]![/] a sign has changed: measure the zeros too (--at)")
 
 
-def _describe(
-    robot: Robot, measured: Sequence[JointMeasurement], path: Path | None
-) -> dict[str, Any]:
-    """Describe the measurements for JSON, and the file in which they were saved, if they were."""
-    joints = {
-        row.joint.name: {
-            "old_zero_ticks": row.joint.servo.zero_ticks,
-            "zero_ticks": row.zero_ticks,
-            "difference_deg": row.shift,
-            "old_sign": row.joint.servo.sign,
-            "sign": row.sign,
-            "warnings": row.warnings,
-        }
-        for row in measured
+def _describe(row: JointMeasurement) -> dict[str, Any]:
+    """Describe a measurement for JSON."""
+    return {
+        "old_zero_ticks": row.joint.servo.zero_ticks,
+        "zero_ticks": row.zero_ticks,
+        "difference_deg": row.shift,
+        "old_sign": row.joint.servo.sign,
+        "sign": row.sign,
+        "warnings": row.warnings,
     }
-    return {"robot": robot.name, "saved": path and str(path), "joints": joints}

@@ -19,26 +19,22 @@ from drivers.twin.simulation import Simulation
 from drivers.virtual_bus.virtual_robot import VirtualRobot
 from humanoid_getup.commands.main import main
 from humanoid_getup.commands.robot import bus
-from humanoid_getup.commands.robot.bus import describe
 from robots import Robot
 
 ONE = {"main": "/tmp/port"}
 COMMAND = [sys.executable, "-m", "humanoid_getup.commands.main", "bus", "--robot", str(TINY)]
 
 
-def test_the_banner_says_how_servos_get_power(op3: Robot):
-    text = describe(VirtualRobot(Simulation(op3)), ONE)
+def test_the_banner_says_how_servos_get_power_and_names_several_paths_as_a_client_does(op3: Robot):
+    text = bus.describe(VirtualRobot(Simulation(op3)), ONE)
     assert "no power" in text
     assert "register 24 of the board, id 200" in text
     assert "--powered" in text
-    assert "power" not in describe(VirtualRobot(Simulation(op3), powered=True), ONE)
-
-
-def test_the_banner_names_several_paths_as_a_client_does(tiny: Robot):
-    robot = VirtualRobot(Simulation(tiny))
-    text = describe(robot, {"main": "/tmp/port", "imu": "/tmp/port-imu"})
+    powered = VirtualRobot(Simulation(op3), powered=True)
+    assert "power" not in bus.describe(powered, ONE)
+    assert "--port" not in bus.describe(powered, ONE)
+    text = bus.describe(powered, ONE | {"imu": "/tmp/port-imu"})
     assert "connect with --port main=/tmp/port,imu=/tmp/port-imu" in text
-    assert "--port" not in describe(robot, ONE)
 
 
 @pytest.mark.parametrize("connection", ["i2c", "uart"])

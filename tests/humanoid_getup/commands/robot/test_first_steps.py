@@ -46,18 +46,15 @@ def test_torque_comes_after_what_is_without_it_and_grows(op3):
     assert "--torque-limit 1.425" in list_steps("op3", torque_limit=1.425)["rise"].command
 
 
-def test_a_robot_without_a_motion_to_lie_down_goes_limp_in_the_hands_of_a_person():
+def test_a_robot_that_cannot_lie_down_goes_limp_in_the_hands_of_a_person(monkeypatch):
+    assert "--then hold" in list_steps("op3")["rise"].command
     rise = list_steps("toddlerbot")["rise"]
     assert "--then limp" in rise.command
     assert "hold it" in rise.aim
-    assert "--then hold" in list_steps("op3")["rise"].command
-
-
-def test_a_robot_without_an_imu_plays_a_motion(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Robot, "imu_kind", None)
-    step = list_steps("op3")["rise"]
-    assert parse(shlex.split(step.command)).options.without_imu
-    assert "--then limp" in step.command
+    rise = list_steps("op3")["rise"]
+    assert parse(shlex.split(rise.command)).options.without_imu, "it plays a motion"
+    assert "--then limp" in rise.command
 
 
 def test_no_step_says_that_torque_is_off():
